@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Statistics and export of trees: hand-computed values, and agreement with what the build counted.
+//! Statistics and export of trees: hand-computed values, and agreement with the counts of the build.
 
 mod common;
 
@@ -12,7 +12,7 @@ use halfspace::structure::Structure;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// One structure per kind of nodes.
+/// One structure per node layout.
 const SPECS: [&str; 12] = [
     "kd",
     "kd:lazy=1",
@@ -273,7 +273,7 @@ fn check_links(tree: &Export, spec: &str) -> (Vec<usize>, BTreeSet<u32>) {
 }
 
 #[test]
-fn an_exported_tree_holds_everything() {
+fn an_exported_tree_is_complete() {
     let scene = mixed();
     for spec in SPECS {
         let structure = build(&scene, spec);

@@ -169,7 +169,7 @@ fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
 }
 
 #[test]
-fn small_cells_beside_large_ones_lose_no_pixel() {
+fn small_cells_next_to_large_ones_lose_no_pixel() {
     // Put tiny boxes into a large one: neighbours are many levels finer.
     let mut corners = box_triangles([-10.0; 3], [10.0; 3]);
     let mut random = Random(4);

@@ -27,7 +27,7 @@ fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Whether a way is compared in full on another tree of the same kind of nodes.
+/// Returns whether a way is compared in full on another tree with the same nodes.
 fn elsewhere(tree: &str, way: &Way) -> bool {
     let on: &[&str] = match (way.nodes, way.traversal) {
         ("planes" | "boxes", "packet" | "packet4" | "packet8") => &["kd", "rbsp-kd", "bvh-sah"],
@@ -42,7 +42,7 @@ fn elsewhere(tree: &str, way: &Way) -> bool {
     !on.contains(&tree)
 }
 
-/// Every structure with every way that it offers.
+/// Returns every structure with each of its ways.
 fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
@@ -64,7 +64,7 @@ fn same(a: &Hit, b: &Hit) -> bool {
             .all(|(x, y)| x.to_bits() == y.to_bits())
 }
 
-/// Number of rays whose nearest hit or any hit differs from the reference.
+/// Returns the number of rays whose nearest hit or any hit differs from the reference.
 fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut occluded = vec![false; rays.len()];
@@ -81,7 +81,7 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
 
 #[test]
 fn every_structure_answers_like_brute_force() {
-    // The longest of all tests, so on all cores.
+    // Run the cases on all cores: this is the longest of all tests.
     cases(Size::Small, 7).into_par_iter().for_each(|case| {
         let Case {
             name, scene, rays, ..

@@ -12,7 +12,7 @@ use halfspace::structure::Structure;
 
 type Corners = [[f32; 3]; 3];
 
-/// Corners of cells along each axis.
+/// Number of corners of cells along each axis.
 const SIDE: usize = 6;
 
 fn build(triangles: &[Corners], spec: &str) -> Structure {
@@ -20,7 +20,7 @@ fn build(triangles: &[Corners], spec: &str) -> Structure {
     Structure::build(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
 }
 
-/// A flat scene with the number of triangles and the box of the final scene.
+/// Returns a flat scene with the number of triangles and the box of the final scene.
 fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
     let ends = [[low, low, high], [high, high, low]];
     let mut triangles: Vec<Corners> = ends.to_vec();
@@ -38,17 +38,17 @@ fn grid(structure: &Structure) -> &Grid {
     tree.downcast_ref::<Grid>().unwrap()
 }
 
-/// Numbers of cells and of references of a grid.
-fn cells_and_places(structure: &Structure) -> (usize, usize) {
-    let (mut cells, mut places) = (0, 0);
+/// Returns the numbers of cells and of references of a grid.
+fn cells_and_references(structure: &Structure) -> (usize, usize) {
+    let (mut cells, mut references) = (0, 0);
     grid(structure).visit(|_, halfspace::leaf::Leaf { count, .. }| {
         cells += 1;
-        places += count;
+        references += count;
     });
-    (cells, places)
+    (cells, references)
 }
 
-/// A triangle across the whole scene, slightly apart from the others.
+/// Returns a triangle across the whole scene, slightly apart from the others.
 fn large(random: &mut Random) -> Corners {
     [[-1.0, -1.0, 0.0], [1.0, -0.5, 1.0], [0.0, 1.0, -1.0]]
         .map(|p| p.map(|x: f32| x * (1.0 - 0.1 * random.unit())))
@@ -59,15 +59,15 @@ fn triangles_as_large_as_the_scene_make_few_cells() {
     let mut random = Random(7);
     let triangles: Vec<Corners> = (0..2000).map(|_| large(&mut random)).collect();
     let structure = build(&triangles, "grid");
-    let (cells, places) = cells_and_places(&structure);
-    assert!(places <= 64 * (2000 + cells), "{places} in {cells}");
+    let (cells, references) = cells_and_references(&structure);
+    assert!(references <= 64 * (2000 + cells), "{references} in {cells}");
     assert!(cells > 1);
-    let said = format!("cells: {cells} of 8");
+    let line_start = format!("cells: {cells} of 8");
     assert!(
         structure
             .left_out()
             .iter()
-            .any(|line| line.starts_with(&said)),
+            .any(|line| line.starts_with(&line_start)),
         "{:?}",
         structure.left_out()
     );
@@ -93,7 +93,7 @@ fn a_few_large_triangles_take_no_cells_from_the_small_ones() {
         triangles.push([0, 1, 2].map(|_| corner(&mut random)));
     }
     let structure = build(&triangles, "grid");
-    let (cells, places) = cells_and_places(&structure);
+    let (cells, references) = cells_and_references(&structure);
     assert!(
         structure
             .left_out()
@@ -101,11 +101,14 @@ fn a_few_large_triangles_take_no_cells_from_the_small_ones() {
             .all(|line| !line.starts_with("cells"))
     );
     assert!(cells > 3 * triangles.len(), "{cells}");
-    assert!(places > 2 * triangles.len(), "the large ones are in many");
+    assert!(
+        references > 2 * triangles.len(),
+        "large triangles are in many cells"
+    );
 }
 
 #[test]
-fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
+fn triangles_that_reach_a_corner_from_one_cell_are_hit_there() {
     let mut random = Random(5);
     let boxes = [
         ([0.0; 3], [1.0; 3]),

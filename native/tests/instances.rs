@@ -76,8 +76,8 @@ impl Numbers {
         2.0 * self.unit() - 1.0
     }
 
-    /// Rotated, scaled by `scale`, and mirrored, sheared or unevenly scaled by its kind.
-    fn transform(&mut self, scale: f64, spread: f64, kind: usize) -> Transform {
+    /// Returns a transform that rotates, scales by `scale`, and for some `variant` mirrors, shears or scales unevenly.
+    fn transform(&mut self, scale: f64, spread: f64, variant: usize) -> Transform {
         let q: [f64; 4] = std::array::from_fn(|_| self.signed());
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
         let [w, x, y, z] = q.map(|c| c / length);
@@ -98,14 +98,14 @@ impl Numbers {
                 1.0 - 2.0 * (x * x + y * y),
             ],
         ];
-        let columns = match kind % 5 {
+        let columns = match variant % 5 {
             1 => [-1.0, 1.0, 1.0],
             2 => [1e-2, 1.0, 30.0],
             3 => [-1.0, 0.5, -2.0],
             _ => [1.0; 3],
         };
         for row in &mut linear {
-            if kind % 5 == 4 {
+            if variant % 5 == 4 {
                 row[2] += 3.0 * row[0] - 0.5 * row[1];
             }
             for (entry, column) in row.iter_mut().zip(columns) {
@@ -181,34 +181,35 @@ type Scene = (&'static str, Vec<Arc<Triangles>>, Vec<Instance>);
 /// Scenes of instances.
 fn scenes() -> Vec<Scene> {
     let mut numbers = Numbers(Random(5));
-    let mut place = |meshes: usize, count: usize, scales: &[f64], spread: f64| -> Vec<Instance> {
-        (0..count)
-            .map(|i| Instance {
-                mesh: u32::try_from(i % meshes).unwrap(),
-                transform: numbers.transform(scales[i % scales.len()], spread, i),
-            })
-            .collect()
-    };
+    let mut instances =
+        |meshes: usize, count: usize, scales: &[f64], spread: f64| -> Vec<Instance> {
+            (0..count)
+                .map(|i| Instance {
+                    mesh: u32::try_from(i % meshes).unwrap(),
+                    transform: numbers.transform(scales[i % scales.len()], spread, i),
+                })
+                .collect()
+        };
     let balls = vec![ball(6, [0.0; 3]), ball(4, [300.0, -200.0, 50.0])];
     let boxes = vec![soup(grid(2, 0.0))];
     let mut scenes = vec![
-        ("turned", balls.clone(), place(2, 24, &[1.0], 6.0)),
+        ("turned", balls.clone(), instances(2, 24, &[1.0], 6.0)),
         (
             "scaled",
             balls.clone(),
-            place(2, 25, &[1e-4, 1.0, 1e4], 20.0),
+            instances(2, 25, &[1e-4, 1.0, 1e4], 20.0),
         ),
         (
             "tiny and far",
             balls[..1].to_vec(),
-            place(1, 12, &[1e-4], 1e3),
+            instances(1, 12, &[1e-4], 1e3),
         ),
         (
             "absurd",
             balls[..1].to_vec(),
-            place(1, 10, &[1e-12, 1e9], 1e5),
+            instances(1, 10, &[1e-12, 1e9], 1e5),
         ),
-        ("flat", vec![flat()], place(1, 12, &[1.0, 0.3], 2.0)),
+        ("flat", vec![flat()], instances(1, 12, &[1.0, 0.3], 2.0)),
     ];
     // Touching boxes on the lattice: every ray along it lies in walls.
     let mut lattice = Vec::new();
@@ -232,10 +233,10 @@ fn flattened(instances: &Instances) -> Arc<Triangles> {
 
 #[test]
 fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
-    for (name, meshes, places) in scenes() {
+    for (name, meshes, placements) in scenes() {
         let over = |spec: &str| {
             let meshes = meshes.iter().map(|mesh| build(mesh, spec)).collect();
-            Instances::build(meshes, &places, &Monitor::new()).unwrap()
+            Instances::build(meshes, &placements, &Monitor::new()).unwrap()
         };
         let flat = flattened(&over("bvh-sah"));
         let rays = rays(&flat, 1500, &mut Random(11));
@@ -301,9 +302,9 @@ fn every_extreme_case_is_the_same_as_an_instance() {
             } else {
                 exact(f64::from(scale))
             };
-            let place = [Instance { mesh: 0, transform }];
+            let single = [Instance { mesh: 0, transform }];
             let meshes = vec![build(&case.scene, spec)];
-            let instances = Instances::build(meshes, &place, &Monitor::new()).unwrap();
+            let instances = Instances::build(meshes, &single, &Monitor::new()).unwrap();
             let moved: Vec<_> = match scale {
                 0.0 => rays.clone(),
                 scale => rays.iter().map(|ray| along(ray, scale)).collect(),
@@ -325,11 +326,11 @@ fn every_extreme_case_is_the_same_as_an_instance() {
 
 #[test]
 fn without_error_bounds_answers_differ() {
-    let (_, meshes, places) = scenes().swap_remove(0);
+    let (_, meshes, placements) = scenes().swap_remove(0);
     let meshes = (meshes.iter())
         .map(|mesh| build(mesh, "kd:robust=none"))
         .collect();
-    let instances = Instances::build(meshes, &places, &Monitor::new()).unwrap();
+    let instances = Instances::build(meshes, &placements, &Monitor::new()).unwrap();
     let flat = flattened(&instances);
     let rays = rays(&flat, 1500, &mut Random(11));
     let mut expected = vec![Hit::MISS; rays.len()];
@@ -339,9 +340,9 @@ fn without_error_bounds_answers_differ() {
 
 #[test]
 fn every_instruction_set_and_counting_give_the_same_answers() {
-    let (_, meshes, places) = scenes().swap_remove(0);
+    let (_, meshes, placements) = scenes().swap_remove(0);
     let meshes = meshes.iter().map(|mesh| build(mesh, "kd")).collect();
-    let instances = Instances::build(meshes, &places, &Monitor::new()).unwrap();
+    let instances = Instances::build(meshes, &placements, &Monitor::new()).unwrap();
     let flat = flattened(&instances);
     let rays = rays(&flat, 500, &mut Random(3));
     let mut expected = vec![Hit::MISS; rays.len()];
@@ -367,7 +368,7 @@ fn bad_transforms_are_dropped_and_the_rest_keep_their_numbers() {
     let mut flat = translation([5.0, 0.0, 0.0]);
     flat.linear[1] = [0.0; 3];
     let with = |offset: f64| translation([offset, 0.0, 0.0]);
-    let places: Vec<_> = [
+    let placements: Vec<_> = [
         with(f64::NAN),
         with(0.0),
         flat,
@@ -378,7 +379,7 @@ fn bad_transforms_are_dropped_and_the_rest_keep_their_numbers() {
     .map(|transform| Instance { mesh: 0, transform })
     .to_vec();
     let meshes = vec![build(&mesh, "kd")];
-    let instances = Instances::build(meshes.clone(), &places, &Monitor::new()).unwrap();
+    let instances = Instances::build(meshes.clone(), &placements, &Monitor::new()).unwrap();
     assert_eq!(instances.dropped().collect::<Vec<_>>(), [0, 2, 3, 5]);
     let ray = Ray {
         o: [3.01, 0.02, 9.0],

@@ -71,7 +71,7 @@ fn the_lazy_tree_equals_the_complete_one() {
             let untouched = build(&scene, &spec, threads);
             let before = untouched.progress();
             assert!(
-                before.built == 0 && before.waiting > 4,
+                before.built == 0 && before.unbuilt > 4,
                 "{spec}: {before:?}"
             );
             same_tree(&eager, &untouched, &spec);
@@ -80,12 +80,12 @@ fn the_lazy_tree_equals_the_complete_one() {
                 closest(&seen, one);
             }
             let some = seen.progress();
-            assert!(some.built > 4 && some.waiting > 4, "{spec}: {some:?}");
+            assert!(some.built > 4 && some.unbuilt > 4, "{spec}: {some:?}");
             assert!(some.shape.leaves < eager.shape().leaves, "{spec}");
             same_tree(&eager, &seen, &spec);
             let all = seen.progress();
             assert!(
-                all.built > some.built && all.waiting == 0,
+                all.built > some.built && all.unbuilt == 0,
                 "{spec}: {all:?}"
             );
             assert_eq!(validate(&seen), Vec::<String>::new(), "{spec}");

@@ -84,30 +84,34 @@ fn walls_parallel_to_axes_leave_out_oblique_planes() {
     }
 }
 
-/// Directions left untried in small nodes and beside good axis-aligned planes are reported, and can be tried.
+/// Directions left untried in small nodes and next to good axis-aligned planes are reported, and can be tried.
 #[test]
 fn directions_left_untried_are_reported() {
     let scene = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn-plus", "bsp-hybrid-plus-kd"] {
-        let told = |spec: &str| {
+        let reported = |spec: &str| {
             let left_out = build(&scene, spec).left_out().to_vec();
             let of = |part: &str| left_out.iter().any(|s| s.contains(part));
             [of("besides the axes"), of("small nodes")]
         };
         // In a scene this small the default leaves nothing untried.
         let enough = format!("{id}:enough=0.9");
-        assert_eq!(told(&enough), [true; 2], "{id}");
-        assert_eq!(told(&format!("{id}:enough=0")), [false, true], "{id}");
+        assert_eq!(reported(&enough), [true; 2], "{id}");
+        assert_eq!(reported(&format!("{id}:enough=0")), [false, true], "{id}");
         // A share of K for any K, and never the axes alone.
         for (k, small) in [(6, 4), (10, 7), (5, 4)] {
             let left_out = build(&scene, &format!("{id}:k={k}")).left_out().join(" ");
-            let told = format!("small nodes: {small} instead of {k} ");
-            assert!(left_out.contains(&told), "{id}: {left_out}");
+            let reported = format!("small nodes: {small} instead of {k} ");
+            assert!(left_out.contains(&reported), "{id}: {left_out}");
         }
-        assert_eq!(told(&format!("{id}:k=4")), [false; 2], "{id}");
-        assert_eq!(told(&format!("{enough},k_small=1")), [true, false], "{id}");
+        assert_eq!(reported(&format!("{id}:k=4")), [false; 2], "{id}");
+        assert_eq!(
+            reported(&format!("{enough},k_small=1")),
+            [true, false],
+            "{id}"
+        );
         let thesis = format!("{id}:costs=thesis");
-        assert_eq!(told(&thesis), [false; 2], "{id}");
+        assert_eq!(reported(&thesis), [false; 2], "{id}");
         for idle in ["enough=0", "k_small=1"] {
             let refused = registry::parse(&format!("{thesis},{idle}")).unwrap_err();
             assert!(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Object hierarchies and boxes made from trees of planes.
+//! Object hierarchies and boxes that are made from trees of planes.
 
 mod common;
 
@@ -9,17 +9,18 @@ use halfspace::base::error::Result;
 use halfspace::builders::plane_boxes::PlaneBoxes;
 use halfspace::builders::plane_objects::{self, SHARE};
 use halfspace::geom::Aabb;
-use halfspace::nodes::nested::{Look, Nested};
-use halfspace::nodes::object_tree::{Kind, ObjectTree};
+use halfspace::nodes::nested::{Content, Nested};
+use halfspace::nodes::object_tree::{ItemKind, ObjectTree};
 use halfspace::nodes::plane_boxes::PlaneBoxTree;
 use halfspace::nodes::plane_tree::PlaneTree;
 use halfspace::nodes::tree::{Body, Tree};
 use halfspace::oracle::cases::{Random, grid, soup};
+use halfspace::ray::FramedScene;
 use halfspace::structure::Structure;
 use halfspace::structure::way::Rays;
 use std::collections::BTreeSet;
 
-/// The tree of planes of a structure.
+/// Returns the tree of planes of a structure.
 fn planes(structure: &Structure) -> &PlaneTree {
     let tree = structure.built().tree.as_deref();
     let planes = tree.and_then(|tree| tree.downcast_ref());
@@ -28,28 +29,31 @@ fn planes(structure: &Structure) -> &PlaneTree {
 
 /// Builds the object hierarchy of a tree of planes.
 fn objects(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
-    let scene = (&**structure.scene(), structure.frame());
-    plane_objects::build(planes(structure), scene, monitor)
+    let framed = FramedScene {
+        scene: structure.scene(),
+        frame: structure.frame(),
+    };
+    plane_objects::build(planes(structure), framed, monitor)
 }
 
-/// The boxes that were made from the planes of a structure.
+/// Returns the boxes that are made from the planes of a structure.
 fn boxes(structure: &Structure) -> &PlaneBoxTree {
     let tree = structure.built().tree.as_deref();
     let boxes = tree.and_then(|tree| tree.downcast_ref());
     boxes.expect("boxes made from planes")
 }
 
-/// The leaves of a tree: a box and the triangles in it.
+/// Returns the leaves of a tree, each as a box and the triangles in it.
 fn leaves(tree: &ObjectTree) -> Vec<(Aabb, &[u32])> {
     let firsts = tree.firsts();
-    let places = tree.items.iter().enumerate();
-    places
-        .filter_map(|(place, item)| match tree.kind(place) {
-            Kind::Leaf { count } => {
-                let first = firsts[place] as usize;
+    let items = tree.items.iter().enumerate();
+    items
+        .filter_map(|(index, item)| match tree.kind(index) {
+            ItemKind::Leaf { count } => {
+                let first = firsts[index] as usize;
                 Some((item.bounds, &tree.ids[first..first + count]))
             }
-            Kind::Inner { .. } => None,
+            ItemKind::Inner { .. } => None,
         })
         .collect()
 }
@@ -66,7 +70,7 @@ fn random_points(seed: u64, count: usize) -> Vec<[f32; 3]> {
     (0..count).map(|_| random.point(-1.0, 1.0)).collect()
 }
 
-/// Triangles a tenth as large as the scene.
+/// Returns the corners of triangles a tenth as large as the scene.
 fn chips(seed: u64, count: usize) -> Vec<[f32; 3]> {
     let mut random = Random(seed);
     let mut chip = || {
@@ -79,7 +83,7 @@ fn chips(seed: u64, count: usize) -> Vec<[f32; 3]> {
     (0..count).flat_map(|_| chip()).collect()
 }
 
-/// Overlapping slivers along one skew line.
+/// Returns the corners of overlapping slivers along one skew line.
 fn slivers(count: usize) -> Vec<[f32; 3]> {
     let mut random = Random(11);
     let mut point = || {
@@ -218,18 +222,21 @@ fn each_leaf_occurs_once_in_the_boxes_and_their_memory_counts() {
     let corners: Vec<_> = (0..6000).map(|_| random.point(-1.0, 1.0)).collect();
     let structure = build(&soup(corners), "kd");
     let planes = planes(&structure);
-    let scene = (&**structure.scene(), structure.frame());
+    let framed = FramedScene {
+        scene: structure.scene(),
+        frame: structure.frame(),
+    };
     let made = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        (pool.unwrap()).install(|| PlaneBoxes::new(planes, scene, &Monitor::new()).unwrap())
+        (pool.unwrap()).install(|| PlaneBoxes::new(planes, framed, &Monitor::new()).unwrap())
     };
     let (boxes, others) = (made(1), made(3));
     assert!(boxes.tree == others.tree && boxes.blocks == others.blocks);
 
     let (mut leaves, mut ids) = (BTreeSet::new(), BTreeSet::new());
     let mut open = vec![(boxes.tree.top(), Aabb::EMPTY)];
-    while let Some((place, bounds)) = open.pop() {
-        if let Look::Leaf { first, count } = boxes.tree.look(place, &bounds, &mut open) {
+    while let Some((node, bounds)) = open.pop() {
+        if let Content::Leaf { first, count } = boxes.tree.content(node, &bounds, &mut open) {
             assert!(leaves.insert(first), "twice");
             ids.extend(boxes.blocks.ids(first, count));
         }
@@ -237,17 +244,17 @@ fn each_leaf_occurs_once_in_the_boxes_and_their_memory_counts() {
     assert!(ids.into_iter().eq(structure.scene().live().iter().copied()));
 
     let monitor = Monitor::new();
-    PlaneBoxes::new(planes, scene, &monitor).unwrap();
+    PlaneBoxes::new(planes, framed, &monitor).unwrap();
     assert!((monitor.advanced() - 1.0).abs() < 1e-6);
 
     let limited = Monitor::new();
     limited.limit_memory(boxes.bytes() as u64);
-    assert!(PlaneBoxes::new(planes, scene, &limited).is_err());
+    assert!(PlaneBoxes::new(planes, framed, &limited).is_err());
     limited.limit_memory(4 * boxes.bytes() as u64);
-    assert!(PlaneBoxes::new(planes, scene, &limited).is_ok());
+    assert!(PlaneBoxes::new(planes, framed, &limited).is_ok());
 }
 
-/// Without them no answer would change, only the time of tracing.
+/// Without boxes no answer would change, only the time of tracing.
 #[test]
 fn all_rays_go_through_the_boxes_and_the_planes_are_freed() {
     let mut random = Random(13);
@@ -287,6 +294,6 @@ fn boxes_at_other_positions_are_reported() {
     check(&structure, &mut broken);
     assert!(broken.is_empty(), "{broken:?}");
     check(&other, &mut broken);
-    let corners = broken.iter().filter(|line| line.contains("a corner of"));
+    let corners = broken.iter().filter(|line| line.contains("a vertex of"));
     assert!(corners.count() > 10, "{broken:?}");
 }

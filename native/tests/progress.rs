@@ -14,8 +14,8 @@ fn every_build_reports_all_its_work_once() {
             let monitor = Monitor::new();
             let config = registry::parse(&spec).unwrap();
             Structure::build(scene.clone(), config, 2, &monitor).unwrap();
-            let told = monitor.advanced();
-            assert!((told - 1.0).abs() < 1e-6, "{spec}: {told}");
+            let advanced = monitor.advanced();
+            assert!((advanced - 1.0).abs() < 1e-6, "{spec}: {advanced}");
         }
     }
 }

@@ -64,7 +64,10 @@ fn every_traversal_repeats_itself_without_triangles() {
                 assert!(recording.counters == counters, "{spec}, any: {any}");
             }
             // The check can fail: another tree's recording does not fit.
-            if ["octree", "bvh"].iter().any(|kind| spec.starts_with(kind)) {
+            if ["octree", "bvh"]
+                .iter()
+                .any(|family| spec.starts_with(family))
+            {
                 assert!(structure.replay(&kd).1 > rays.len() / 4, "{spec}");
             }
         }

@@ -46,7 +46,7 @@ fn shadow_rays(scene: &Triangles) -> Vec<Ray> {
 }
 
 /// The cached blocker of a light may be the receiver, lie behind the light, or belong to another light: no answer
-/// changes, whatever was traced before, and in wide shadows most rays are answered by the cache.
+/// changes for any rays traced before, and in wide shadows most rays are answered by the cache.
 #[test]
 fn shadow_kernels_change_no_answer() {
     let scene = soup(grid(4, 0.3));

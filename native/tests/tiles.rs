@@ -26,7 +26,7 @@ fn blocked(structure: &impl Tracer, rays: &[Ray]) -> Vec<bool> {
     blocked
 }
 
-/// Rays to a light from `count` squares of 8 by 8 points, each square at a random place.
+/// Rays to a light from `count` squares of 8 by 8 points, each square at a random position.
 fn squares(count: usize, side: f32, to: impl Fn([f32; 3]) -> Ray) -> Vec<Ray> {
     let mut random = Random(31);
     let mut rays = Vec::with_capacity(64 * count);

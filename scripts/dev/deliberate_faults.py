@@ -70,7 +70,7 @@ FAULTS = (
         "!signs.wrapping_shr(link) & 1",
         ALL,
     ),
-    Fault("ties to the larger number", _RAY, "id < best_id", "id > best_id", EXACT),
+    Fault("ties to the larger number", _RAY, "self.triangle < other.triangle", "self.triangle > other.triangle", EXACT),
     Fault("an infinite distance is a hit", _RAY, "t.abs() < f32::INFINITY", "!t.is_nan()", EXACT),
     Fault(
         "hits beyond the interval count",
@@ -96,8 +96,8 @@ FAULTS = (
     Fault(
         "the empty child marked on the wrong side",
         "native/nodes/src/planes/plane_tree.rs",
-        "EMPTY << (place & 1)",
-        "EMPTY << (1 - (place & 1))",
+        "EMPTY << (slot & 1)",
+        "EMPTY << (1 - (slot & 1))",
         ALL,
     ),
     Fault(
@@ -112,14 +112,14 @@ FAULTS = (
         "native/builders/src/sweep/bins.rs",
         "(starts[bin] + planar[bin]) as f32",
         "(starts[bin + 1] + planar[bin + 1]) as f32",
-        ("lib", "build::sweep::tests"),
+        ("lib", "sweep::tests"),
     ),
     Fault(
         "triangles cut to the wrong side of a cell",
         "native/geom/src/clip.rs",
         "bounds.max[k].min(round_up(high))",
         "bounds.max[k].min(round_up(0.5 * (low + high)))",
-        ("lib", "build::clip::tests"),
+        ("lib", "clip::tests"),
     ),
     Fault(
         "the f32 test without bounds on its weights",
@@ -170,7 +170,7 @@ FAULTS = (
     Fault(
         "signs that are uncertain in f64 used as they are",
         _VERDICT,
-        "!settle_signs(o, d, v, (&mut w, errors.weight))",
+        "!settle_signs(o, d, v, &mut w, errors.weight)",
         "false",
         VERDICT,
     ),
@@ -195,7 +195,7 @@ FAULTS = (
         "native/trace/src/tile/verdict.rs",
         "error * (four * ((first + size) * size))",
         "error * (0.0 * four * first)",
-        ("lib", "traverse::late::tests"),
+        ("lib", "late::tests"),
     ),
     Fault(
         "cut triangles lost where many are split at once",
@@ -218,7 +218,7 @@ FAULTS = (
         "native/builders/src/grid_order.rs",
         "at.ceil() - 1.0",
         "at.floor()",
-        ("lib", "build::grid_order::tests"),
+        ("lib", "grid_order::tests"),
     ),
     Fault(
         "turned boxes without their error bound",
@@ -243,14 +243,14 @@ FAULTS = (
     ),
     Fault(
         "pixels hidden before one plane given up",
-        "native/trace/src/beam/planes.rs",
+        "native/trace/src/beam/planes/mod.rs",
         "open != piece.pixels",
         "false",
         BEAMS,
     ),
     Fault(
         "pixels of a cut beam lost",
-        "native/trace/src/beam/planes.rs",
+        "native/trace/src/beam/planes/leaf.rs",
         "!outside",
         "outside",
         BEAMS,
@@ -267,7 +267,7 @@ FAULTS = (
         "native/geom/src/overlap.rs",
         "low > limit",
         "low > 0.99 * limit",
-        ("lib", "build::overlap::tests"),
+        ("lib", "overlap::tests"),
     ),
     Fault(
         "triangles that are not finite kept",
@@ -349,7 +349,7 @@ FAULTS = (
     Fault(
         "uncertain steps along ropes",
         "native/trace/src/single/planes/rope.rs",
-        "moments[k].low > next.high",
+        "ahead[k].low > next.high",
         "true",
         ALL,
     ),

@@ -56,7 +56,7 @@ mod tests {
     use rayon::prelude::*;
 
     #[test]
-    fn a_panic_on_any_thread_becomes_an_error_with_its_words() {
+    fn a_panic_on_any_thread_becomes_an_error_with_its_message() {
         let here = || -> Result<()> { panic!("here {}", 1) };
         let pool = || -> Result<()> {
             let fail = |i: usize| assert!(i < 500, "in the pool");
@@ -69,12 +69,12 @@ mod tests {
             });
             Ok(())
         };
-        for (said, error) in [
+        for (message, error) in [
             ("internal error: here 1", caught(here)),
             ("internal error: in the pool", caught(pool)),
             ("internal error: a scoped thread panicked", caught(scoped)),
         ] {
-            assert_eq!(error.unwrap_err().to_string(), said);
+            assert_eq!(error.unwrap_err().to_string(), message);
         }
         assert_eq!(caught(|| Ok(1)), Ok(1));
         assert_eq!(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The ground: errors, memory limits, progress and cancellation.
+//! Errors, memory limits, progress and cancellation.
 
 pub mod error;
 pub mod footprint;

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_system_tells_and_the_impossible_is_refused() {
+    fn the_system_reports_its_memory_and_the_impossible_is_refused() {
         let limit = default_limit();
         assert!(limit > 1 << 20, "{limit}");
         check_room("x", 1).unwrap();

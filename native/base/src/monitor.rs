@@ -70,7 +70,7 @@ impl Monitor {
         done
     }
 
-    /// The sum of all shares, without the limit of [`Self::progress`]: tests check that a build adds up to one.
+    /// Returns the sum of all shares, without the limit of [`Self::progress`]: tests check that a build adds up to one.
     pub fn advanced(&self) -> f64 {
         self.done.load(Ordering::Relaxed) as f64 / ONE
     }
@@ -166,10 +166,11 @@ impl Monitor {
         Err(self.refusal())
     }
 
+    /// Makes the error of an exceeded limit.
     fn refusal(&self) -> Error {
         Error::Memory(format!(
             "memory_limit: the build needs more than the {} it may take; a smaller depth limit, larger leaves, \
-             walks through planes alone (traversal=dir) or another structure need less",
+             traversals of planes alone (traversal=dir) or another structure need less",
             megabytes(self.limit.load(Ordering::Relaxed))
         ))
     }
@@ -180,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_advances_during_a_part_is_a_share_of_that() {
+    fn progress_within_a_part_counts_as_a_share_of_the_part() {
         let monitor = Monitor::new();
         monitor.during(0.75, || monitor.advance(1.0));
         assert!((monitor.advanced() - 0.75).abs() < 1e-9);

@@ -2,7 +2,7 @@
 //! Partitions of objects by the surface area heuristic: every position along each axis for few objects, 32 bins of
 //! centres for many (Wald 2007, On fast construction of SAH-based bounding volume hierarchies).
 
-use crate::object::{self, Node, Object, ObjectPolicy, Parting};
+use crate::object::{self, Node, Object, ObjectPolicy, Partition};
 use halfspace_geom::Aabb;
 use halfspace_nodes::cost::Costs;
 use rayon::prelude::*;
@@ -37,7 +37,7 @@ impl ObjectPolicy for SurfaceArea {
 
     fn root(&self, _: Aabb) {}
 
-    fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
+    fn partition(&self, node: &Node<'_, ()>) -> Partition<()> {
         let n = node.objects.len();
         let (bounds, centres) = node.measure();
         // Try every partition of few objects, and bins of many.
@@ -47,15 +47,15 @@ impl ObjectPolicy for SurfaceArea {
             self.bins(node.objects, &centres)
         };
         let Some(best) = best else {
-            return Parting::Leaf; // all centres coincide
+            return Partition::Leaf; // all centres coincide
         };
         // Make a leaf if that is allowed and no partition is cheaper.
         let area = bounds.area();
         let split = f64::from(self.costs.step) * area + best.cost;
         if n <= self.leaf_max && split >= self.leaf(n) * area {
-            return Parting::Leaf;
+            return Partition::Leaf;
         }
-        Parting::Centre {
+        Partition::Centre {
             axis: best.axis,
             at: best.at,
             regions: [(); 2],
@@ -64,14 +64,15 @@ impl ObjectPolicy for SurfaceArea {
 }
 
 impl SurfaceArea {
-    /// Returns whether the partition `parts` of the objects `whole` costs less than one leaf.
-    pub fn pays(&self, whole: &[Object], parts: &[Vec<Object>; 2]) -> bool {
+    /// Returns whether the partition of the objects `whole` into `parts` costs less than one leaf.
+    pub fn is_worth(&self, whole: &[Object], parts: &[Vec<Object>; 2]) -> bool {
         let cost = |objects: &[Object]| object::around(objects).area() * self.leaf(objects.len());
         let step = f64::from(self.costs.step) * object::around(whole).area();
         step + cost(&parts[0]) + cost(&parts[1]) < cost(whole)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "a price")]
+    /// Returns the cost of a leaf of `n` objects.
+    #[expect(clippy::cast_precision_loss, reason = "a cost")]
     fn leaf(&self, n: usize) -> f64 {
         f64::from(self.costs.leaf(n as f32))
     }
@@ -79,7 +80,7 @@ impl SurfaceArea {
     /// Returns the best of all partitions between different centres, or `None` if all centres coincide.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "the lowest eight bits are the place of one of few objects"
+        reason = "the lowest eight bits are the index of one of few objects"
     )]
     fn sweep(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
         let n = objects.len();
@@ -148,10 +149,10 @@ impl SurfaceArea {
             }
             let mut below = Bin::EMPTY;
             for i in 1..BINS {
-                let parts = bins[i - 1].count > 0;
+                let filled = bins[i - 1].count > 0;
                 below = below.union(&bins[i - 1]);
                 let cost = below.cost(self) + costs[i];
-                if parts && below.count < objects.len() && best.is_none_or(|b| cost < b.cost) {
+                if filled && below.count < objects.len() && best.is_none_or(|b| cost < b.cost) {
                     // An empty bin repeats the previous boundary.
                     let at = below.last;
                     best = Some(Best { cost, axis, at });
@@ -183,12 +184,14 @@ struct Bin {
 }
 
 impl Bin {
+    /// Bin without objects.
     const EMPTY: Self = Self {
         bounds: Aabb::EMPTY,
         last: f32::NEG_INFINITY,
         count: 0,
     };
 
+    /// Returns the bin of the objects of both.
     fn union(&self, other: &Self) -> Self {
         Self {
             bounds: self.bounds.union(&other.bounds),
@@ -197,15 +200,17 @@ impl Bin {
         }
     }
 
-    fn cost(&self, prices: &SurfaceArea) -> f64 {
+    /// Returns the cost of a leaf of the objects, in units of area.
+    fn cost(&self, policy: &SurfaceArea) -> f64 {
         if self.count == 0 {
             0.0
         } else {
-            self.bounds.area() * prices.leaf(self.count)
+            self.bounds.area() * policy.leaf(self.count)
         }
     }
 }
 
+/// Adds the bins of two sets of objects.
 fn join(mut a: [[Bin; BINS]; 3], b: [[Bin; BINS]; 3]) -> [[Bin; BINS]; 3] {
     for (a, b) in a.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
         *a = a.union(b);
@@ -220,6 +225,7 @@ struct Grid {
 }
 
 impl Grid {
+    /// Divides the box of the centres into bins.
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
     fn new(centres: Aabb) -> Self {
         let scale = |k: usize| {
@@ -233,6 +239,7 @@ impl Grid {
         }
     }
 
+    /// Adds objects to bins, one bin per axis.
     fn fill(&self, objects: &[Object]) -> [[Bin; BINS]; 3] {
         let mut bins = [[Bin::EMPTY; BINS]; 3];
         // Add each object to one bin per axis; the last bin also takes the largest centre.

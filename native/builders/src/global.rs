@@ -3,7 +3,7 @@
 //! the half that contains its centre (the global heuristic of Wächter and Keller 2006). It reads only the centres,
 //! so it is as fast as a quicksort.
 
-use crate::object::{Node, ObjectPolicy, Parting};
+use crate::object::{Node, ObjectPolicy, Partition};
 use halfspace_geom::Aabb;
 
 /// Partitions objects at the middle of the grid's cell.
@@ -36,9 +36,9 @@ impl ObjectPolicy for Global {
         }
     }
 
-    fn part(&self, node: &Node<'_, Cell>) -> Parting<Cell> {
+    fn partition(&self, node: &Node<'_, Cell>) -> Partition<Cell> {
         if node.objects.len() <= self.leaf_size {
-            return Parting::Leaf;
+            return Partition::Leaf;
         }
         let Cell {
             bounds: mut cell,
@@ -62,7 +62,7 @@ impl ObjectPolicy for Global {
             let (_, centres) = node.measure();
             let widest = longest(&centres);
             if centres.extent(widest) == 0.0 {
-                return Parting::Leaf;
+                return Partition::Leaf;
             }
             ways = self.ways;
             loop {
@@ -83,7 +83,7 @@ impl ObjectPolicy for Global {
                 }
             }
         }
-        // Halve the cell, and count down the ways left along this axis.
+        // Halve the cell, and count down the parts left along this axis.
         let region = |bounds| Cell {
             bounds,
             axis,
@@ -92,7 +92,7 @@ impl ObjectPolicy for Global {
         let (mut low, mut high) = (cell, cell);
         low.max[axis] = at;
         high.min[axis] = at;
-        Parting::Centre {
+        Partition::Centre {
             axis,
             at,
             regions: [region(low), region(high)],
@@ -101,13 +101,13 @@ impl ObjectPolicy for Global {
 }
 
 /// Returns a median partition, for a cell so small that its middle rounds to one of its ends.
-fn median(bounds: Aabb, axis: usize) -> Parting<Cell> {
+fn median(bounds: Aabb, axis: usize) -> Partition<Cell> {
     let cell = Cell {
         bounds,
         axis,
         ways: 1,
     };
-    Parting::Median {
+    Partition::Median {
         axis,
         regions: [cell; 2],
     }

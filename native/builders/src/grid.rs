@@ -13,8 +13,8 @@ use halfspace_geom::overlap::TriangleBox;
 use halfspace_geom::vec3::map;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::grid::Grid;
-use halfspace_ray::frame::{Frame, U};
-use halfspace_scene::Triangles;
+use halfspace_ray::FramedScene;
+use halfspace_ray::frame::U;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -34,8 +34,8 @@ const CROWDED: usize = 64;
 /// Factor on the number of cells of a crowded grid, applied until it is no longer crowded.
 const FEWER: f64 = 0.25;
 
-/// Blocks of more cells than this are tested against a triangle as a whole before their cells are.
-const ASKED: usize = 8;
+/// Blocks of more cells than this are tested against a triangle as a whole before their cells are (chosen).
+const BLOCK: usize = 8;
 
 /// Number of triangles that one task sorts into cells.
 const TASK: usize = 1024;
@@ -48,7 +48,7 @@ const TASK: usize = 1024;
     reason = "at most LONGEST"
 )]
 pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
-    // Axes that can be divided at all.
+    // Find the axes that can be divided.
     let extent = [0, 1, 2].map(|k| bounds.extent(k));
     let thinnest = f64::from(THINNEST * bounds.magnitude());
     let most = extent.map(|e| (e / thinnest).min(LONGEST));
@@ -64,7 +64,7 @@ pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
         for &k in &open {
             out[k] = (extent[k] * per_unit).round();
         }
-        // The axis farthest out of its range gets the end of the range.
+        // Fix the axis farthest out of its range at the end of the range.
         let excess = |k: usize| (out[k] / most[k]).max(1.0 / out[k]);
         let worst = (open.iter().copied()).max_by(|&a, &b| excess(a).total_cmp(&excess(b)));
         match worst {
@@ -83,64 +83,70 @@ pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
     out.map(|n| n as usize)
 }
 
-/// Number of cells of a grid of about `cells` cells over a box.
-pub fn asked(bounds: &Aabb, cells: f64) -> usize {
+/// Returns the number of cells of a grid of about `cells` cells over a box.
+pub fn cell_count(bounds: &Aabb, cells: f64) -> usize {
     Filling::empty(bounds, cells).0.number()
 }
 
-/// Builds a grid of about `cells` cells, fewer where that would put too many triangles into each, and puts the
-/// triangles of each into `blocks`.
+/// Builds a grid of about `cells` cells, fewer if the cells would have too many triangles, and writes the triangles of
+/// each cell to `blocks`.
 ///
 /// # Errors
-/// [`Error::Cancelled`] and [`Error::Memory`] when the monitor says so; [`Error::Memory`] for more places in
-/// cells than can be numbered.
+/// [`Error::Cancelled`] and [`Error::Memory`] as the monitor returns them; [`Error::Memory`] for more references than
+/// can be numbered.
 pub fn build(
-    (scene, frame): (&Triangles, &Frame),
+    framed: FramedScene<'_>,
     cells: f64,
     blocks: &mut Blocks,
     monitor: &Monitor,
 ) -> Result<Grid> {
+    let FramedScene { scene, frame } = framed;
+    // Reduce the number of cells until the grid is not crowded.
     let mut grid = Filling::empty(&frame.bounds(), cells);
-    while grid.is_crowded((scene, frame), monitor)? {
+    while grid.is_crowded(framed, monitor)? {
         grid = Filling::empty(&frame.bounds(), FEWER * grid.0.number() as f64);
     }
     let number = grid.0.number();
     monitor.take(number * footprint::leaf::<()>(0, 8))?;
     grid.0.cells = vec![[0; 2]; number];
 
+    // Find the cells of each triangle.
     let tasks = scene.live().len().div_ceil(TASK).max(1) as f64;
-    let places: Vec<Vec<(u32, u32)>> = scene
+    let references: Vec<Vec<(u32, u32)>> = scene
         .live()
         .par_chunks(TASK)
         .map(|ids| {
-            let found = grid.sort((scene, frame), ids, monitor)?;
+            let found = grid.sort(framed, ids, monitor)?;
             monitor.advance(1.0 / tasks);
             Ok(found)
         })
         .collect::<Result<_>>()?;
     monitor.check()?;
-    for (cell, _) in places.iter().flatten() {
+    // Count the references of each cell.
+    for (cell, _) in references.iter().flatten() {
         grid.0.cells[*cell as usize][1] += 1;
     }
-    let sum: usize = places.iter().map(Vec::len).sum();
+    let sum: usize = references.iter().map(Vec::len).sum();
     if sum >= 1 << 28 {
         return Err(Error::Memory(format!(
-            "the grid would have {sum} places for triangles; at most 2^28 are possible"
+            "the grid would have {sum} references; fewer than 2^28 are possible"
         )));
     }
+    // Accumulate the counts to the first slot of each cell.
     let mut next = Vec::with_capacity(number);
     let mut before = 0_u32;
     for [_, count] in &grid.0.cells {
         next.push(before);
         before += count;
     }
-    // Triangles are in ascending order, so those of each cell are too.
+    // Sort the triangles by cell; they are in ascending order, and so are those of each cell.
     let mut ids = vec![0; sum];
-    for (cell, id) in places.into_iter().flatten() {
-        let place = &mut next[cell as usize];
-        ids[*place as usize] = id;
-        *place += 1;
+    for (cell, id) in references.into_iter().flatten() {
+        let slot = &mut next[cell as usize];
+        ids[*slot as usize] = id;
+        *slot += 1;
     }
+    // Write the leaf of each cell.
     let mut ids = ids.as_slice();
     for cell in &mut grid.0.cells {
         let (own, rest) = ids.split_at(cell[1] as usize);
@@ -157,8 +163,11 @@ pub fn build(
 struct Filling(Grid);
 
 impl Filling {
-    /// The walls of about `cells` cells, and no cells yet.
-    #[expect(clippy::cast_possible_truncation, reason = "only ever a guess")]
+    /// Makes the walls of about `cells` cells, without cells.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "an estimate, corrected by the walls"
+    )]
     fn empty(bounds: &Aabb, cells: f64) -> Self {
         let counts = if bounds.is_empty() {
             [1; 3]
@@ -178,15 +187,15 @@ impl Filling {
         clippy::cast_sign_loss,
         reason = "at least 0, at most the cells along an axis"
     )]
-    fn is_crowded(&self, scene: (&Triangles, &Frame), monitor: &Monitor) -> Result<bool> {
-        let live = scene.0.live();
+    fn is_crowded(&self, framed: FramedScene<'_>, monitor: &Monitor) -> Result<bool> {
+        let live = framed.scene.live();
         let number = self.0.number();
         // Allow a constant number of references per triangle and per cell.
         let most = CROWDED * (live.len() + number);
         // Bound the references by the triangles' boxes, which nearly always suffices.
         let boxes: usize = (live.par_iter())
             .map(|&id| {
-                let bounds = Aabb::of_triangle(corners(scene, id));
+                let bounds = Aabb::of_triangle(corners(framed, id));
                 let along = |k: usize| bounds.extent(k) * f64::from(self.0.per_unit[k]);
                 let reached = map([0, 1, 2], |k| (along(k) as usize + 2).min(self.0.count(k)));
                 reached[0] * reached[1] * reached[2]
@@ -196,29 +205,29 @@ impl Filling {
             return Ok(false);
         }
         // Count the references exactly, until there are too many.
-        let places = AtomicUsize::new(0);
+        let references = AtomicUsize::new(0);
         live.par_chunks(TASK).try_for_each(|ids| {
             for &id in ids {
                 monitor.check()?;
                 let mut own = 0;
-                self.each_cell(scene, id, &mut |_| {
+                self.each_cell(framed, id, &mut |_| {
                     own += 1;
                     Ok(())
                 })?;
                 // Whether the sum exceeds the limit does not depend on the order of the threads.
-                if places.fetch_add(own, Ordering::Relaxed) + own > most {
+                if references.fetch_add(own, Ordering::Relaxed) + own > most {
                     break;
                 }
             }
             Ok(())
         })?;
-        Ok(places.into_inner() > most)
+        Ok(references.into_inner() > most)
     }
 
     /// Returns the pairs of cell and triangle for each of the triangles `ids`.
     fn sort(
         &self,
-        scene: (&Triangles, &Frame),
+        framed: FramedScene<'_>,
         ids: &[u32],
         monitor: &Monitor,
     ) -> Result<Vec<(u32, u32)>> {
@@ -226,14 +235,11 @@ impl Filling {
         for &id in ids {
             // Check for cancellation per triangle: one may be in millions of cells.
             monitor.check()?;
-            self.each_cell(scene, id, &mut |place| {
+            self.each_cell(framed, id, &mut |cell| {
                 // Charge each reference, since their number is unknown in advance.
                 monitor.charge(&mut gathered, footprint::leaf::<()>(1, 0))?;
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    reason = "4096^3 at most, by far fewer"
-                )]
-                out.push((self.0.index(place) as u32, id));
+                #[expect(clippy::cast_possible_truncation, reason = "far fewer than 4096^3")]
+                out.push((self.0.index(cell) as u32, id));
                 Ok(())
             })?;
         }
@@ -244,16 +250,16 @@ impl Filling {
     /// Calls `see` for each cell that a triangle is in.
     fn each_cell(
         &self,
-        scene: (&Triangles, &Frame),
+        framed: FramedScene<'_>,
         id: u32,
         see: &mut impl FnMut([usize; 3]) -> Result<()>,
     ) -> Result<()> {
-        let corners = corners(scene, id);
-        let triangle = TriangleBox::new(corners, scene.1.bounds().magnitude());
+        let corners = corners(framed, id);
+        let triangle = TriangleBox::new(corners, framed.frame.bounds().magnitude());
         self.each_of(
             &triangle,
             self.reached(&Aabb::of_triangle(corners)),
-            &mut |place| see(place),
+            &mut |cell| see(cell),
         )
     }
 
@@ -268,7 +274,7 @@ impl Filling {
         let sides = map(block, |[first, last]| last - first + 1);
         let several = sides[0] * sides[1] * sides[2];
         // Reject whole blocks early: a large triangle is in few of the cells that its box touches.
-        if (several == 1 || several > ASKED) && !self.meets(triangle, block) {
+        if (several == 1 || several > BLOCK) && !self.meets(triangle, block) {
             return Ok(());
         }
         if several == 1 {
@@ -311,14 +317,14 @@ impl Filling {
 }
 
 /// Returns the vertices of a triangle in the structure's frame.
-fn corners((scene, frame): (&Triangles, &Frame), id: u32) -> [[f32; 3]; 3] {
-    map(scene.corners(id), |p| frame.point(p))
+fn corners(framed: FramedScene<'_>, id: u32) -> [[f32; 3]; 3] {
+    map(framed.scene.corners(id), |p| framed.frame.point(p))
 }
 
 /// Returns the walls of `count` equal cells, each rounded to f32.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "rounded, and then they are what they are"
+    reason = "the rounded walls are the walls"
 )]
 fn walls(bounds: &Aabb, axis: usize, count: usize) -> Vec<f32> {
     let (low, high) = (bounds.min[axis], bounds.max[axis]);
@@ -338,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_as_many_and_as_even_as_whole_numbers_allow() {
+    fn cells_are_as_cubic_as_integer_counts_allow() {
         assert_eq!(resolution(&bounds([1.0; 3]), 1000.0), [10; 3]);
         assert_eq!(resolution(&bounds([4.0, 2.0, 1.0]), 64.0), [8, 4, 2]);
         // The other axes get the cells that a thin axis cannot take.

@@ -16,7 +16,7 @@ use halfspace_scene::Triangles;
 use rayon::prelude::*;
 
 /// Number of bits of a position in the grid; the lower bits of a key hold the triangle's number.
-const PLACE_BITS: usize = 32;
+const POSITION_BITS: usize = 32;
 
 /// Largest number of these bits for one axis.
 const AXIS_BITS: usize = 16;
@@ -25,7 +25,8 @@ const AXIS_BITS: usize = 16;
 /// must split cells into two parts.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn build(
     scene: &Triangles,
     frame: &Frame,
@@ -34,11 +35,11 @@ pub fn build(
 ) -> Result<ObjectTree> {
     // Compute the keys: position in the grid above, triangle number below.
     let grid = Grid::new(frame.bounds());
-    let key = |&id: &u32| grid.place(&bounds(scene, frame, id)) << PLACE_BITS | u64::from(id);
+    let key = |&id: &u32| grid.position(&bounds(scene, frame, id)) << POSITION_BITS | u64::from(id);
     let mut keys: Vec<u64> = scene.live().par_iter().map(key).collect();
     monitor.check()?;
     // The sort is stable: triangles with equal positions stay in the order of their numbers.
-    radsort::sort_by_key(&mut keys, |key| place(*key));
+    radsort::sort_by_key(&mut keys, |key| position(*key));
     // Build the tree top-down over the sorted keys.
     let builder = Builder {
         scene,
@@ -49,7 +50,7 @@ pub fn build(
         parallel: object::parallel_from(keys.len()),
     };
     let mut items = Vec::with_capacity(keys.len() / policy.leaf_size.max(2));
-    builder.subtree(&mut keys, (0, 1.0), &mut items)?;
+    builder.subtree(&mut keys, 0, 1.0, &mut items)?;
     Ok(ObjectTree {
         items,
         ids: keys.into_iter().map(number).collect(),
@@ -64,8 +65,8 @@ fn bounds(scene: &Triangles, frame: &Frame, id: u32) -> Aabb {
 
 /// Returns the position bits of a key.
 #[inline(always)]
-fn place(key: u64) -> u32 {
-    (key >> PLACE_BITS) as u32
+fn position(key: u64) -> u32 {
+    (key >> POSITION_BITS) as u32
 }
 
 /// Returns the triangle number of a key.
@@ -79,6 +80,7 @@ fn number(key: u64) -> u32 {
 struct Grid {
     /// Axis of each halving, the first one first.
     axes: Vec<usize>,
+    /// Lowest corner.
     low: [f32; 3],
     /// Number of cells per unit of length.
     scale: [f32; 3],
@@ -89,9 +91,10 @@ struct Grid {
 }
 
 impl Grid {
+    /// Makes the grid of a scene's box.
     fn new(bounds: Aabb) -> Self {
         let mut grid = Self {
-            axes: Vec::with_capacity(PLACE_BITS),
+            axes: Vec::with_capacity(POSITION_BITS),
             low: bounds.min,
             scale: [0.0; 3],
             last: [0.0; 3],
@@ -105,7 +108,7 @@ impl Grid {
         let sides = [0, 1, 2].map(|k| bounds.extent(k));
         let mut side = sides;
         let mut levels = [0; 3];
-        while grid.axes.len() < PLACE_BITS {
+        while grid.axes.len() < POSITION_BITS {
             let axis = (1..3).fold(0, |best, k| if side[k] > side[best] { k } else { best });
             if side[axis] == 0.0 || levels[axis] == AXIS_BITS {
                 break;
@@ -114,21 +117,25 @@ impl Grid {
             side[axis] *= 0.5;
             levels[axis] += 1;
         }
+        // Scale the coordinates of each axis to its cells.
         for k in 0..3 {
             let cells = f64::from(1_u32 << levels[k]);
             if levels[k] > 0 {
-                #[expect(clippy::cast_possible_truncation, reason = "any scale near it will do")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "any scale close to it will do"
+                )]
                 let scale = (cells / sides[k]) as f32;
                 grid.scale[k] = scale;
             }
-            // Map the bits of each axis to their places in the position.
+            // Map the bits of each axis to their bits in the position.
             #[expect(clippy::cast_possible_truncation, reason = "a whole number below 2^16")]
             let last = (cells - 1.0) as f32;
             grid.last[k] = last;
             // The halvings along this axis, the last one first, are the bits of its cells' indices.
             let own = (0..grid.axes.len()).rev().filter(|&i| grid.axes[i] == k);
             for (bit, level) in own.enumerate() {
-                let to = 1 << (PLACE_BITS - 1 - level);
+                let to = 1 << (POSITION_BITS - 1 - level);
                 for (byte, spread) in grid.bits[k][bit / 8].iter_mut().enumerate() {
                     *spread |= if byte >> (bit % 8) & 1 == 1 { to } else { 0 };
                 }
@@ -144,23 +151,24 @@ impl Grid {
         clippy::cast_sign_loss,
         reason = "clamped to the cells of the grid"
     )]
-    fn place(&self, bounds: &Aabb) -> u64 {
+    fn position(&self, bounds: &Aabb) -> u64 {
         let object = Object {
             bounds: *bounds,
             id: 0,
         };
-        let mut place = 0;
+        let mut position = 0;
         for k in 0..3 {
             // Rounding up minus one puts a centre on a wall into the cell below it.
             let at = (object.centre(k) - self.low[k]) * self.scale[k];
             let cell = (at.ceil() - 1.0).clamp(0.0, self.last[k]) as usize;
             let [low, high] = &self.bits[k];
-            place |= low[cell & 0xff] | high[cell >> 8 & 0xff];
+            position |= low[cell & 0xff] | high[cell >> 8 & 0xff];
         }
-        u64::from(place)
+        u64::from(position)
     }
 }
 
+/// The inputs of a build.
 struct Builder<'a> {
     scene: &'a Triangles,
     frame: &'a Frame,
@@ -172,20 +180,21 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Appends the subtree of sorted keys at `depth`, which accounts for `work` of the whole.
+    /// Appends the subtree of sorted keys; `work` is its share of the whole work.
     fn subtree(
         &self,
         keys: &mut [u64],
-        (depth, work): (usize, f64),
+        depth: usize,
+        work: f64,
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let parting = if keys.len() < TASK {
+        let split = if keys.len() < TASK {
             None
         } else {
             self.split(keys)
         };
         // Small subtrees report memory and progress as a whole.
-        let Some((axis, split)) = parting else {
+        let Some((axis, split)) = split else {
             let before = items.len();
             self.node(keys, depth, items)?;
             self.monitor
@@ -193,20 +202,20 @@ impl Builder<'_> {
             self.monitor.advance(work);
             return Ok(());
         };
-        let place = items.len();
+        let index = items.len();
         items.push(Item::inner(axis));
         // Divide the work in proportion to the triangles.
         let share = split as f64 / keys.len() as f64;
-        let tasks = [(depth + 1, work * share), (depth + 1, work * (1.0 - share))];
         let both = keys.len() >= self.parallel;
         let (below, above) = keys.split_at_mut(split);
         // The two halves of the keys are independent, so both threads may reorder theirs.
         let distance = object::grow_both(
-            (items, both),
-            |items| self.subtree(below, tasks[0], items),
-            |items| self.subtree(above, tasks[1], items),
+            items,
+            both,
+            |items| self.subtree(below, depth + 1, work * share, items),
+            |items| self.subtree(above, depth + 1, work * (1.0 - share), items),
         )?;
-        Item::link(&mut items[place..], distance - place);
+        Item::link(&mut items[index..], distance - index);
         Ok(())
     }
 
@@ -227,13 +236,13 @@ impl Builder<'_> {
             return self.crowd(keys, depth, items);
         };
         // Both children follow the item, which is linked once their sizes are known.
-        let place = items.len();
+        let index = items.len();
         items.push(Item::inner(axis));
         let (below, above) = keys.split_at_mut(split);
         self.node(below, depth + 1, items)?;
-        let distance = items.len() - place;
+        let distance = items.len() - index;
         self.node(above, depth + 1, items)?;
-        Item::link(&mut items[place..], distance);
+        Item::link(&mut items[index..], distance);
         Ok(())
     }
 
@@ -242,19 +251,19 @@ impl Builder<'_> {
     #[inline(always)]
     fn split(&self, keys: &[u64]) -> Option<(usize, usize)> {
         // The highest differing bit of the first and last key is the first halving that separates any.
-        let differ = place(keys.first()? ^ keys.last()?);
+        let differ = position(keys.first()? ^ keys.last()?);
         if differ == 0 {
             return None;
         }
         let level = differ.leading_zeros() as usize;
-        let bit = 2 * PLACE_BITS - 1 - level;
+        let bit = 2 * POSITION_BITS - 1 - level;
         let split = keys.partition_point(|key| key >> bit & 1 == 0);
         Some((self.grid.axes[level], split))
     }
 
     /// Partitions the triangles of one finest cell by [`Global`].
     fn crowd(&self, keys: &mut [u64], depth: usize, items: &mut Vec<Item>) -> Result<()> {
-        // The cell of the grid is as small as it gets: start again from the box of centres.
+        // Start again from the box of centres: the finest cell cannot be halved.
         let mut objects: Vec<_> = keys
             .iter()
             .map(|key| Object {
@@ -263,8 +272,16 @@ impl Builder<'_> {
             })
             .collect();
         let centres = object::measure(&objects).1;
-        let at = (self.policy.root(centres), depth);
-        object::build_part(&mut objects, at, (self.policy, self.monitor), items)?;
+        let region = self.policy.root(centres);
+        object::build_subtree(
+            &mut objects,
+            region,
+            depth,
+            self.policy,
+            self.monitor,
+            items,
+        )?;
+        // Write the new order back to the keys.
         for (key, object) in keys.iter_mut().zip(&objects) {
             *key = u64::from(object.id);
         }
@@ -275,7 +292,7 @@ impl Builder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use halfspace_nodes::object_tree::Kind;
+    use halfspace_nodes::object_tree::ItemKind;
     use halfspace_oracle::cases::{Random, soup};
 
     /// Returns a scene within [0, 8]^3, where all halvings are exact, with triangles at its corners.
@@ -301,8 +318,8 @@ mod tests {
     /// Returns the sorted triangle numbers of each leaf: their order differs.
     fn leaves(tree: &ObjectTree) -> Vec<Vec<u32>> {
         let mut leaves = Vec::new();
-        for (place, first) in tree.firsts().into_iter().enumerate() {
-            if let Kind::Leaf { count } = tree.kind(place) {
+        for (index, first) in tree.firsts().into_iter().enumerate() {
+            if let ItemKind::Leaf { count } = tree.kind(index) {
                 let first = first as usize;
                 let mut ids = tree.ids[first..first + count].to_vec();
                 ids.sort_unstable();
@@ -313,16 +330,16 @@ mod tests {
     }
 
     #[test]
-    fn sorting_builds_the_tree_that_parting_builds() {
+    fn sorting_builds_the_tree_that_partitioning_builds() {
         let scene = scattered(6000);
         let frame = Frame::new(scene.bounds());
         for leaf_size in [1, 6] {
             let policy = Global { leaf_size, ways: 2 };
             let monitor = Monitor::new();
             let sorted = build(&scene, &frame, &policy, &monitor).unwrap();
-            let parted = object::build(&scene, &frame, &policy, &monitor).unwrap();
-            assert!(leaves(&sorted) == leaves(&parted), "leaves differ");
-            assert!(sorted.items == parted.items, "items differ");
+            let partitioned = object::build(&scene, &frame, &policy, &monitor).unwrap();
+            assert!(leaves(&sorted) == leaves(&partitioned), "leaves differ");
+            assert!(sorted.items == partitioned.items, "items differ");
         }
     }
 }

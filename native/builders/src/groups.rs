@@ -13,7 +13,8 @@ use halfspace_ray::frame::U;
 /// Number of pieces, or boxes, per box.
 const FAN: usize = 8;
 
-/// Error margin of the heights of boxes, per unit of the scene's largest coordinate.
+/// Error margin of the heights of boxes, per unit of the scene's largest coordinate. Derived: three products and two
+/// sums, of boxes and of pieces, with a factor of at least two to spare.
 const ROOM: f32 = 32.0 * U;
 
 /// A hierarchy of boxes around the pieces of a node.
@@ -21,6 +22,7 @@ const ROOM: f32 = 32.0 * U;
 pub struct Groups {
     /// Levels of boxes, the lowest first: one box per eight pieces.
     levels: Vec<Vec<Aabb>>,
+    /// Error margin of the heights of boxes.
     room: f32,
 }
 
@@ -54,7 +56,7 @@ impl Groups {
     /// Counts the pieces on both sides of a plane. `pieces` must be those given to [`Self::fill`].
     pub fn count<P: Piece>(&self, pieces: &[P], plane: Plane) -> Sides {
         let mut sides = [0; 3];
-        self.descend(pieces, plane, (self.levels.len() - 1, 0), &mut sides);
+        self.descend(pieces, plane, self.levels.len() - 1, 0, &mut sides);
         sides
     }
 
@@ -63,7 +65,8 @@ impl Groups {
         &self,
         pieces: &[P],
         plane: Plane,
-        (level, index): (usize, usize),
+        level: usize,
+        index: usize,
         sides: &mut Sides,
     ) {
         let size = FAN.pow(u32::try_from(level).expect("few levels") + 1);
@@ -87,7 +90,7 @@ impl Groups {
             // Otherwise descend to the boxes of the next lower level.
             let children = index * FAN..((index + 1) * FAN).min(self.levels[level - 1].len());
             for child in children {
-                self.descend(pieces, plane, (level - 1, child), sides);
+                self.descend(pieces, plane, level - 1, child, sides);
             }
         }
     }

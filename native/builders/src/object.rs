@@ -40,11 +40,11 @@ impl Object {
     }
 }
 
-/// A node that is about to be partitioned.
+/// View of a node that a policy gets.
 pub struct Node<'a, R> {
     /// The node's objects.
     pub objects: &'a [Object],
-    /// Data of the policy, which it passed on when it partitioned the parent.
+    /// Data that the policy passed to the node when it partitioned the parent.
     pub region: &'a R,
 }
 
@@ -72,9 +72,9 @@ pub fn measure(objects: &[Object]) -> (Aabb, Aabb) {
     both
 }
 
-/// Partition of a node's objects.
+/// Proposed partition of a node's objects.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Parting<R> {
+pub enum Partition<R> {
     /// None: the node becomes a leaf.
     Leaf,
     /// Objects with their centre at or below `at` go below, the others above.
@@ -103,9 +103,27 @@ pub trait ObjectPolicy: Sync {
     fn root(&self, bounds: Aabb) -> Self::Region;
     /// Proposes the partition of a node of at least two objects. If the proposal leaves a side empty, or the depth
     /// limit is near, the loop takes the median along the same axis.
-    fn part(&self, node: &Node<'_, Self::Region>) -> Parting<Self::Region>;
+    fn partition(&self, node: &Node<'_, Self::Region>) -> Partition<Self::Region>;
 }
 
+/// A node that is still to be built.
+struct OpenNode<R> {
+    /// Data that the policy passed to the node.
+    region: R,
+    depth: usize,
+}
+
+/// A partition that was made.
+struct Split<R> {
+    /// Axis of the comparison.
+    axis: usize,
+    /// Number of objects below.
+    count: usize,
+    /// Data of the policy for the two children.
+    regions: [R; 2],
+}
+
+/// The inputs of a build.
 struct Builder<'a, P> {
     policy: &'a P,
     monitor: &'a Monitor,
@@ -122,10 +140,11 @@ pub fn parallel_from(count: usize) -> usize {
     }
 }
 
-/// Appends the items of two children, in parallel if `both` is set; returns the index of the second child's first
+/// Appends the items of two children, on two threads if `both` is set; returns the index of the second child's first
 /// item.
 pub fn grow_both<T: Send>(
-    (items, both): (&mut Vec<T>, bool),
+    items: &mut Vec<T>,
+    both: bool,
     below: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
     above: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
 ) -> Result<usize> {
@@ -146,14 +165,16 @@ pub fn grow_both<T: Send>(
     Ok(second)
 }
 
-/// Appends the tree over `objects`. `at` holds the policy's data for its root and the root's depth.
+/// Appends the tree over `objects`; `region` is the policy's data for its root.
 ///
 /// # Errors
 /// Those of [`build`].
-pub fn build_part<P: ObjectPolicy>(
+pub fn build_subtree<P: ObjectPolicy>(
     objects: &mut [Object],
-    at: (P::Region, usize),
-    (policy, monitor): (&P, &Monitor),
+    region: P::Region,
+    depth: usize,
+    policy: &P,
+    monitor: &Monitor,
     items: &mut Vec<Item>,
 ) -> Result<()> {
     let builder = Builder {
@@ -161,7 +182,7 @@ pub fn build_part<P: ObjectPolicy>(
         monitor,
         parallel: usize::MAX,
     };
-    builder.node(objects, at, items)
+    builder.node(objects, OpenNode { region, depth }, items)
 }
 
 /// Returns the live triangles of `scene` as objects, in the frame `frame`.
@@ -176,7 +197,8 @@ pub fn gather(scene: &Triangles, frame: &Frame) -> Vec<Object> {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn build<P: ObjectPolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -202,54 +224,56 @@ pub fn build_over<P: ObjectPolicy>(
         parallel: parallel_from(objects.len()),
     };
     // Partition the objects in place, then read off their numbers in the order of the leaves.
-    let region = policy.root(bounds);
+    let root = OpenNode {
+        region: policy.root(bounds),
+        depth: 0,
+    };
     let mut items = Vec::with_capacity(objects.len() / 2);
-    builder.subtree(&mut objects, (region, 0, 1.0), &mut items)?;
+    builder.subtree(&mut objects, root, 1.0, &mut items)?;
     let ids = objects.iter().map(|object| object.id).collect();
     Ok(ObjectTree { items, ids })
 }
 
 impl<P: ObjectPolicy> Builder<'_, P> {
-    /// Appends a subtree, given the policy's data, its depth and its share of the whole work.
+    /// Appends a subtree; `work` is its share of the whole work.
     fn subtree(
         &self,
         objects: &mut [Object],
-        (region, depth, work): (P::Region, usize, f64),
+        node: OpenNode<P::Region>,
+        work: f64,
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let at = (region, depth);
         // Report progress and memory for small subtrees as a whole.
         if objects.len() < TASK {
             let before = items.len();
-            self.node(objects, at, items)?;
+            self.node(objects, node, items)?;
             let made = items.len() - before;
             self.monitor.take(footprint::boxes::<Item>(made))?;
             self.monitor.advance(work);
             return Ok(());
         }
-        let Some((split, regions, axis)) = self.split(objects, &at)? else {
+        // Partition the objects of a large node, or make a leaf.
+        let depth = node.depth + 1;
+        let Some(split) = self.split(objects, &node)? else {
             self.monitor.advance(work);
             items.push(leaf(objects));
             return Ok(());
         };
-        let place = items.len();
-        items.push(Item::inner(axis));
+        let index = items.len();
+        items.push(Item::inner(split.axis));
         // Divide the work in proportion to the objects.
-        let share = split as f64 / objects.len() as f64;
+        let share = split.count as f64 / objects.len() as f64;
         let both = objects.len() >= self.parallel;
-        let (below, above) = objects.split_at_mut(split);
-        let [first, second] = regions;
-        let tasks = (
-            (first, depth + 1, work * share),
-            (second, depth + 1, work * (1.0 - share)),
-        );
+        let (below, above) = objects.split_at_mut(split.count);
+        let [first, second] = split.regions.map(|region| OpenNode { region, depth });
         // Build both children, and link them to the item reserved above.
         let distance = grow_both(
-            (items, both),
-            |items| self.subtree(below, tasks.0, items),
-            |items| self.subtree(above, tasks.1, items),
+            items,
+            both,
+            |items| self.subtree(below, first, work * share, items),
+            |items| self.subtree(above, second, work * (1.0 - share), items),
         )?;
-        Item::link(&mut items[place..], distance - place);
+        Item::link(&mut items[index..], distance - index);
         Ok(())
     }
 
@@ -257,61 +281,67 @@ impl<P: ObjectPolicy> Builder<'_, P> {
     fn node(
         &self,
         objects: &mut [Object],
-        at: (P::Region, usize),
+        node: OpenNode<P::Region>,
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let Some((split, regions, axis)) = self.split(objects, &at)? else {
+        let Some(split) = self.split(objects, &node)? else {
             items.push(leaf(objects));
             return Ok(());
         };
-        let place = items.len();
-        items.push(Item::inner(axis));
-        let depth = at.1 + 1;
-        let (below, above) = objects.split_at_mut(split);
-        let [first, second] = regions;
+        let index = items.len();
+        items.push(Item::inner(split.axis));
+        let depth = node.depth + 1;
+        let (below, above) = objects.split_at_mut(split.count);
+        let [first, second] = split.regions.map(|region| OpenNode { region, depth });
         // The child below follows directly, the child above after all of its items.
-        self.node(below, (first, depth), items)?;
-        let distance = items.len() - place;
-        self.node(above, (second, depth), items)?;
-        Item::link(&mut items[place..], distance);
+        self.node(below, first, items)?;
+        let distance = items.len() - index;
+        self.node(above, second, items)?;
+        Item::link(&mut items[index..], distance);
         Ok(())
     }
 
-    /// Partitions a node's objects in place. Returns the number of objects below, the policy's data for the
-    /// children, and the axis; `None` for a leaf.
-    #[expect(
-        clippy::type_complexity,
-        reason = "three results, named in the sentence above"
-    )]
+    /// Partitions a node's objects in place; returns `None` for a leaf.
     fn split(
         &self,
         objects: &mut [Object],
-        (region, depth): &(P::Region, usize),
-    ) -> Result<Option<(usize, [P::Region; 2], usize)>> {
+        node: &OpenNode<P::Region>,
+    ) -> Result<Option<Split<P::Region>>> {
         self.monitor.check()?;
         if objects.len() < 2 {
             return Ok(None);
         }
         // Apply the proposal, or take the median where it must not or cannot be applied.
-        let parting = self.policy.part(&Node { objects, region });
+        let partition = self.policy.partition(&Node {
+            objects,
+            region: &node.region,
+        });
         // The median reaches single objects in this number of levels; nearer to the depth limit nothing else is
         // allowed.
-        let last_resort = MAX_DEPTH - depth <= objects.len().next_power_of_two().ilog2() as usize;
-        let (axis, regions, split) = match parting {
-            Parting::Leaf => return Ok(None),
-            Parting::Centre { axis, at, regions } if !last_resort => {
-                (axis, regions, part_by(objects, |o| o.centre(axis) <= at))
-            }
-            Parting::Centre { axis, regions, .. } | Parting::Median { axis, regions } => {
+        let levels = objects.len().next_power_of_two().ilog2() as usize;
+        let last_resort = MAX_DEPTH - node.depth <= levels;
+        let (axis, regions, count) = match partition {
+            Partition::Leaf => return Ok(None),
+            Partition::Centre { axis, at, regions } if !last_resort => (
+                axis,
+                regions,
+                partition_by(objects, |o| o.centre(axis) <= at),
+            ),
+            Partition::Centre { axis, regions, .. } | Partition::Median { axis, regions } => {
                 (axis, regions, 0)
             }
         };
-        let split = if split == 0 || split == objects.len() {
+        // Halve the objects if the partition leaves a side empty.
+        let count = if count == 0 || count == objects.len() {
             median(objects, axis)
         } else {
-            split
+            count
         };
-        Ok(Some((split, regions, axis)))
+        Ok(Some(Split {
+            axis,
+            count,
+            regions,
+        }))
     }
 }
 
@@ -326,7 +356,7 @@ pub fn leaf(objects: &[Object]) -> Item {
 }
 
 /// Moves the objects for which `below` holds to the front; returns their number.
-pub fn part_by<T>(objects: &mut [T], below: impl Fn(&T) -> bool) -> usize {
+pub fn partition_by<T>(objects: &mut [T], below: impl Fn(&T) -> bool) -> usize {
     let (mut first, mut end) = (0, objects.len());
     loop {
         while first < end && below(&objects[first]) {
@@ -367,8 +397,8 @@ mod tests {
     impl ObjectPolicy for Chain {
         type Region = ();
         fn root(&self, _: Aabb) {}
-        fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
-            Parting::Centre {
+        fn partition(&self, node: &Node<'_, ()>) -> Partition<()> {
+            Partition::Centre {
                 axis: 0,
                 at: node.measure().1.min[0],
                 regions: [(); 2],
@@ -377,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_bounded_whatever_the_policy_wants() {
+    fn depth_is_bounded_for_every_policy() {
         let mut vertices = Vec::new();
         for i in 0..1000 {
             let x = f32::from(i16::try_from(i).unwrap());

@@ -13,7 +13,7 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use rayon::prelude::*;
 
-/// Number of references that every tree may hold, so that small scenes are subdivided fully.
+/// Number of references that every tree may have, so that small scenes are subdivided fully (chosen).
 const FREE: usize = 1 << 13;
 
 /// Bytes of a node, of its links, and of the table from which the links are computed.
@@ -44,10 +44,11 @@ struct Reference {
     octants: u8,
 }
 
-/// A node that is about to be built.
+/// A node that is still to be built.
 #[derive(Clone, Copy)]
-struct Pending {
-    place: [u32; 3],
+struct OpenNode {
+    /// Lowest corner on the grid of the smallest cells.
+    corner: [u32; 3],
     level: u32,
     /// Largest number of references of the subtree.
     budget: usize,
@@ -55,6 +56,7 @@ struct Pending {
     work: f64,
 }
 
+/// The inputs of a build.
 struct Builder<'a> {
     scene: &'a Triangles,
     frame: &'a Frame,
@@ -75,7 +77,8 @@ struct Task {
 /// Builds an octree over the live triangles of `scene`, in the current rayon pool.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn build(
     scene: &Triangles,
     frame: &Frame,
@@ -86,8 +89,8 @@ pub fn build(
     let reference = |&id| Reference { id, octants: 0 };
     let references: Vec<_> = scene.live().iter().map(reference).collect();
     // Small scenes get an extra budget.
-    let root = Pending {
-        place: [0; 3],
+    let root = OpenNode {
+        corner: [0; 3],
         level: 0,
         budget: references.len().saturating_mul(params.budget) + FREE,
         work: 1.0,
@@ -103,11 +106,11 @@ pub fn build(
 
 impl Builder<'_> {
     /// Builds a subtree as a separate task.
-    fn subtree(&self, references: Vec<Reference>, node: Pending) -> Result<Octants> {
+    fn subtree(&self, references: Vec<Reference>, node: OpenNode) -> Result<Octants> {
         // The references are held only while the subtree is built.
         let _held = self
             .monitor
-            .hold(footprint::waiting::<Reference>(references.len()))?;
+            .hold(footprint::unsplit::<Reference>(references.len()))?;
         let mut task = Task {
             references,
             ..Task::default()
@@ -119,7 +122,7 @@ impl Builder<'_> {
     }
 
     /// Builds the node whose references are those of the task from index `from` on.
-    fn node(&self, task: &mut Task, from: usize, node: Pending) -> Result<()> {
+    fn node(&self, task: &mut Task, from: usize, node: OpenNode) -> Result<()> {
         self.monitor.check()?;
         let count = task.references.len() - from;
         let Params {
@@ -128,7 +131,7 @@ impl Builder<'_> {
         // Classify the references by octant, unless the node must be a leaf.
         let mut counts = [0_usize; 8];
         let inner = count > *leaf_size && node.level < cube.depth && {
-            self.part(&mut task.references[from..], node, &mut counts);
+            self.classify(&mut task.references[from..], node, &mut counts);
             counts.iter().sum::<usize>() <= node.budget
         };
         if !inner {
@@ -148,8 +151,8 @@ impl Builder<'_> {
         let half = 1 << (cube.depth - node.level - 1);
         let child = |octant: usize| {
             let portion = counts[octant] as f64 / total.max(1) as f64;
-            Pending {
-                place: std::array::from_fn(|k| node.place[k] + half * (octant >> k & 1) as u32),
+            OpenNode {
+                corner: std::array::from_fn(|k| node.corner[k] + half * (octant >> k & 1) as u32),
                 level: node.level + 1,
                 #[expect(
                     clippy::cast_possible_truncation,
@@ -193,9 +196,9 @@ impl Builder<'_> {
     }
 
     /// Computes the mask of octants of each reference, and counts the references per octant.
-    fn part(&self, references: &mut [Reference], node: Pending, counts: &mut [usize; 8]) {
+    fn classify(&self, references: &mut [Reference], node: OpenNode, counts: &mut [usize; 8]) {
         let Params { cube, margin, .. } = self.params;
-        let (low, half) = (cube.low(node.place), cube.edge(node.level + 1));
+        let (low, half) = (cube.low(node.corner), cube.edge(node.level + 1));
         let mid = low.map(|x| x + half);
         // A point within the margin of the mid plane lies in both halves.
         let (above, below) = (mid.map(|x| x - margin), mid.map(|x| x + margin));

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The data that a node keeps per triangle.
+//! The data that a node keeps per triangle during the build.
 
 use crate::sweep::Scratch;
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Direction, Plane};
 use halfspace_geom::clip::clipped_bounds;
 use halfspace_geom::vec3::{Vec3, add_scaled, dot, sub, widen};
-use halfspace_ray::frame::Frame;
-use halfspace_scene::Triangles;
+use halfspace_ray::FramedScene;
 
-/// The data that a node keeps of a triangle.
+/// The data that a node keeps per triangle during the build.
 ///
 /// A triangle belongs to every closed cell that the piece meets, up to rounding: rounding may add cells without
 /// limit, but may omit cells only within the error bounds of the traversals.
@@ -27,7 +26,7 @@ pub trait Piece: Copy + Send + Sync {
     fn bounds(&self) -> Aabb;
 
     /// Returns the pieces on both sides of a plane that crosses this one.
-    fn cut(self, plane: Plane, triangles: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>);
+    fn cut(self, plane: Plane, framed: FramedScene<'_>) -> (Option<Self>, Option<Self>);
 
     /// Writes the ends of all pieces along a direction to `scratch`, for the sweep.
     #[inline(always)]
@@ -82,7 +81,7 @@ impl Piece for Boxed {
         self.bounds
     }
 
-    fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+    fn cut(self, _: Plane, _: FramedScene<'_>) -> (Option<Self>, Option<Self>) {
         (Some(self), Some(self))
     }
 }
@@ -110,11 +109,8 @@ impl Piece for ClippedBox {
         self.0.bounds
     }
 
-    fn cut(
-        self,
-        plane: Plane,
-        (scene, frame): (&Triangles, &Frame),
-    ) -> (Option<Self>, Option<Self>) {
+    fn cut(self, plane: Plane, framed: FramedScene<'_>) -> (Option<Self>, Option<Self>) {
+        let FramedScene { scene, frame } = framed;
         let Direction::Axis(axis) = plane.direction else {
             unreachable!("boxes are for axis-aligned planes");
         };
@@ -171,7 +167,7 @@ impl Piece for Whole {
         Aabb::of_triangle(self.corners)
     }
 
-    fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+    fn cut(self, _: Plane, _: FramedScene<'_>) -> (Option<Self>, Option<Self>) {
         (Some(self), Some(self))
     }
 }
@@ -237,7 +233,7 @@ impl Clipped {
     /// Recomputes the bounds.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "planes have f32 heights; the walks allow for the rounding"
+        reason = "planes have f32 heights; the traversals allow for the rounding"
     )]
     fn enclose(&mut self) {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -277,7 +273,7 @@ impl Piece for Clipped {
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "planes have f32 heights; the walks allow for the rounding"
+        reason = "planes have f32 heights; the traversals allow for the rounding"
     )]
     fn interval(&self, direction: Direction) -> (f32, f32) {
         let n = match direction {
@@ -298,10 +294,10 @@ impl Piece for Clipped {
         self.bounds
     }
 
-    fn cut(self, plane: Plane, (_, frame): (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+    fn cut(self, plane: Plane, framed: FramedScene<'_>) -> (Option<Self>, Option<Self>) {
         let n = widen(plane.direction.vector());
         let offset = f64::from(plane.offset);
-        let margin = f64::from(frame.bounds().magnitude()) / (1_u64 << 40) as f64;
+        let margin = f64::from(framed.frame.bounds().magnitude()) / (1_u64 << 40) as f64;
         let parts = (
             self.part(-1.0, n, offset, margin),
             self.part(1.0, n, offset, margin),

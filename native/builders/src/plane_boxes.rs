@@ -2,7 +2,7 @@
 //! Box trees derived from plane trees: boxes around the objects that the planes separate.
 //!
 //! A box excludes at once the empty space of a cell, which planes cut off by a chain of splits; and eight
-//! children per node are filled well by boxes, while three levels of planes leave most of eight places empty.
+//! children per node are filled well by boxes, while three levels of planes leave most of eight slots empty.
 //! Boxes around the nodes of a plane tree are known from hardware, where they replace the planes (Woop, Marmitt
 //! and Slusallek 2006, B-KD trees for hardware accelerated ray tracing of dynamic scenes).
 //!
@@ -18,8 +18,7 @@ use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::nested::Nested;
 use halfspace_nodes::plane_tree::PlaneTree;
-use halfspace_ray::frame::Frame;
-use halfspace_scene::Triangles;
+use halfspace_ray::FramedScene;
 
 /// The box tree of a plane tree, and its leaves.
 #[derive(Debug)]
@@ -31,29 +30,25 @@ pub struct PlaneBoxes {
 }
 
 impl PlaneBoxes {
-    /// The box tree of a plane tree over `scene`.
+    /// Builds the box tree of a plane tree.
     ///
     /// # Errors
-    /// [`halfspace_base::error::Error::Cancelled`] if the monitor is cancelled, [`halfspace_base::error::Error::Memory`] above
-    /// its limit.
-    pub fn new(
-        planes: &PlaneTree,
-        (scene, frame): (&Triangles, &Frame),
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let binary = plane_objects::build(planes, (scene, frame), monitor)?;
+    /// [`halfspace_base::error::Error::Cancelled`] if the monitor is cancelled,
+    /// [`halfspace_base::error::Error::Memory`] above its limit.
+    pub fn new(planes: &PlaneTree, framed: FramedScene<'_>, monitor: &Monitor) -> Result<Self> {
+        let binary = plane_objects::build(planes, framed, monitor)?;
         let mut leaves = Leaves::new(Keep::Corners);
         let tree = BoxTree::new(&binary, &mut leaves)?;
         monitor.take(tree.bytes() + leaves.bytes())?;
         monitor.check()?;
         let tree = tree.by_corners();
         monitor.check()?;
-        let blocks = leaves.write(scene, frame, &binary.ids);
+        let blocks = leaves.write(framed.scene, framed.frame, &binary.ids);
         monitor.advance(1.0 - plane_objects::SHARE);
         Ok(Self { tree, blocks })
     }
 
-    /// Size in bytes.
+    /// Returns the size in bytes.
     pub fn bytes(&self) -> usize {
         self.tree.bytes() + self.blocks.bytes()
     }

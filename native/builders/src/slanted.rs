@@ -14,7 +14,7 @@ use halfspace_base::{Monitor, footprint};
 use halfspace_geom::cell::{Cell, ConvexCell, Plane};
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_nodes::slanted_tree::{Item, Kind, SlantedTree, direction};
+use halfspace_nodes::slanted_tree::{Item, ItemKind, SlantedTree, direction};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use rayon::prelude::*;
@@ -66,7 +66,8 @@ fn around(pieces: &[Piece], k: usize) -> (f32, f32) {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn build(
     scene: &Triangles,
     frame: &Frame,
@@ -85,28 +86,29 @@ pub fn build(
     };
     let bounds = frame.bounds();
     // The region of the root is the scene's box.
-    let root = Node {
+    let root = OpenNode {
         cell: ConvexCell::from_box(bounds, bounds.magnitude()),
         depth: 0,
         work: 1.0,
     };
-    // Partition the pieces in place, then read off their numbers in the order of the leaves.
+    // Partition the pieces in index, then read off their numbers in the order of the leaves.
     let mut items = Vec::with_capacity(pieces.len() / 2 + 1);
-    builder.grow(&mut pieces, root, (&mut items, &mut Room::default()))?;
+    builder.grow(&mut pieces, root, &mut items, &mut Room::default())?;
     Ok(SlantedTree {
         items,
         ids: pieces.iter().map(|piece| piece.id).collect(),
     })
 }
 
-/// A node that is about to be partitioned.
-struct Node {
+/// A node that is still to be built.
+struct OpenNode {
     cell: ConvexCell,
     depth: usize,
     /// Share of the whole work.
     work: f64,
 }
 
+/// The inputs of a build.
 struct Builder<'a> {
     policy: &'a Policy,
     monitor: &'a Monitor,
@@ -119,35 +121,36 @@ impl Builder<'_> {
     fn grow(
         &self,
         pieces: &mut [Piece],
-        mut node: Node,
-        (items, room): (&mut Vec<Item>, &mut Room),
+        mut node: OpenNode,
+        items: &mut Vec<Item>,
+        room: &mut Room,
     ) -> Result<()> {
         self.monitor.check()?;
         let first = items.len();
         let levels = levels(pieces.len());
         // Cut off empty space before the partition.
-        self.cut_off(pieces, &mut node, (items, room));
+        self.cut_off(pieces, &mut node, items, room);
         let count = pieces.len();
         let area = node.cell.area();
         let Some(best) = self.policy.choose(pieces, &node.cell, room) else {
             items.push(Item {
-                kind: Kind::Leaf { count },
+                kind: ItemKind::Leaf { count },
                 area,
             });
             return self.done(count, items.len() - first, node.work);
         };
         // Partition by the best plane, or at the median near the depth limit.
         let k = best.direction;
-        let mut split = object::part_by(pieces, |piece: &Piece| piece.centre(k) <= best.at);
+        let mut split = object::partition_by(pieces, |piece: &Piece| piece.centre(k) <= best.at);
         if split == 0 || split == count || MAX_DEPTH - node.depth <= levels {
             split = median(pieces, k);
         }
         let (below, above) = pieces.split_at_mut(split);
         let planes = [around(below, k).1, around(above, k).0];
         // Reserve the node's item; the distance to the child above is known last.
-        let place = items.len();
+        let index = items.len();
         items.push(Item {
-            kind: Kind::Leaf { count: 0 },
+            kind: ItemKind::Leaf { count: 0 },
             area,
         });
         // Cut the region of each child from that of the node.
@@ -157,11 +160,12 @@ impl Builder<'_> {
                 offset,
             })
         };
-        let child = |cell: ConvexCell, part: usize| Node {
+        let child = |cell: ConvexCell, part: usize| OpenNode {
             cell,
             depth: node.depth + 1,
             work: node.work * part as f64 / count as f64,
         };
+        // Give each child its region and its share of the work.
         let children = (
             child(cut(planes[0]).0, split),
             child(cut(planes[1]).1, count - split),
@@ -170,34 +174,37 @@ impl Builder<'_> {
         let next = if count >= self.parallel {
             let mut own = Room::default();
             object::grow_both(
-                (items, true),
-                |items| self.grow(below, children.0, (items, room)),
-                |items| self.grow(above, children.1, (items, &mut own)),
+                items,
+                true,
+                |items| self.grow(below, children.0, items, room),
+                |items| self.grow(above, children.1, items, &mut own),
             )?
         } else {
-            self.grow(below, children.0, (items, room))?;
+            self.grow(below, children.0, items, room)?;
             let next = items.len();
-            self.grow(above, children.1, (items, room))?;
+            self.grow(above, children.1, items, room)?;
             next
         };
-        items[place].kind = Kind::Pair {
+        // Complete the reserved item.
+        items[index].kind = ItemKind::Pair {
             direction: k,
             planes,
-            above: next - place,
+            above: next - index,
         };
         // The few nodes of large subtrees are not counted.
         if count >= TASK {
             return Ok(());
         }
-        self.done(0, place + 1 - first, 0.0)
+        self.done(0, index + 1 - first, 0.0)
     }
 
     /// Appends nodes with one child while enough empty space surrounds the pieces.
     fn cut_off(
         &self,
         pieces: &[Piece],
-        node: &mut Node,
-        (items, room): (&mut Vec<Item>, &mut Room),
+        node: &mut OpenNode,
+        items: &mut Vec<Item>,
+        room: &mut Room,
     ) {
         let levels = levels(pieces.len());
         // Keep enough levels for halving down to single triangles.
@@ -207,7 +214,7 @@ impl Builder<'_> {
             };
             let planes = around(pieces, k);
             items.push(Item {
-                kind: Kind::Only {
+                kind: ItemKind::Only {
                     direction: k,
                     planes: [planes.0, planes.1],
                 },

@@ -66,6 +66,7 @@ struct Bin {
 }
 
 impl Bin {
+    /// Bin without pieces.
     const EMPTY: Self = Self {
         low: f32::INFINITY,
         high: f32::NEG_INFINITY,
@@ -73,6 +74,7 @@ impl Bin {
         count: 0,
     };
 
+    /// Returns the bin of the pieces of both.
     fn union(&self, other: &Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -154,7 +156,8 @@ impl Policy {
             for i in (0..BINS - 1).rev() {
                 above[i] = bins[i].union(&above[i + 1]);
             }
-            // Compare lower bounds of the costs first, which need no division of the surface.
+            // Divide the surface by an axis at once; for other directions compare lower bounds of the costs first,
+            // which need no division.
             let mut divided = k < 3;
             if divided {
                 cell.divide(direction(k), profile);
@@ -162,9 +165,9 @@ impl Policy {
             // Evaluate each boundary between bins.
             let mut below = Bin::EMPTY;
             for i in 1..BINS {
-                let parts = bins[i - 1].count > 0;
+                let filled = bins[i - 1].count > 0;
                 below = below.union(&bins[i - 1]);
-                if !parts || above[i].count == 0 {
+                if !filled || above[i].count == 0 {
                     continue;
                 }
                 // Planes lie at the ends of the children, clipped to the region.
@@ -237,8 +240,8 @@ fn bins(pieces: &[Piece], k: usize, reaches: &mut Vec<(f32, f32)>) -> Option<[Bi
     if !scale.is_finite() {
         return None;
     }
-    let mut bins = [Bin::EMPTY; BINS];
     // Add each piece to its bin.
+    let mut bins = [Bin::EMPTY; BINS];
     for reach in &*reaches {
         let at = centre(reach);
         #[expect(

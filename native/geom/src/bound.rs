@@ -24,7 +24,7 @@ pub fn keep_min(a: f32, b: f32) -> f32 {
 /// instruction.
 const SECOND_STAYS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_64"));
 
-/// [`keep_max`] lane by lane: `max` that keeps `b` where `a` is NaN. `b` must not be NaN.
+/// Returns [`keep_max`] lane by lane: `max` that keeps `b` where `a` is NaN. `b` must not be NaN.
 #[inline(always)]
 pub fn keep_max_each<S: Simd, V: SimdFloat<S, Element = f32>>(a: V, b: V) -> V {
     if SECOND_STAYS {
@@ -34,7 +34,7 @@ pub fn keep_max_each<S: Simd, V: SimdFloat<S, Element = f32>>(a: V, b: V) -> V {
     }
 }
 
-/// [`keep_min`] lane by lane: `min` that keeps `b` where `a` is NaN. `b` must not be NaN.
+/// Returns [`keep_min`] lane by lane: `min` that keeps `b` where `a` is NaN. `b` must not be NaN.
 #[inline(always)]
 pub fn keep_min_each<S: Simd, V: SimdFloat<S, Element = f32>>(a: V, b: V) -> V {
     if SECOND_STAYS {
@@ -50,7 +50,7 @@ mod tests {
     use fearless_simd::{Level, SimdBase, dispatch, f32x4, f32x8, f32x16};
 
     #[test]
-    fn what_is_not_a_number_bounds_nothing() {
+    fn nan_bounds_nothing() {
         assert_eq!(keep_max(f32::NAN, 1.0), 1.0);
         assert_eq!(keep_min(f32::NAN, 1.0), 1.0);
         macro_rules! check {

@@ -45,6 +45,15 @@ pub struct Plane {
     pub offset: f32,
 }
 
+/// One side of a split plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaneSide {
+    /// The plane.
+    pub plane: Plane,
+    /// Whether the side lies above the plane.
+    pub above: bool,
+}
+
 /// A convex cell that a plane can split in two.
 pub trait Cell: Clone + Send + Sync {
     /// Returns the surface area.
@@ -135,6 +144,7 @@ impl FlatCell {
         self.cell.0
     }
 
+    /// Returns the box as a polytope.
     fn polytope(&self) -> &Polytope {
         self.polytope
             .get_or_init(|| Box::new(Polytope::from_box(&self.cell.0, self.magnitude)))
@@ -232,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_of_a_cut_box_are_those_of_its_parts() {
+    fn shares_of_a_split_box_are_those_of_its_parts() {
         let cell = BoxCell(Aabb {
             min: [0.0, 1.0, -1.0],
             max: [2.0, 4.0, 4.0],

@@ -13,7 +13,8 @@ pub struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// Height of a point over the bounding plane; positive outside.
+    /// Returns the height of a point over the bounding plane; positive outside.
+    #[inline]
     pub fn height(&self, p: Vec3) -> f64 {
         dot(self.normal, p) - self.offset
     }
@@ -32,12 +33,13 @@ pub struct Clipper {
 }
 
 impl Clipper {
-    /// Area of the part of a triangle inside all half-spaces, each moved outwards by `slack`, or inwards by a negative
-    /// one. Rounding moves a side of the part by at most 2^-49 of the largest coordinate.
+    /// Returns the area of the part of a triangle inside all half-spaces, each moved outwards by `slack`, or inwards by
+    /// a negative one. Rounding moves a side of the part by at most 2^-49 of the largest coordinate.
     pub fn area(&mut self, corners: [Vec3; 3], walls: &[HalfSpace], slack: f64) -> f64 {
         self.polygon.clear();
         self.polygon.extend(corners);
         let mut whole = true;
+        // Cut by the half-spaces that contain only a part of the triangle.
         for wall in walls {
             let heights = corners.map(|p| wall.height(p) - slack);
             if heights.iter().all(|&h| h <= 0.0) {
@@ -74,7 +76,7 @@ impl Clipper {
         std::mem::swap(&mut self.polygon, &mut self.clipped);
     }
 
-    /// Area of the polygon, as a fan of triangles.
+    /// Returns the area of the polygon, as a fan of triangles.
     fn fan(&self) -> f64 {
         let Some((&first, rest)) = self.polygon.split_first() else {
             return 0.0;

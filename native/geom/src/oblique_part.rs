@@ -2,6 +2,7 @@
 //! Clips a triangle to both sides of an oblique plane, by the polygon clipping of Sutherland and Hodgman 1974.
 
 use crate::Aabb;
+use crate::clip_area::HalfSpace;
 use crate::vec3::{Vec3, add_scaled, dot, map, sub, widen};
 
 /// An oblique plane, and buffers for clipping triangles.
@@ -21,7 +22,7 @@ pub struct Cutter {
 impl Cutter {
     /// Makes a cutter for the plane `normal . x = offset` in a scene whose largest coordinate is `magnitude`.
     /// Triangles that extend at most `little` beyond the plane are not cut.
-    pub fn new((normal, offset): ([f32; 3], f32), magnitude: f32, little: f32) -> Self {
+    pub fn new(normal: [f32; 3], offset: f32, magnitude: f32, little: f32) -> Self {
         Self {
             normal: widen(normal),
             height: f64::from(offset),
@@ -48,11 +49,15 @@ impl Cutter {
                 if beyond {
                     let mut normal = [0.0; 3];
                     normal[k] = sign;
-                    let side = (normal, sign * f64::from(end) + self.margin);
+                    let side = HalfSpace {
+                        normal,
+                        offset: sign * f64::from(end) + self.margin,
+                    };
                     keep(&mut self.inside, side, &mut self.cut);
                 }
             }
         }
+        // Find the extent of the piece along the normal.
         let heights = self
             .inside
             .iter()
@@ -73,23 +78,22 @@ impl Cutter {
         [1.0, -1.0].map(|sign| {
             self.part.clear();
             self.part.extend_from_slice(&self.inside);
-            let side = (
-                self.normal.map(|x| sign * x),
-                sign * self.height + self.margin,
-            );
+            let side = HalfSpace {
+                normal: self.normal.map(|x| sign * x),
+                offset: sign * self.height + self.margin,
+            };
             keep(&mut self.part, side, &mut self.cut);
             hull(&self.part, bounds)
         })
     }
 }
 
-/// Keeps the part of a convex polygon where `normal . x` is at most `height`.
-fn keep(polygon: &mut Vec<Vec3>, (normal, height): (Vec3, f64), cut: &mut Vec<Vec3>) {
-    let above = |p: Vec3| dot(normal, p) - height;
+/// Keeps the part of a convex polygon inside a half-space; `cut` is a buffer.
+fn keep(polygon: &mut Vec<Vec3>, side: HalfSpace, cut: &mut Vec<Vec3>) {
     cut.clear();
     for (i, &a) in polygon.iter().enumerate() {
         let b = polygon[(i + 1) % polygon.len()];
-        let (from, to) = (above(a), above(b));
+        let (from, to) = (side.height(a), side.height(b));
         if from <= 0.0 {
             cut.push(a);
         }
@@ -148,7 +152,7 @@ mod tests {
             let p: [f32; 3] = std::array::from_fn(|k| v[0][k] + u * (v[1][k] - v[0][k]) + w * (v[2][k] - v[0][k]));
             let holds = |b: &Aabb| (0..3).all(|k| b.min[k] <= p[k] && p[k] <= b.max[k]);
             if holds(&bounds) {
-                let [below, above] = Cutter::new((normal, offset), 8.0, 1e-5).parts(v, &bounds);
+                let [below, above] = Cutter::new(normal, offset, 8.0, 1e-5).parts(v, &bounds);
                 let height = normal[0] * p[0] + normal[1] * p[1] + normal[2] * p[2] - offset;
                 // A point in the plane may be in either part.
                 prop_assert!(height >= 0.0 || holds(&below), "{p:?} below, {below:?}");

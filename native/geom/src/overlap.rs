@@ -30,7 +30,7 @@ impl TriangleBox {
         // The normal of nearly parallel edges is inexact; its error is small against the product of the edges.
         let doubt = MARGIN * size(edges[0]) * size(edges[1]) * span;
         let mut across = [[0.0; 3]; 9];
-        // Cross products with the unit axes, without multiplications by zero and one.
+        // Compute cross products with the unit axes, without multiplications by zero and one.
         for (i, e) in edges.iter().enumerate() {
             across[3 * i] = [0.0, -e[2], e[1]];
             across[3 * i + 1] = [e[2], 0.0, -e[0]];
@@ -82,7 +82,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_triangle_across_a_corner_is_told_from_one_beyond_it() {
+    fn a_triangle_across_a_corner_is_distinguished_from_one_beyond_it() {
         let touching = [[1.5, 0.0, 0.0], [0.0, 1.5, 0.0], [0.0, 0.0, 1.5]];
         let beyond = touching.map(|p| p.map(|x: f32| x * 2.1));
         let meets = |v| TriangleBox::new(v, 4.0).meets([0.5; 3], 0.5);

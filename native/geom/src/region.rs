@@ -31,6 +31,15 @@ impl Line {
     }
 }
 
+/// Part of a line, between two parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// Parameter `t` of the beginning.
+    pub enter: f64,
+    /// Parameter `t` of the end.
+    pub leave: f64,
+}
+
 /// Convex region of a node, in the frame of its structure.
 #[derive(Debug, Clone)]
 pub struct Region(ConvexCell);
@@ -78,6 +87,7 @@ impl Region {
     /// Replaces the content of `out` by the half-spaces whose intersection the region is.
     pub fn half_spaces(&self, out: &mut Vec<HalfSpace>) {
         out.clear();
+        // Take two half-spaces per axis of a box.
         if let Some(bounds) = self.bounds() {
             for k in 0..3 {
                 let normal = widen(Direction::Axis(k).vector());
@@ -92,6 +102,7 @@ impl Region {
             }
             return;
         }
+        // Take one half-space per face of a polytope.
         let cell = self.0.polytope();
         out.extend(cell.facets().iter().map(|facet| {
             let corner = cell.corners(facet).next().expect("a face has corners");
@@ -102,11 +113,15 @@ impl Region {
         }));
     }
 
-    /// Returns the part of an interval of a line inside the region, ends included; `None` if there is none.
-    pub fn interval(&self, line: &Line, (mut from, mut to): (f64, f64)) -> Option<(f64, f64)> {
+    /// Returns the part of a span of a line inside the region, ends included; `None` if there is none.
+    pub fn span(&self, line: &Line, within: Span) -> Option<Span> {
+        let Span {
+            mut enter,
+            mut leave,
+        } = within;
         let mut walls = Vec::with_capacity(8);
         self.half_spaces(&mut walls);
-        // Clip the interval by each half-space. A line parallel to a face misses if it lies outside.
+        // Clip the span by each half-space. A line parallel to a face misses if it lies outside.
         for HalfSpace { normal, offset } in walls {
             let speed = dot(normal, line.direction);
             if speed == 0.0 {
@@ -114,12 +129,12 @@ impl Region {
                     return None;
                 }
             } else if speed > 0.0 {
-                to = to.min(line.reaches(normal, offset));
+                leave = leave.min(line.reaches(normal, offset));
             } else {
-                from = from.max(line.reaches(normal, offset));
+                enter = enter.max(line.reaches(normal, offset));
             }
         }
-        (from <= to).then_some((from, to))
+        (enter <= leave).then_some(Span { enter, leave })
     }
 
     /// Returns all faces.
@@ -222,22 +237,23 @@ mod tests {
     }
 
     #[test]
-    fn intervals_end_where_the_region_does() {
+    fn spans_end_where_the_region_does() {
+        let span = |enter, leave| Span { enter, leave };
         let line = Line {
             origin: [-1.0, 0.25, 0.5],
             direction: [2.0, 0.0, 0.0],
         };
-        let all = (f64::NEG_INFINITY, f64::INFINITY);
-        assert_eq!(unit().interval(&line, all), Some((0.5, 1.0)));
+        let all = span(f64::NEG_INFINITY, f64::INFINITY);
+        assert_eq!(unit().span(&line, all), Some(span(0.5, 1.0)));
         let [wedge, _] = unit().split(diagonal());
-        let (from, to) = wedge.interval(&line, all).unwrap();
-        assert!((from - 0.5).abs() < 1e-12 && (to - 0.875).abs() < 1e-6);
-        assert_eq!(unit().interval(&line, (0.6, 0.7)), Some((0.6, 0.7)));
-        assert_eq!(unit().interval(&line, (1.5, 2.0)), None);
+        let Span { enter, leave } = wedge.span(&line, all).unwrap();
+        assert!((enter - 0.5).abs() < 1e-12 && (leave - 0.875).abs() < 1e-6);
+        assert_eq!(unit().span(&line, span(0.6, 0.7)), Some(span(0.6, 0.7)));
+        assert_eq!(unit().span(&line, span(1.5, 2.0)), None);
         let beside = Line {
             origin: [-1.0, 1.25, 0.5],
             ..line
         };
-        assert_eq!(unit().interval(&beside, all), None);
+        assert_eq!(unit().span(&beside, all), None);
     }
 }

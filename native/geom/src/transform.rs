@@ -93,11 +93,11 @@ impl Transform {
                 sum += (one - terms.iter().sum::<f64>()).abs();
                 size += terms.iter().map(|x| x.abs()).sum::<f64>() + one;
             }
-            let lacks = sum + 4.0 * f64::EPSILON * size;
-            if lacks.is_nan() || lacks > WORST {
+            let residual = sum + 4.0 * f64::EPSILON * size;
+            if residual.is_nan() || residual > WORST {
                 return None;
             }
-            off = off.max(lacks);
+            off = off.max(residual);
         }
         // A^-1 = (1 - R)^-1 rows, where R is the residual.
         let doubt = off / (1.0 - off);
@@ -179,7 +179,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(10_000))]
         #[test]
-        fn the_way_back_is_within_its_bound(
+        fn the_inverse_is_within_its_error_bound(
             rows in [[entry(), entry(), entry()], [entry(), entry(), entry()], [entry(), entry(), entry()]],
             powers in [-14i32..14, -14i32..14, -14i32..14],
             p in [-100i32..100, -100i32..100, -100i32..100],
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn the_singular_and_the_absurd_have_no_way_back() {
+    fn singular_and_extreme_transforms_have_no_inverse() {
         let with = |linear| Transform {
             linear,
             offset: [0.0; 3],

@@ -2,7 +2,7 @@
 //! The verdict: whether a ray hits a triangle, and where.
 //!
 //! Every structure, traversal, instruction set and packet width calls this one function for each candidate it
-//! finds, and so all give the same answer. The verdict is exact for the f32 inputs: hit or miss is decided on the
+//! finds; therefore all give the same answer. The verdict is exact for the f32 inputs: hit or miss is decided on the
 //! closed triangle without error, and `t` is the correctly rounded distance. f64 decides where its error bound
 //! allows; exact arithmetic decides the rest.
 //!
@@ -175,7 +175,7 @@ pub fn verdict_within(
     }
     if most >= -errors.weight
         && least <= errors.weight
-        && !settle_signs(o, d, v, (&mut w, errors.weight))
+        && !settle_signs(o, d, v, &mut w, errors.weight)
     {
         return None;
     }
@@ -214,7 +214,8 @@ fn settle_signs(
     o: [f32; 3],
     d: [f32; 3],
     v: [[f32; 3]; 3],
-    (weights, error): (&mut [f64; 3], f64),
+    weights: &mut [f64; 3],
+    error: f64,
 ) -> bool {
     let signs = edge_signs(o, d, v);
     for (w, sign) in weights.iter_mut().zip(signs) {
@@ -239,7 +240,7 @@ fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> 
     })
 }
 
-/// The exact verdict on a ray without limits, for tests.
+/// Returns the verdict on a ray without limits, for tests.
 #[cfg(any(test, feature = "strategies"))]
 pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     verdict_within(o, d, v, [f32::NEG_INFINITY, f32::INFINITY])

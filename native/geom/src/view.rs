@@ -24,7 +24,7 @@ const MOST: usize = 12;
 pub struct Line(pub [f64; 3]);
 
 impl Line {
-    /// Its value at a point.
+    /// Returns the value at a point.
     #[inline(always)]
     pub fn at(&self, [x, y]: [f64; 2]) -> f64 {
         self.0[0] + self.0[1] * x + self.0[2] * y
@@ -39,7 +39,7 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// An axis-aligned rectangle.
+    /// Makes an axis-aligned rectangle.
     pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Self {
         let mut corners = [[0.0; 2]; MOST];
         corners[0] = low;
@@ -49,12 +49,12 @@ impl Polygon {
         Self { corners, count: 4 }
     }
 
-    /// The corners, in order.
+    /// Returns the corners, in order.
     pub fn corners(&self) -> &[[f64; 2]] {
         &self.corners[..self.count]
     }
 
-    /// Bounds on the values of a function on the polygon, with the margin for rounding.
+    /// Returns bounds on the values of a function on the polygon, with the margin for rounding.
     #[inline(always)]
     pub fn range(&self, line: &Line) -> (f64, f64) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -68,8 +68,8 @@ impl Polygon {
         (low - noise, high + noise)
     }
 
-    /// The part on which a function is not negative (Sutherland and Hodgman 1974). Returns the whole polygon if
-    /// the part has too many corners, and `None` if it is empty.
+    /// Returns the part on which a function is not negative (Sutherland and Hodgman 1974), the whole polygon if the
+    /// part has too many corners, and `None` if it is empty.
     pub fn part(&self, line: &Line) -> Option<Self> {
         let mut part = Self {
             corners: [[0.0; 2]; MOST],
@@ -84,6 +84,7 @@ impl Polygon {
             if part.count + usize::from(crosses) + 1 > MOST {
                 return Some(*self);
             }
+            // Interpolate along the edge.
             if crosses {
                 let share = height / (height - next);
                 part.corners[part.count] =
@@ -110,7 +111,7 @@ pub struct View {
 }
 
 impl View {
-    /// The view along `axis`, descending if `negative`.
+    /// Makes the view along `axis`, descending if `negative`.
     pub fn new(axis: usize, negative: bool) -> Self {
         Self {
             axes: [axis, (axis + 1) % 3, (axis + 2) % 3],
@@ -118,21 +119,21 @@ impl View {
         }
     }
 
-    /// The point of a direction.
+    /// Returns the point of a direction.
     #[inline(always)]
     pub fn pixel(&self, d: [f32; 3]) -> [f64; 2] {
         let [a, i, j] = self.axes;
         [i, j].map(|k| f64::from(d[k]) / f64::from(d[a]))
     }
 
-    /// Dot product of the direction with a vector, per unit of depth, as a function on the plane of view.
+    /// Returns the dot product of the direction with a vector, per unit of depth, as a function on the plane of view.
     #[inline(always)]
     pub fn speed(&self, n: Vec3) -> Line {
         Line(self.axes.map(|k| self.sign * n[k]))
     }
 
-    /// The edges of a triangle with corners relative to the eye, as functions that are positive inside. `None`
-    /// if the triangle is seen edge-on.
+    /// Returns the edges of a triangle with corners relative to the eye, as functions that are positive inside;
+    /// `None` if the triangle is seen edge-on.
     pub fn edges(&self, [a, b, c]: [Vec3; 3]) -> Option<[Line; 3]> {
         let volume = dot(cross(a, b), c);
         if volume == 0.0 || !volume.is_finite() {
@@ -152,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_triangle_parts_a_square_into_pieces_that_own_every_point_once() {
+    fn a_triangle_splits_a_square_into_pieces_that_own_every_point_once() {
         let view = View::new(2, true);
         let edges = view
             .edges([[0.5, 0.5, -1.0], [-1.0, 0.0, -2.0], [0.0, -1.2, -2.0]])

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A whole tree as flat arrays, for programs that know nothing of its layout.
+//! A whole tree as flat arrays, for programs that do not depend on its layout.
 
 use halfspace_geom::region::Region;
 use halfspace_nodes::cells::{BOX, NodeCell, SLAB, each_node};
@@ -85,6 +85,7 @@ pub fn export(structure: &Structure) -> Export {
 }
 
 impl Export {
+    /// Appends kind, parent and depth of a node.
     fn head(&mut self, kind: u8, parent: Option<u32>, depth: usize) {
         self.kinds.push(kind);
         let parent =

@@ -73,17 +73,22 @@ pub fn leaf_cells(structure: &Structure, least: usize, max_count: usize) -> Leaf
         ..LeafCells::default()
     };
     // Append the faces of each chosen cell.
-    for (count, depth, region) in chosen {
-        out.faces.push(&region.faces(), &built.frame);
+    for cell in chosen {
+        out.faces.push(&cell.region.faces(), &built.frame);
         #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^28")]
-        out.counts.push(count as u32);
+        out.counts.push(cell.count as u32);
         #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
-        out.depths.push(depth as u32);
+        out.depths.push(cell.depth as u32);
     }
     out
 }
 
-type Chosen = (usize, usize, Region);
+/// A leaf whose cell is returned.
+struct Chosen {
+    count: usize,
+    depth: usize,
+    region: Region,
+}
 
 /// Returns the only cell of a structure without a tree, the scene's box, and the number of matching cells.
 fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
@@ -92,13 +97,17 @@ fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>,
     if count < least || built.frame.bounds().is_empty() {
         return (Vec::new(), 0);
     }
-    let only = (count, 0, Region::of_scene(built.frame.bounds()));
+    let only = Chosen {
+        count,
+        depth: 0,
+        region: Region::of_scene(built.frame.bounds()),
+    };
     (std::iter::once(only).take(max_count).collect(), 1)
 }
 
-/// Count, depth and region of the chosen leaves, and the number of all leaves with at least `least` triangles.
+/// The chosen leaves, and the number of all leaves with at least `least` triangles.
 fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
-    // First the numbers alone, because regions of millions of leaves would take much memory.
+    // Collect the numbers alone, because regions of millions of leaves would take much memory.
     let mut order = Vec::new();
     let mut number = 0_usize;
     each_leaf(tree, bounds, |leaf| {
@@ -112,15 +121,20 @@ fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (V
     order.truncate(max_count);
     let mut wanted: Vec<_> = order.iter().map(|&(_, number)| number).collect();
     wanted.sort_unstable();
+    // Copy the regions of the chosen leaves.
     let mut chosen = Vec::with_capacity(wanted.len());
     let mut next = wanted.into_iter().peekable();
     number = 0;
     each_leaf(tree, bounds, |leaf| {
         if next.next_if_eq(&number).is_some() {
-            chosen.push((leaf.count, leaf.depth, leaf.region.clone()));
+            chosen.push(Chosen {
+                count: leaf.count,
+                depth: leaf.depth,
+                region: leaf.region.clone(),
+            });
         }
         number += 1;
     });
-    chosen.sort_by_key(|&(count, ..)| std::cmp::Reverse(count));
+    chosen.sort_by_key(|cell| std::cmp::Reverse(cell.count));
     (chosen, all)
 }

@@ -43,7 +43,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
                 let corners = region.section(plane);
                 if !corners.is_empty() {
                     let corners = corners.into_iter().map(|p| frame.to_scene(narrow(p)));
-                    polygons.push(corners, (depth, *kind), max_count);
+                    polygons.push(corners, depth, *kind, max_count);
                 }
             }
             // Draw the boxes of its children, with the depth of the children.
@@ -54,7 +54,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
                         for at in [bounds.min[axis], bounds.max[axis]] {
                             let corners = rectangle(&bounds, axis, at);
                             let corners = corners.map(|p| frame.to_scene(narrow(p)));
-                            polygons.push(corners, (depth + 1, BOX), max_count);
+                            polygons.push(corners, depth + 1, BOX, max_count);
                         }
                     }
                 }
@@ -77,7 +77,8 @@ impl Polygons {
     fn push(
         &mut self,
         corners: impl IntoIterator<Item = [f32; 3]>,
-        (depth, kind): (usize, u8),
+        depth: usize,
+        kind: u8,
         max_count: usize,
     ) {
         if self.kinds.len() >= max_count {

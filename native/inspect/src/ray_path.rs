@@ -5,8 +5,8 @@
 //! that the ray passes are computed separately in plain f64, so that tests can compare the two.
 
 use halfspace_geom::Aabb;
-use halfspace_geom::region::{Face, Line, Region};
-use halfspace_nodes::cells::{Cells, each_leaf};
+use halfspace_geom::region::{Face, Line, Region, Span};
+use halfspace_nodes::cells::{Cells, NodeId, each_leaf};
 use halfspace_ray::path::Path;
 use halfspace_ray::{Hit, Ray, RayCounters};
 use halfspace_structure::Structure;
@@ -21,7 +21,7 @@ pub struct Visit {
     pub depth: usize,
     /// Interval of `t` in which the ray is inside, in units of the ray's direction. Both NaN for a leaf that the
     /// ray misses but the traversal tested, which the error bounds permit.
-    pub span: (f64, f64),
+    pub span: Span,
     /// Index of the leaf's first block.
     pub first: u32,
     /// Number of triangles in the leaf.
@@ -70,7 +70,10 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
     let follow = Follow {
         bounds: built.frame.bounds(),
         line,
-        span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
+        span: Span {
+            enter: f64::from(ray.t_min),
+            leave: f64::from(ray.t_max.min(hit.t)),
+        },
         path: &path,
     };
     match built.tree.as_ref().and_then(|tree| tree.cells()) {
@@ -83,18 +86,21 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
                 crossings,
             }
         }
-        None => alone(structure, &line, (hit, &path)),
+        None => alone(structure, &line, hit, &path),
     }
 }
 
 /// Returns the path through a structure without a tree, whose only cell is the scene's box.
-fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
+fn alone(structure: &Structure, line: &Line, hit: Hit, path: &Path) -> RayPath {
     let built = structure.built();
     let region = Region::of_scene(built.frame.bounds());
-    let whole = (f64::NEG_INFINITY, f64::INFINITY);
+    let whole = Span {
+        enter: f64::NEG_INFINITY,
+        leave: f64::INFINITY,
+    };
     let tested = path.counters.tests > 0;
     // The only leaf is visited if the line meets the scene's box.
-    let visits = region.interval(line, whole).map(|span| Visit {
+    let visits = region.span(line, whole).map(|span| Visit {
         region: region.clone(),
         depth: 0,
         span,
@@ -114,11 +120,21 @@ fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPa
 struct Follow<'a> {
     bounds: Aabb,
     line: Line,
-    span: (f64, f64),
+    span: Span,
     path: &'a Path,
 }
 
+/// A node still to visit.
+struct Entry {
+    id: NodeId,
+    region: Region,
+    /// Interval of `t` in which the line is inside the region.
+    span: Span,
+    depth: usize,
+}
+
 impl Follow<'_> {
+    /// The leaves and the planes on the path.
     fn run(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
         let (passed, mut crossings) = self.pass(tree);
         crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -131,13 +147,24 @@ impl Follow<'_> {
         if self.bounds.is_empty() {
             return (passed, crossings);
         }
-        let (top, whole) = tree.root(self.bounds);
-        let mut waiting = Vec::new();
-        if let Some(span) = whole.interval(&self.line, self.span) {
-            waiting.push((top, whole, span, 0));
+        let (id, region) = tree.root(self.bounds);
+        let mut stack = Vec::new();
+        if let Some(span) = region.span(&self.line, self.span) {
+            stack.push(Entry {
+                id,
+                region,
+                span,
+                depth: 0,
+            });
         }
-        while let Some((place, region, span, depth)) = waiting.pop() {
-            let found = tree.node(place, &region);
+        while let Some(entry) = stack.pop() {
+            let found = tree.node(entry.id, &entry.region);
+            let Entry {
+                region,
+                span,
+                depth,
+                ..
+            } = entry;
             if let Some((first, count)) = found.leaf {
                 let visit = Visit {
                     region,
@@ -153,7 +180,7 @@ impl Follow<'_> {
             // Record the split planes that the ray crosses inside the node.
             for (plane, kind) in &found.planes {
                 let t = self.line.crosses(plane);
-                if span.0 < t && t < span.1 {
+                if span.enter < t && t < span.leave {
                     crossings.push(Crossing {
                         t,
                         kind: *kind,
@@ -162,14 +189,19 @@ impl Follow<'_> {
                     });
                 }
             }
-            for (child, part) in found.children {
-                if let Some(within) = part.interval(&self.line, span) {
-                    waiting.push((child, part, within, depth + 1));
+            for (id, region) in found.children {
+                if let Some(span) = region.span(&self.line, span) {
+                    stack.push(Entry {
+                        id,
+                        region,
+                        span,
+                        depth: depth + 1,
+                    });
                 }
             }
         }
         // Order the leaves along the ray.
-        passed.sort_by(|a, b| a.span.0.total_cmp(&b.span.0));
+        passed.sort_by(|a, b| a.span.enter.total_cmp(&b.span.enter));
         (passed, crossings)
     }
 
@@ -179,10 +211,10 @@ impl Follow<'_> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
         for visit in passed {
-            let walked = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
-            if visit.count > 0 && walked {
+            let visited = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
+            if visit.count > 0 && visited {
                 tested.insert(visit.first, visit);
-            } else if visit.span.0 < visit.span.1 {
+            } else if visit.span.enter < visit.span.leave {
                 others.push(visit);
             }
         }
@@ -199,7 +231,7 @@ impl Follow<'_> {
                 continue;
             };
             visit.tested = true;
-            while let Some(other) = others.next_if(|other| other.span.0 < visit.span.0) {
+            while let Some(other) = others.next_if(|other| other.span.enter < visit.span.enter) {
                 visits.push(other);
             }
             visits.push(visit);
@@ -208,7 +240,7 @@ impl Follow<'_> {
         visits
     }
 
-    /// Looks through the whole tree for the leaves that the traversal tested and the line passes by.
+    /// Searches the whole tree for the leaves that the traversal tested although the line misses them.
     fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
         each_leaf(tree, self.bounds, |leaf| {
             let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);
@@ -217,7 +249,10 @@ impl Follow<'_> {
                 let visit = Visit {
                     region: leaf.region.clone(),
                     depth: leaf.depth,
-                    span: (f64::NAN, f64::NAN),
+                    span: Span {
+                        enter: f64::NAN,
+                        leave: f64::NAN,
+                    },
                     first: leaf.first,
                     count: leaf.count,
                     tested: true,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The invariants of a built structure, checked from outside: what holds whatever built it.
+//! Checks of the invariants that every built structure satisfies.
 
 use halfspace_geom::cell::Direction;
 use halfspace_nodes::tree::Body;
@@ -45,7 +45,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     broken
 }
 
-/// Where the planes of the root meet, in the scene's frame; its middle along axes without a plane.
+/// The point where the planes of the root meet, in the scene's frame; its middle along axes without a plane.
 fn crossing(structure: &Structure) -> [f32; 3] {
     let built = structure.built();
     let bounds = built.frame.bounds();
@@ -61,8 +61,8 @@ fn crossing(structure: &Structure) -> [f32; 3] {
     built.frame.to_scene(point)
 }
 
-/// Every pixel of a tile has the answer of the single ray. Views from a corner of cells, and from the lowest corner of
-/// the scene, in all directions; and parallel ones.
+/// Compares every pixel of tiles with its single ray: perspective and parallel views from a corner of cells and from the
+/// lowest corner of the scene, along all axes.
 fn tiles(structure: &Structure, broken: &mut Vec<String>) {
     let bounds = structure.scene().bounds();
     if bounds.is_empty() {
@@ -74,9 +74,9 @@ fn tiles(structure: &Structure, broken: &mut Vec<String>) {
             let (axis, sign) = (face / 2, if face % 2 == 1 { 1.0 } else { -1.0 });
             let mut rays = Vec::with_capacity(4 * TILE);
             for pixel in 0..2 * TILE {
-                let place = [pixel % 16, pixel / 16].map(|i| i as f32 / 8.0 - 1.0);
+                let position = [pixel % 16, pixel / 16].map(|i| i as f32 / 8.0 - 1.0);
                 let mut d = [sign; 3];
-                (d[(axis + 1) % 3], d[(axis + 2) % 3]) = (place[0], place[1]);
+                (d[(axis + 1) % 3], d[(axis + 2) % 3]) = (position[0], position[1]);
                 let mut ray = Ray {
                     o: apex,
                     d,
@@ -84,13 +84,13 @@ fn tiles(structure: &Structure, broken: &mut Vec<String>) {
                     t_max: f32::INFINITY,
                 };
                 rays.push(ray);
-                // The same window, and parallel rays from it.
+                // Add a parallel ray from the same window.
                 ray.o = std::array::from_fn(|k| apex[k] + 0.5 * d[k] * size[k]);
                 ray.d = [0.0; 3];
                 ray.d[axis] = sign;
                 rays.push(ray);
             }
-            // The first kind before the second.
+            // Put all rays of the first kind before those of the second.
             let rays: Vec<_> = (0..2)
                 .flat_map(|kind| rays.iter().skip(kind).step_by(2))
                 .copied()

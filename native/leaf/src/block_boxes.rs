@@ -30,6 +30,7 @@ impl<'a, S: Simd> BlockBoxes<'a, S> {
             [row(1), row(4), row(7)],
             [row(2), row(5), row(8)],
         );
+        // Bound each triangle.
         Self {
             words,
             n,

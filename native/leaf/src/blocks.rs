@@ -9,13 +9,13 @@
 
 use crate::candidates::{Candidates, Edges, Surely};
 use crate::keep::{Keep, write_lane};
-use crate::{Job, Leaf};
+use crate::{Block, Job, Leaf};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray, RayRef};
+use halfspace_ray::{BoundedRay, RayRef};
 use halfspace_scene::Triangles;
 use prefetch_index::prefetch_index;
 
@@ -50,12 +50,12 @@ impl PartialEq for Blocks {
 }
 
 impl Blocks {
-    /// An empty array. Call [`Self::seal`] after the last leaf.
+    /// Makes an empty array. Call [`Self::seal`] after the last leaf.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// An array whose first `words` words `fill` writes, in the layout given by `keep`; already sealed.
+    /// Makes an array whose first `words` words `fill` writes, in the layout given by `keep`; already sealed.
     pub fn filled(frame: &Frame, keep: Keep, words: usize, fill: impl FnOnce(&mut [f32])) -> Self {
         let mut blocks = Self {
             words: vec![0.0; words + SPAN],
@@ -84,20 +84,20 @@ impl Blocks {
         self.words.shrink_to_fit();
     }
 
-    /// Word offset of triangle `index` within its leaf; `index` is a multiple of [`LANES`], so a block starts
-    /// there.
+    /// Returns the word offset of triangle `index` within its leaf; `index` is a multiple of [`LANES`], so a block
+    /// starts there.
     #[expect(clippy::cast_possible_truncation, reason = "bounded by the scene")]
-    pub fn place(index: usize) -> u32 {
+    pub fn offset(index: usize) -> u32 {
         (index / LANES * (1 + WORDS * LANES)) as u32
     }
 
-    /// Whether vertices are stored in a frame other than the scene's.
+    /// Returns whether vertices are stored in a frame other than the scene's.
     #[inline(always)]
     fn scaled(&self) -> bool {
         self.scale != 1.0
     }
 
-    /// Size of the words in bytes.
+    /// Returns the size of the words in bytes.
     pub fn bytes(&self) -> usize {
         self.words.len() * size_of::<f32>()
     }
@@ -111,7 +111,7 @@ impl Blocks {
         }
     }
 
-    /// The ids of the `count` triangles of the leaf at word offset `first`.
+    /// Returns the ids of the `count` triangles of the leaf at word offset `first`.
     pub fn ids(&self, first: u32, count: usize) -> Vec<u32> {
         let mut at = first as usize;
         if self.keep == Keep::Indices {
@@ -154,7 +154,7 @@ impl Blocks {
         }
     }
 
-    /// The block of `n` triangles at word offset `at`, and the offset of the next block.
+    /// Returns the block of `n` triangles at word offset `at`, and the offset of the next block.
     #[inline(always)]
     pub fn block(&self, at: u32, n: usize) -> (&[f32; SPAN], u32) {
         let block = self.words[at as usize..]
@@ -164,13 +164,14 @@ impl Blocks {
         (block, at + (1 + WORDS * n) as u32)
     }
 
-    /// The block of `n` triangles at word offset `at`, and the offset of the next block, for leaves of either [`Keep`]:
+    /// Returns the block of `n` triangles at word offset `at`, and the offset of the next block, for leaves of either [`Keep`]:
     /// triangles stored as indices are gathered in `room`.
     #[inline(always)]
     pub fn load<'a>(
         &'a self,
         scene: &Triangles,
-        (at, n): (u32, usize),
+        at: u32,
+        n: usize,
         room: &'a mut [f32; SPAN],
     ) -> (&'a [f32; SPAN], u32) {
         if self.keep != Keep::Indices {
@@ -182,7 +183,7 @@ impl Blocks {
         (room, at + (4 * n) as u32)
     }
 
-    /// The vertices of the triangle whose words begin at `from` and are `n` apart.
+    /// Returns the vertices of the triangle whose words begin at `from` and are `n` apart.
     #[inline(always)]
     pub fn corners_at(&self, from: usize, n: usize) -> [[f32; 3]; 3] {
         let words = self.block_words(from);
@@ -190,13 +191,13 @@ impl Blocks {
         [corner(0), corner(3), corner(6)]
     }
 
-    /// The id of the triangle whose words begin at `from` and are `n` apart.
+    /// Returns the id of the triangle whose words begin at `from` and are `n` apart.
     #[inline(always)]
     pub fn id_at(&self, from: usize, n: usize) -> u32 {
         self.block_words(from)[9 * n].to_bits()
     }
 
-    /// The words of the block at word offset `at`, and the words that loads may read past it.
+    /// Returns the words of the block at word offset `at`, and the words that loads may read past it.
     #[inline(always)]
     pub fn block_words(&self, at: usize) -> &[f32; SPAN] {
         self.words[at..]
@@ -204,7 +205,7 @@ impl Blocks {
             .expect("sealed: no block is the last")
     }
 
-    /// The vertices of triangle `id` in the scene's frame; `corners` are its vertices in this frame.
+    /// Returns the vertices of triangle `id` in the scene's frame; `corners` are its vertices in this frame.
     #[inline(always)]
     pub fn scene_corners(
         &self,
@@ -219,67 +220,6 @@ impl Blocks {
         }
     }
 
-    /// Passes the candidates of a block of `n` triangles to the exact test, nearest first; returns whether the
-    /// traversal may end.
-    #[inline(always)]
-    pub fn settle<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        (mut open, surely): (Candidates<S>, &Surely),
-        (block, n, scene): (&[f32; SPAN], usize, &Triangles),
-        (ray, frame, certain): (&Ray, &FrameRay, [f32; 2]),
-        best: &mut Best,
-        counters: &mut C,
-    ) -> bool {
-        while let Some(lane) = open.next::<Q, C>(surely) {
-            let id = block[1 + 9 * n + lane].to_bits();
-            // Defer the exact test if f32 already proves the hit.
-            let held = match surely.range(lane) {
-                Some(range) => best.hold::<Q>(
-                    (ray, frame, certain),
-                    id,
-                    range,
-                    #[inline(always)]
-                    || self.corners_in(block, (lane, n), scene),
-                ),
-                _ => None,
-            };
-            // Run it now if f32 proves nothing, or cannot order the two nearest triangles.
-            let ends = match held {
-                Some(ends) => ends,
-                None => best.offer::<Q, C>(
-                    RayRef { ray, frame },
-                    id,
-                    #[inline(always)]
-                    || self.corners_in(block, (lane, n), scene),
-                    counters,
-                ),
-            };
-            if ends {
-                return true;
-            }
-            open.drop_beyond(simd, best.reach);
-        }
-        false
-    }
-
-    /// The vertices, in the scene's frame, of the triangle in `lane` of a block of `n`.
-    #[inline(always)]
-    fn corners_in(
-        &self,
-        block: &[f32; SPAN],
-        (lane, n): (usize, usize),
-        scene: &Triangles,
-    ) -> [[f32; 3]; 3] {
-        let at = |r: usize| block[1 + r * n + lane];
-        let corners = [
-            [at(0), at(1), at(2)],
-            [at(3), at(4), at(5)],
-            [at(6), at(7), at(8)],
-        ];
-        self.scene_corners(scene, at(9).to_bits(), corners)
-    }
-
     /// Gathers the vertices of triangles stored as [`Keep::Indices`] into a block in the frame.
     #[inline(always)]
     fn fetch(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
@@ -292,10 +232,68 @@ impl Blocks {
                 let p = vertices[triangle[i].to_bits() as usize];
                 map(p, |x| x * self.scale)
             });
-            let own = write_lane(block, (lane, n), triangle[3].to_bits(), corners);
+            let own = write_lane(block, lane, n, triangle[3].to_bits(), corners);
             size = keep_max(own, size);
         }
         block[0] = size;
+    }
+}
+
+impl Block<'_> {
+    /// Passes the candidates to the exact test, nearest first; returns whether the traversal may end.
+    #[inline(always)]
+    pub fn settle<S: Simd, Q: Query, C: Counters>(
+        self,
+        simd: S,
+        mut open: Candidates<S>,
+        surely: &Surely,
+        ray: BoundedRay<'_>,
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        while let Some(lane) = open.next::<Q, C>(surely) {
+            let id = self.words[1 + 9 * self.count + lane].to_bits();
+            // Defer the exact test if f32 already proves the hit.
+            let deferred = match surely.range(lane) {
+                Some(range) => best.defer::<Q>(
+                    ray,
+                    id,
+                    range,
+                    #[inline(always)]
+                    || self.scene_corners(lane),
+                ),
+                _ => None,
+            };
+            // Run it now if f32 proves nothing, or cannot order the two nearest triangles.
+            let ends = match deferred {
+                Some(ends) => ends,
+                None => best.offer::<Q, C>(
+                    ray.ray,
+                    id,
+                    #[inline(always)]
+                    || self.scene_corners(lane),
+                    counters,
+                ),
+            };
+            if ends {
+                return true;
+            }
+            open.drop_beyond(simd, best.reach);
+        }
+        false
+    }
+
+    /// Returns the vertices, in the scene's frame, of the triangle in `lane`.
+    #[inline(always)]
+    fn scene_corners(&self, lane: usize) -> [[f32; 3]; 3] {
+        let at = |r: usize| self.words[1 + r * self.count + lane];
+        let corners = [
+            [at(0), at(1), at(2)],
+            [at(3), at(4), at(5)],
+            [at(6), at(7), at(8)],
+        ];
+        let Job { scene, blocks } = self.job;
+        blocks.scene_corners(scene, at(9).to_bits(), corners)
     }
 }
 
@@ -337,11 +335,12 @@ impl Job<'_> {
         self,
         simd: S,
         Leaf { first, count }: Leaf,
-        RayRef { ray, frame }: RayRef<'_>,
+        ray: RayRef<'_>,
         leave: f32,
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
+        let frame = ray.frame;
         // In a replay, return the recorded answer of this leaf instead of testing its triangles.
         if C::REPLAY {
             return best.take::<Q>(frame, counters.replay());
@@ -355,7 +354,7 @@ impl Job<'_> {
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
-            let block = if indices {
+            let words = if indices {
                 self.blocks
                     .fetch(self.scene, &self.blocks.words[at..at + 4 * n], &mut fetched);
                 &fetched
@@ -366,19 +365,18 @@ impl Job<'_> {
             };
             // Bound all triangles by the errors of the block's largest; most blocks end here.
             let reach = keep_min(leave, best.reach);
-            let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
+            let mut open = Candidates::new(simd, &Edges::new(simd, words, n), frame, reach);
             if open.any() {
                 // Computing the edges again is cheaper than keeping them in registers through `any`.
-                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
-                let ends = self.blocks.settle::<S, Q, C>(
-                    simd,
-                    (open, &surely),
-                    (block, n, self.scene),
-                    (ray, frame, frame.certain(ray)),
-                    best,
-                    counters,
-                );
-                if ends {
+                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, words, n), frame);
+                let block = Block {
+                    job: self,
+                    words,
+                    count: n,
+                };
+                let certain = frame.certain(ray.ray);
+                let ray = BoundedRay { ray, certain };
+                if block.settle::<S, Q, C>(simd, open, &surely, ray, best, counters) {
                     return true;
                 }
             }

@@ -6,7 +6,7 @@ use halfspace_geom::bound::keep_max;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 
-/// What leaves store of their triangles.
+/// The data that leaves store of their triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Keep {
     /// Vertices and id, in blocks ready for the test.
@@ -18,7 +18,7 @@ pub enum Keep {
 }
 
 impl Keep {
-    /// Number of 32-bit words of a leaf with `count` triangles.
+    /// Returns the number of 32-bit words of a leaf with `count` triangles.
     pub fn words(self, count: usize) -> usize {
         match self {
             Self::Corners => count.div_ceil(LANES) + WORDS * count,
@@ -35,7 +35,7 @@ impl Keep {
                 for (block, ids) in blocks.zip(ids.chunks(LANES)) {
                     for (lane, &id) in ids.iter().enumerate() {
                         let corners = scene.corners(id).map(|p| frame.point(p));
-                        let size = write_lane(block, (lane, ids.len()), id, corners);
+                        let size = write_lane(block, lane, ids.len(), id, corners);
                         block[0] = block[0].max(size);
                     }
                 }
@@ -56,7 +56,8 @@ impl Keep {
 #[inline(always)]
 pub fn write_lane(
     block: &mut [f32],
-    (lane, n): (usize, usize),
+    lane: usize,
+    n: usize,
     id: u32,
     [a, b, c]: [[f32; 3]; 3],
 ) -> f32 {

@@ -153,6 +153,7 @@ impl Free {
             o[1] - splat(self.corner[1]),
             o[2] - splat(self.corner[2]),
         ];
+        // Compute the determinant, the weights and the distance, as in [`crate::candidates`].
         let [ax, ay, az] = self.e1;
         let p = across(simd, d, self.e2);
         let q = across(simd, s, self.e1);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What names a leaf, and what a test of its triangles needs.
+//! Leaves, their blocks, and the arrays that a test of their triangles reads.
 
-use crate::blocks::Blocks;
+use crate::blocks::{Blocks, SPAN};
 use halfspace_scene::Triangles;
 
 /// A leaf with triangles: the position of its first block and its number of triangles.
@@ -13,11 +13,22 @@ pub struct Leaf {
     pub count: usize,
 }
 
-/// The triangles that a kernel tests: those of the scene, and their copies in the leaves of one tree.
+/// The triangles that a kernel tests: the scene's, and their copies in the leaves of one tree.
 #[derive(Clone, Copy)]
 pub struct Job<'a> {
     /// The triangles of the scene.
     pub scene: &'a Triangles,
     /// The blocks of the leaves.
     pub blocks: &'a Blocks,
+}
+
+/// A block of a leaf under test.
+#[derive(Clone, Copy)]
+pub struct Block<'a> {
+    /// The scene, and the leaves that the block belongs to.
+    pub job: Job<'a>,
+    /// The words of the block, and the words that loads may read past it.
+    pub words: &'a [f32; SPAN],
+    /// Number of triangles.
+    pub count: usize,
 }

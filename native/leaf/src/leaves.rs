@@ -4,6 +4,7 @@
 
 use crate::blocks::Blocks;
 use crate::keep::Keep;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 
@@ -56,7 +57,7 @@ impl Leaves {
     /// Writes all leaves; `ids` are the tree's triangle numbers.
     pub fn write(&self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> Blocks {
         Blocks::filled(frame, self.keep, self.words, |words| {
-            self.fill(words, 0, &self.leaves, (scene, frame, ids));
+            self.fill(words, 0, &self.leaves, FramedScene { scene, frame }, ids);
         })
     }
 
@@ -66,7 +67,8 @@ impl Leaves {
         words: &mut [f32],
         start: usize,
         leaves: &[Leaf],
-        (scene, frame, ids): (&Triangles, &Frame, &[u32]),
+        framed: FramedScene<'_>,
+        ids: &[u32],
     ) {
         if leaves.len() > TASK {
             // Halve the leaves and their words for two threads.
@@ -74,8 +76,8 @@ impl Leaves {
             let middle = after[0].at;
             let (left, right) = words.split_at_mut(middle - start);
             rayon::join(
-                || self.fill(left, start, before, (scene, frame, ids)),
-                || self.fill(right, middle, after, (scene, frame, ids)),
+                || self.fill(left, start, before, framed, ids),
+                || self.fill(right, middle, after, framed, ids),
             );
             return;
         }
@@ -83,7 +85,7 @@ impl Leaves {
             let at = leaf.at - start;
             let ids = &ids[leaf.first..leaf.first + leaf.count];
             let words = &mut words[at..at + self.keep.words(leaf.count)];
-            self.keep.write(words, scene, frame, ids);
+            self.keep.write(words, framed.scene, framed.frame, ids);
         }
     }
 }

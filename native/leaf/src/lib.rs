@@ -10,4 +10,4 @@ pub mod lanes;
 pub mod leaf;
 pub mod leaves;
 
-pub use leaf::{Job, Leaf};
+pub use leaf::{Block, Job, Leaf};

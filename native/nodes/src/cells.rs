@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Nodes as convex regions, whatever the layout: for drawing, for leaf depths and for following a ray. Rays that are
-//! timed never come here.
+//! Nodes as convex regions, for any layout: for drawing, for leaf depths and for ray paths. Traversals do not use it.
 
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::Plane;
@@ -15,16 +14,16 @@ pub const OCTANT: u8 = 5;
 /// Kind of a face of a box.
 pub const BOX: u8 = 6;
 
-/// The kind of a plane perpendicular to an axis: the number of the axis.
+/// Returns the kind of a plane perpendicular to an axis: the number of the axis.
 #[expect(clippy::cast_possible_truncation, reason = "an axis")]
 pub fn axis_kind(axis: usize) -> u8 {
     axis as u8
 }
 
-/// Names a node within its tree; each layout gives the four words a meaning of its own.
+/// Name of a node within its tree; each layout defines its four words.
 pub type NodeId = [u32; 4];
 
-/// A node as seen from outside.
+/// A node in terms common to all layouts.
 #[derive(Debug, Clone, Default)]
 pub struct NodeView {
     /// For a leaf, the position of its first block and its number of triangles.
@@ -38,7 +37,7 @@ pub struct NodeView {
 }
 
 impl NodeView {
-    /// A leaf of `count` triangles.
+    /// Makes a leaf of `count` triangles.
     pub fn leaf(first: u32, count: usize) -> Self {
         Self {
             leaf: Some((first, count)),
@@ -58,19 +57,20 @@ pub struct Steps {
 
 /// A tree as nodes that cover regions.
 pub trait Cells {
-    /// The root and its region; `bounds` is the box of the scene in the frame of the tree.
+    /// Returns the root and its region; `bounds` is the box of the scene in the frame of the tree.
     fn root(&self, bounds: Aabb) -> (NodeId, Region);
 
-    /// The node with this name and this region.
+    /// Returns the node with this name and this region.
     fn node(&self, id: NodeId, region: &Region) -> NodeView;
 
-    /// Whether the children of a node cover it without common inner points, so that a leaf holds every triangle that
-    /// reaches into its region.
+    /// Returns whether the children of a node cover it without common inner points, so that a leaf holds every triangle
+    /// that reaches into its region.
     fn partitions(&self) -> bool {
         false
     }
 
-    /// The steps that [`crate::shape::Shape::sah_cost`] charges for a node: one for an inner node, none for a leaf.
+    /// Returns the steps that [`crate::shape::Shape::sah_cost`] charges for a node: one for an inner node, none for a
+    /// leaf.
     fn steps(&self, node: &NodeView) -> Steps {
         if node.leaf.is_some() {
             return Steps::default();
@@ -125,6 +125,7 @@ pub fn each_node(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(NodeCell<
             region: &region,
             view: &view,
         });
+        // Push the children in reverse, so that the first one is visited next.
         let children = view.children.into_iter().rev();
         open.extend(children.map(|(id, region)| (id, region, Some(index), depth + 1)));
         index += 1;

@@ -82,7 +82,8 @@ impl Costs {
     /// Returns the cost of a split, from the shares of the parent's surface area and the triangle counts of both
     /// children.
     #[inline(always)]
-    pub fn split(&self, (share_left, share_right): (f32, f32), (left, right): (f32, f32)) -> f32 {
+    pub fn split(&self, shares: [f32; 2], counts: [f32; 2]) -> f32 {
+        let ([share_left, share_right], [left, right]) = (shares, counts);
         let cost = self.step + (share_left * self.leaf(left) + share_right * self.leaf(right));
         if left == 0.0 || right == 0.0 {
             cost * self.empty
@@ -108,10 +109,10 @@ mod tests {
 
     #[test]
     fn emptiness_earns_its_bonus() {
-        let cost = Costs::BLOCKS.split((0.5, 0.7), (0.0, 4.0));
+        let cost = Costs::BLOCKS.split([0.5, 0.7], [0.0, 4.0]);
         assert_eq!(cost, (10.0 + 0.7 * 45.0) * 0.9);
         assert_eq!(
-            Costs::THESIS.split((0.5, 0.7), (1.0, 2.0)),
+            Costs::THESIS.split([0.5, 0.7], [1.0, 2.0]),
             1.0 + 0.5 * 80.0 + 0.7 * 160.0
         );
     }

@@ -16,59 +16,59 @@ pub struct Grid {
     pub walls: [Vec<f32>; 3],
     /// Cells per unit of length.
     pub per_unit: [f32; 3],
-    /// Where each cell's blocks begin and how many triangles they hold; x runs fastest, z slowest.
+    /// Position of the first block and number of triangles of each cell; x runs fastest, z slowest.
     pub cells: Vec<[u32; 2]>,
 }
 
 impl Grid {
-    /// How many cells there are between the walls.
+    /// Returns the number of cells.
     pub fn number(&self) -> usize {
         self.count(0) * self.count(1) * self.count(2)
     }
 
-    /// The walls across an axis, in ascending order.
+    /// Returns the walls across an axis, in ascending order.
     #[inline(always)]
     pub fn walls(&self, axis: usize) -> &[f32] {
         &self.walls[axis]
     }
 
-    /// Cells per unit of length along an axis; means nothing for an axis along which the scene is flat.
+    /// Returns the cells per unit of length along an axis; undefined for an axis along which the scene is flat.
     #[inline(always)]
     pub fn per_unit(&self, axis: usize) -> f32 {
         self.per_unit[axis]
     }
 
-    /// How many cells there are along an axis.
+    /// Returns the number of cells along an axis.
     #[inline(always)]
     pub fn count(&self, axis: usize) -> usize {
         self.walls[axis].len() - 1
     }
 
-    /// Where a cell is kept.
+    /// Returns the index of a cell.
     #[inline(always)]
     pub fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         (z * self.count(1) + y) * self.count(0) + x
     }
 
-    /// Where a cell's blocks begin, and how many triangles they hold.
+    /// Returns the leaf of a cell.
     #[inline(always)]
-    pub fn cell(&self, place: [usize; 3]) -> Leaf {
-        let [first, count] = self.cells[self.index(place)];
+    pub fn cell(&self, cell: [usize; 3]) -> Leaf {
+        let [first, count] = self.cells[self.index(cell)];
         Leaf {
             first,
             count: count as usize,
         }
     }
 
-    /// The box of a cell.
-    pub fn bounds(&self, place: [usize; 3]) -> Aabb {
+    /// Returns the box of a cell.
+    pub fn bounds(&self, cell: [usize; 3]) -> Aabb {
         Aabb {
-            min: [0, 1, 2].map(|k| self.walls[k][place[k]]),
-            max: [0, 1, 2].map(|k| self.walls[k][place[k] + 1]),
+            min: [0, 1, 2].map(|k| self.walls[k][cell[k]]),
+            max: [0, 1, 2].map(|k| self.walls[k][cell[k] + 1]),
         }
     }
 
-    /// Visits all cells, x fastest.
+    /// Calls `see` for all cells, x fastest.
     pub fn visit(&self, mut see: impl FnMut([usize; 3], Leaf)) {
         for z in 0..self.count(2) {
             for y in 0..self.count(1) {
@@ -79,7 +79,7 @@ impl Grid {
         }
     }
 
-    /// Size in bytes.
+    /// Returns the size in bytes.
     pub fn bytes(&self) -> usize {
         let walls: usize = self.walls.iter().map(|walls| size_of_val(&**walls)).sum();
         walls + size_of_val(&*self.cells)
@@ -121,6 +121,7 @@ impl Cells for Grid {
             let Leaf { first, count } = self.cell(at.map(|i| i as usize));
             return NodeView::leaf(first, count);
         }
+        // Divide the box along the axis of the level.
         let bounds = region.bounds().expect("a box within a grid");
         let walls = self.walls(axis);
         let planes = walls[1..self.count(axis)].iter().map(|&offset| {

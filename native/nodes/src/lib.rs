@@ -10,8 +10,8 @@
 //! | [`grid`] | uniform grids |
 //! | [`check`] | the invariants of each layout |
 //!
-//! The files on top belong to all layouts: [`tree`] and [`cells`] are their common face, [`nested`] that of trees of
-//! boxes and intervals, [`shape`] and [`cost`] their statistics.
+//! The files on top belong to all layouts: [`tree`] and [`cells`] are their common interface, [`nested`] that of trees
+//! of boxes and intervals, [`shape`] and [`cost`] their statistics.
 
 pub mod boxes;
 pub mod cells;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Object trees seen from outside, whatever their layout: for their shape, for validation and for
-//! drawing. Walks do not come here.
+//! The common interface of object trees, for their shape, for validation and for drawing. Traversals do not use it.
 
 use crate::cells::{Cells, NodeId, NodeView, SLAB};
 use crate::check;
@@ -10,72 +9,98 @@ use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Direction, Plane};
 use halfspace_geom::region::Region;
 
-/// What is found at a node.
+/// Content of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
-    /// A leaf, by where its triangles begin and their number.
+pub enum Content {
+    /// A leaf.
     Leaf {
-        /// Where its triangles begin.
+        /// Position of its first block.
         first: u32,
-        /// How many they are.
+        /// Number of triangles.
         count: usize,
     },
-    /// An inner node that states the box of each child.
+    /// An inner node that stores the box of each child.
     Boxes,
-    /// An inner node that states, along one axis, between which planes each child lies.
+    /// An inner node that stores, along one axis, the planes between which each child lies.
     Slabs {
         /// 0, 1 or 2.
         axis: usize,
     },
 }
 
-/// Where a node is found: what the number means is the layout's own affair.
-pub type Place = (u32, u32);
+/// Reference to a node, in the terms of its layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NodeRef {
+    /// Index of the node, or position of the leaf's first block.
+    pub link: u32,
+    /// The count that the layout stores with the link; 0 if it stores none.
+    pub count: u32,
+}
+
+impl NodeRef {
+    /// Makes a reference of an index alone.
+    pub fn index(link: u32) -> Self {
+        Self { link, count: 0 }
+    }
+}
 
 /// A layout of an object tree.
 pub trait Nested {
-    /// Where the root is found.
-    fn top(&self) -> Place;
+    /// Returns the reference to the root.
+    fn top(&self) -> NodeRef;
 
-    /// What is found at `place`. The children of an inner node are appended, each with the region that
-    /// the nodes on its path leave it; `region` is that of the node itself.
-    fn look(&self, place: Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look;
+    /// Returns the content of a node. Appends the children of an inner node, each with its region within `region`, that
+    /// of the node itself.
+    fn content(&self, node: NodeRef, region: &Aabb, children: &mut Vec<(NodeRef, Aabb)>)
+    -> Content;
 
-    /// Size of the nodes in bytes.
+    /// Returns the size of the nodes in bytes.
     fn bytes(&self) -> usize;
 
-    /// Whether the bounds of a node hold those of its children, as far as regions do not say it.
-    fn nests(&self, place: Place) -> bool {
-        let _ = place;
+    /// Returns whether the bounds that a node stores in addition to its region enclose those of its children.
+    fn encloses_children(&self, node: NodeRef) -> bool {
+        let _ = node;
         true
     }
 
-    /// Whether the bounds of a leaf hold a triangle, as far as its region does not say it.
-    fn holds(&self, leaf: Place, corners: [[f32; 3]; 3]) -> bool {
+    /// Returns whether the bounds that a leaf stores in addition to its region enclose a triangle.
+    fn encloses(&self, leaf: NodeRef, corners: [[f32; 3]; 3]) -> bool {
         let _ = (leaf, corners);
         true
     }
 }
 
-/// Visits all nodes below `bounds`, parents before children: place and region, depth, what is there,
-/// and the places and regions of the children.
-pub fn visit<T: Nested + ?Sized>(
-    tree: &T,
-    bounds: Aabb,
-    mut see: impl FnMut((Place, &Aabb), usize, Look, &[(Place, Aabb)]),
-) {
-    let mut waiting = vec![(tree.top(), bounds, 0)];
+/// A node on a visit of all nodes.
+#[derive(Debug, Clone, Copy)]
+pub struct Visit<'a> {
+    /// The node.
+    pub node: NodeRef,
+    /// Its region.
+    pub region: &'a Aabb,
+    /// Depth; the root has depth 0.
+    pub depth: usize,
+    /// Its content.
+    pub content: Content,
+    /// The children and their regions.
+    pub children: &'a [(NodeRef, Aabb)],
+}
+
+/// Visits all nodes below `bounds`, parents before children.
+pub fn visit<T: Nested + ?Sized>(tree: &T, bounds: Aabb, mut see: impl FnMut(Visit<'_>)) {
+    let mut stack = vec![(tree.top(), bounds, 0)];
     let mut children = Vec::new();
-    while let Some((place, region, depth)) = waiting.pop() {
+    while let Some((node, region, depth)) = stack.pop() {
         children.clear();
-        let look = tree.look(place, &region, &mut children);
-        see((place, &region), depth, look, &children);
-        waiting.extend(
-            children
-                .iter()
-                .rev()
-                .map(|&(place, region)| (place, region, depth + 1)),
-        );
+        let content = tree.content(node, &region, &mut children);
+        see(Visit {
+            node,
+            region: &region,
+            depth,
+            content,
+            children: &children,
+        });
+        let below = children.iter().rev();
+        stack.extend(below.map(|&(node, region)| (node, region, depth + 1)));
     }
 }
 
@@ -83,14 +108,14 @@ pub fn visit<T: Nested + ?Sized>(
 pub fn shape<T: Nested + ?Sized>(tree: &T, bounds: Aabb) -> Shape {
     let mut measure = Measure::default();
     let root_area = bounds.area();
-    visit(tree, bounds, |(_, region), depth, look, _| {
-        let share = if root_area > 0.0 && !region.is_empty() {
-            region.area() / root_area
+    visit(tree, bounds, |visit| {
+        let share = if root_area > 0.0 && !visit.region.is_empty() {
+            visit.region.area() / root_area
         } else {
             0.0
         };
-        if let Look::Leaf { count, .. } = look {
-            measure.leaf(count, depth, share);
+        if let Content::Leaf { count, .. } = visit.content {
+            measure.leaf(count, visit.depth, share);
         } else {
             measure.axis(share);
         }
@@ -114,8 +139,8 @@ impl<T: Nested + PartialEq + std::fmt::Debug + Send + Sync + 'static> Tree for T
             min: [f32::MIN; 3],
             max: [f32::MAX; 3],
         };
-        visit(self, everywhere, |_, _, look, _| {
-            if let Look::Leaf { first, count } = look {
+        visit(self, everywhere, |visit| {
+            if let Content::Leaf { first, count } = visit.content {
                 see(first, count);
             }
         });
@@ -130,22 +155,26 @@ impl<T: Nested + PartialEq + std::fmt::Debug + Send + Sync + 'static> Tree for T
     }
 }
 
-/// A node is named by its [`Place`].
+/// Returns a reference as the name of a node.
+fn id(node: NodeRef) -> NodeId {
+    [node.link, node.count, 0, 0]
+}
+
+/// A node is named by its [`NodeRef`].
 impl<T: Nested> Cells for T {
     fn root(&self, bounds: Aabb) -> (NodeId, Region) {
-        let (a, b) = self.top();
-        ([a, b, 0, 0], Region::of_scene(bounds))
+        (id(self.top()), Region::of_scene(bounds))
     }
 
-    fn node(&self, [a, b, ..]: NodeId, region: &Region) -> NodeView {
+    fn node(&self, [link, count, ..]: NodeId, region: &Region) -> NodeView {
         let mut children = Vec::new();
         let bounds = region.bounds().expect("a box within a tree of boxes");
-        let look = self.look((a, b), &bounds, &mut children);
-        let planes = match look {
-            Look::Leaf { first, count } => return NodeView::leaf(first, count),
-            Look::Boxes => Vec::new(),
-            // Only planes that cut something off the region are planes of this node.
-            Look::Slabs { axis } => (children.iter())
+        let content = self.content(NodeRef { link, count }, &bounds, &mut children);
+        let planes = match content {
+            Content::Leaf { first, count } => return NodeView::leaf(first, count),
+            Content::Boxes => Vec::new(),
+            // Only planes that cut space off the region are planes of this node.
+            Content::Slabs { axis } => (children.iter())
                 .filter(|(_, child)| !child.is_empty())
                 .flat_map(|(_, child)| {
                     [
@@ -160,13 +189,14 @@ impl<T: Nested> Cells for T {
                 })
                 .collect(),
         };
+        // Convert the boxes of the children to regions.
         let regions = children
             .into_iter()
-            .map(|((a, b), bounds)| ([a, b, 0, 0], region.part(bounds)));
+            .map(|(node, bounds)| (id(node), region.part(bounds)));
         NodeView {
             planes,
             children: regions.collect(),
-            boxes: look == Look::Boxes,
+            boxes: content == Content::Boxes,
             leaf: None,
         }
     }

@@ -19,12 +19,12 @@ impl Next {
     /// The traversal has ended.
     pub const OVER: Self = Self(3);
 
-    /// The kind as the two highest bits of a word.
+    /// Returns the kind as the two highest bits of a word.
     pub const fn word(self) -> u32 {
         (self.0 as u32) << 30
     }
 
-    /// The kind in the two highest bits of a word.
+    /// Returns the kind in the two highest bits of a word.
     #[inline(always)]
     pub const fn of(word: u32) -> Self {
         Self((word >> 30) as usize)

@@ -43,6 +43,7 @@ impl Shape {
         // Combine the mean depths, weighted by the numbers of leaves.
         let depth_sum = self.depth_mean * self.leaves as f64
             + (other.depth_mean + depth as f64) * other.leaves as f64;
+        // Add the counts.
         self.nodes_axis += other.nodes_axis;
         self.nodes_oblique += other.nodes_oblique;
         self.leaves += other.leaves;

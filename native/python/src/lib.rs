@@ -2,8 +2,6 @@
 //! The Python module `halfspace_native`: arrays in, arrays out. No other module uses pyo3 or numpy.
 //! `halfspace_native.pyi` documents each function.
 
-#![warn(clippy::too_many_lines)]
-
 mod analysis;
 mod args;
 mod cases;

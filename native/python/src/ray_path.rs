@@ -77,8 +77,8 @@ fn visits<'py>(
         let values: Vec<_> = path.visits.iter().map(get).collect();
         values.to_pyarray(py)
     };
-    dict.set_item("enter", column(|visit| visit.span.0))?;
-    dict.set_item("leave", column(|visit| visit.span.1))?;
+    dict.set_item("enter", column(|visit| visit.span.enter))?;
+    dict.set_item("leave", column(|visit| visit.span.leave))?;
     let depths: Vec<_> = path.visits.iter().map(|visit| visit.depth as u32).collect();
     dict.set_item("depth", depths.to_pyarray(py))?;
     let tested: Vec<_> = path.visits.iter().map(|visit| visit.tested).collect();

@@ -183,7 +183,7 @@ impl Structure {
         dict.set_item("depth_mean", shape.depth_mean)?;
         dict.set_item("sah_cost", shape.sah_cost)?;
         dict.set_item("parts_built", progress.built)?;
-        dict.set_item("parts_waiting", progress.waiting)?;
+        dict.set_item("parts_waiting", progress.unbuilt)?;
         dict.set_item("left_out", self.0.left_out())?;
         dict.set_item("dropped_triangles", self.0.scene().dropped())?;
         Ok(dict)

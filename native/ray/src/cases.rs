@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The cases of ray and split plane distinguished by Havran, Kopal, Bittner and Žára 1997: the origin lies
-//! below the plane (N), above it (P) or in it (Z), and the digit says where the ray goes.
+//! below the plane (N), above it (P) or in it (Z), and the digit stands for the ray's direction.
 
 /// Number of cases.
 pub const CASES: usize = 13;
@@ -23,16 +23,18 @@ pub enum Turn {
     Both,
 }
 
-/// Index into [`NAMES`] of the case of a ray with this origin coordinate and direction component along the
-/// plane's axis; `turn` is what the traversal decided.
+/// Returns the index into [`NAMES`] of the case of a ray with this origin coordinate and direction component along the
+/// plane's axis; `turn` is the traversal's decision.
 #[inline(always)]
 pub fn case(origin: f32, speed: f32, split: f32, turn: Turn) -> usize {
+    // Offset within the cases of one side for rays that approach the plane.
     let inside = |near, far| match turn {
         Turn::Both => 3,
         turn if turn == near => 2,
         turn if turn == far => 4,
         _ => unreachable!("there are two children"),
     };
+    // Compare the origin with the plane, then the direction.
     if origin < split {
         match speed {
             x if x < 0.0 => 0,

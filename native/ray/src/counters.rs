@@ -87,7 +87,7 @@ impl Counters for NoCountLate {
     const LATE: bool = true;
 }
 
-/// What is recorded of a traversal in addition to its counters. A value and not a type parameter, so that
+/// The events of a traversal that are recorded in addition to its counters. A value and not a type parameter, so that
 /// counting, recording and path queries share one compiled traversal.
 pub enum Log<'a> {
     /// Nothing.

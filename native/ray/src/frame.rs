@@ -12,7 +12,7 @@ use fearless_simd::{Simd, SimdFloat};
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::{Vec3, dot, map, widen};
 use halfspace_geom::{Aabb, transform};
-use halfspace_scene::Place;
+use halfspace_scene::MeshInstance;
 
 /// Unit roundoff of f32, 2^-24.
 pub const U: f32 = 1.0 / 16_777_216.0;
@@ -33,7 +33,7 @@ pub const OBLIQUE_PAD: f32 = 28.0 * U;
 /// Added where products may have lost a subnormal part; larger than the smallest normal float.
 const TINY: f32 = 1e-37;
 
-/// The smallest positive float multiplied by the factor `to_frame`, plus what rounding may add.
+/// Returns the smallest positive float multiplied by the factor `to_frame`, plus what rounding may add.
 ///
 /// The sum is rounded to f32, not the product: the product is subnormal for most rays, and some processors take
 /// a hundred cycles to produce a subnormal number.
@@ -46,7 +46,7 @@ pub fn last_place(to_frame: f64) -> f32 {
     (f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32
 }
 
-/// [`last_place`] for one ray per lane. The product takes two factors with `TINY` added in between, so that no
+/// Returns [`last_place`] for one ray per lane. The product takes two factors with `TINY` added in between, so that no
 /// intermediate result is subnormal.
 #[inline(always)]
 pub fn last_places<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, to_frame: V) -> V {
@@ -69,7 +69,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of a scene with these bounds. The scale is 1 for empty scenes and for magnitudes from 2^-30 to
+    /// Makes the frame of a scene with these bounds. The scale is 1 for empty scenes and for magnitudes from 2^-30 to
     /// 2^40.
     pub fn new(bounds: Aabb) -> Self {
         let magnitude = bounds.magnitude();
@@ -81,6 +81,7 @@ impl Frame {
         } else {
             (1.0 / power_of_two(magnitude)).min(2.0_f32.powi(126))
         };
+        // Scale the box.
         let scaled = |p: [f32; 3]| p.map(|x| x * scale);
         let bounds = if bounds.is_empty() {
             bounds
@@ -98,14 +99,14 @@ impl Frame {
         }
     }
 
-    /// The same frame with error bounds on or off. Without them traversals run as published, for measuring how
+    /// Returns the same frame with error bounds on or off. Without them traversals run as published, for measuring how
     /// often rounding makes those fail.
     pub fn with_robust(mut self, robust: bool) -> Self {
         self.robust = f32::from(u8::from(robust));
         self
     }
 
-    /// Scale of all error bounds: 1, or 0 for traversals as published.
+    /// Returns the scale of all error bounds: 1, or 0 for traversals as published.
     #[inline(always)]
     pub fn robust(&self) -> f32 {
         self.robust
@@ -117,13 +118,13 @@ impl Frame {
         [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
     }
 
-    /// The power of two by which coordinates are scaled.
+    /// Returns the power of two by which coordinates are scaled.
     #[inline(always)]
     pub fn scale(&self) -> f32 {
         self.scale
     }
 
-    /// Whether frame coordinates equal scene coordinates bit for bit.
+    /// Returns whether frame coordinates equal scene coordinates bit for bit.
     #[inline(always)]
     pub fn is_scene(&self) -> bool {
         self.scale == 1.0
@@ -134,12 +135,12 @@ impl Frame {
         p.map(|x| x / self.scale)
     }
 
-    /// The scene's box in this frame.
+    /// Returns the scene's box in this frame.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame that
+    /// Returns [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame that
     /// [`Self::is_scene`]: per axis the distance beyond which a plane provably lies on one side of the origin,
     /// and the error bound of the origin's height over an oblique plane that meets the scene.
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
@@ -148,7 +149,7 @@ impl Frame {
         (pad, self.robust * OBLIQUE_PAD * (far + self.magnitude))
     }
 
-    /// The power of two by which a ray's direction is divided. Returns `None` if the ray needs the slow path: a
+    /// Returns the power of two by which a ray's direction is divided, or `None` if the ray needs the slow path: a
     /// scaled frame, a component that is not finite, a direction near the ends of the range.
     #[inline(always)]
     pub fn unit_of(&self, ray: &Ray) -> Option<f32> {
@@ -166,14 +167,14 @@ impl Frame {
             .then(|| f32::from_bits(longest.to_bits() & 0x7f80_0000))
     }
 
-    /// A ray's interval in this frame, widened by its rounding; `unit` is [`Self::unit_of`] the ray.
+    /// Returns a ray's interval in this frame, widened by its rounding; `unit` is [`Self::unit_of`] the ray.
     #[inline(always)]
     pub fn interval(&self, ray: &Ray, unit: f32) -> [f32; 2] {
         let limits = self.limits(unit);
         [limits.lower(ray.t_min), limits.reach(ray.t_max)]
     }
 
-    /// A frame ray with only those fields set that [`FrameRay::reach`] reads.
+    /// Returns a frame ray with only those fields set that [`FrameRay::reach`] reads.
     #[inline(always)]
     pub fn limits_of(&self, ray: &Ray) -> FrameRay<'static> {
         match self.unit_of(ray) {
@@ -182,7 +183,7 @@ impl Frame {
         }
     }
 
-    /// [`Self::limits_of`] a ray whose direction is divided by `unit`.
+    /// Returns [`Self::limits_of`] a ray whose direction is divided by `unit`.
     #[inline(always)]
     fn limits(&self, unit: f32) -> FrameRay<'static> {
         let mut out = FrameRay {
@@ -211,6 +212,7 @@ impl Frame {
         } else {
             map(ray.d, |x| x / unit)
         };
+        // Convert the origin, and fill in the error bounds.
         let mut out = FrameRay {
             o: self.point(ray.o),
             d,
@@ -229,18 +231,17 @@ impl Frame {
     ///
     /// The ray is transformed in f64 and its direction is not normalized, so `t` means the same in both spaces.
     /// The traversal must find the triangles that the ray hits *as transformed to the scene* and rounded there;
-    /// transformed back, their vertices are within [`Place::corner_error`] of the mesh's own. That, the errors
+    /// transformed back, their vertices are within [`MeshInstance::corner_error`] of the mesh's own. That, the errors
     /// of the transform and the rounding of the ray to f32 add up to `blur`, by which every error bound of the
     /// traversal grows.
     #[inline]
-    pub fn placed<'a>(&self, ray: &Ray, place: &'a Place, known: Hit) -> Placed<'a> {
-        // Transform origin and direction to the mesh, with error bounds, and scale the direction by a power of
-        // two.
+    pub fn placed<'a>(&self, ray: &Ray, instance: &'a MeshInstance, known: Hit) -> Placed<'a> {
+        // Transform origin and direction to the mesh with error bounds, and scale the direction by a power of two.
         let scale = f64::from(self.scale);
-        let back = |x: f32, k: usize| f64::from(x) - place.in_mesh.transform.offset[k];
+        let back = |x: f32, k: usize| f64::from(x) - instance.to_scene.transform.offset[k];
         let from = [back(ray.o[0], 0), back(ray.o[1], 1), back(ray.o[2], 2)];
-        let (o, o_error) = place.inverse.vector(from);
-        let (d, d_error) = place.inverse.vector(widen(ray.d));
+        let (o, o_error) = instance.inverse.vector(from);
+        let (d, d_error) = instance.inverse.vector(widen(ray.d));
         let unit = transform::power_of_two(d[0].abs().max(d[1].abs()).max(d[2].abs()));
         if unit == 0.0 {
             return Placed::Blind;
@@ -261,9 +262,9 @@ impl Frame {
         let mut out = FrameRay {
             to_frame: unit * scale,
             shift,
-            first: place.first,
+            first: instance.first,
             known,
-            place: Some(&place.in_mesh),
+            instance: Some(&instance.to_scene),
             ..FrameRay::NOTHING
         };
         // Round origin and direction to f32, and bound their errors.
@@ -274,6 +275,7 @@ impl Frame {
             let moved = start + shift * d[k];
             out.o[k] = moved as f32;
             out.d[k] = d[k] as f32;
+            // Add the errors of the transform, of the shift and of the rounding.
             let rounding = 4.0 * f64::EPSILON * (start.abs() + (shift * d[k]).abs());
             origin_error[k] = o_error[k] * scale
                 + shift * d_error[k]
@@ -282,7 +284,7 @@ impl Frame {
                 + f64::MIN_POSITIVE
                 + f64::from(f32::from_bits(1));
             speed_error[k] = d_error[k] + f64::from(U) * d[k].abs() + f64::from(f32::from_bits(1));
-            far = far.max(moved.abs() + place.corner_error[k] * scale + origin_error[k]);
+            far = far.max(moved.abs() + instance.corner_error[k] * scale + origin_error[k]);
             doubt = doubt.max(speed_error[k]);
         }
         // The largest component of the direction is at least 1 - doubt, so no point of the mesh is farther
@@ -294,7 +296,7 @@ impl Frame {
         // Add up the errors of a coordinate at any distance: origin, vertices, and direction times distance.
         let mut blur = [0.0; 3];
         for k in 0..3 {
-            let corner = place.corner_error[k] * scale;
+            let corner = instance.corner_error[k] * scale;
             let coordinate = origin_error[k] + corner + farthest * speed_error[k];
             blur[k] = up(coordinate);
             // Bounds both offsets from the origin and edges.
@@ -302,7 +304,7 @@ impl Frame {
         }
         out.drift = up(doubt);
         match self.complete(ray, out, blur) {
-            Some(ray) => Placed::Walk(ray),
+            Some(ray) => Placed::Traverse(ray),
             None => Placed::Miss,
         }
     }
@@ -371,9 +373,9 @@ impl Frame {
 pub enum Placed<'a> {
     /// The ray provably misses the mesh.
     Miss,
-    /// The ray has to traverse the mesh's structure.
-    Walk(FrameRay<'a>),
-    /// The error bounds do not hold: every triangle needs the exact test.
+    /// The ray must traverse the mesh's tree.
+    Traverse(FrameRay<'a>),
+    /// The error bounds do not hold: every triangle needs the exact verdict.
     Blind,
 }
 
@@ -384,13 +386,13 @@ fn up(x: f64) -> f32 {
     (x * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
 }
 
-/// The largest power of two not above `x`, which is positive and finite.
+/// Returns the largest power of two not above `x`, which is positive and finite.
 #[inline(always)]
 fn power_of_two(x: f32) -> f32 {
     if x.is_normal() {
         f32::from_bits(x.to_bits() & 0x7f80_0000)
     } else {
-        // Subnormal: the highest set bit.
+        // Keep the highest set bit of a subnormal number.
         f32::from_bits(1 << (31 - x.to_bits().leading_zeros()))
     }
 }

@@ -3,8 +3,8 @@
 
 use crate::frame::PRUNE;
 use crate::ray::{Hit, Ray};
-use halfspace_scene::Place;
-use halfspace_scene::place::InMesh;
+use halfspace_scene::MeshInstance;
+use halfspace_scene::instance::MeshToScene;
 
 /// A ray in the frame of the scene, with the error bounds that traversals need.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,7 @@ pub struct FrameRay<'a> {
     /// The best hit found before this traversal.
     pub known: Hit,
     /// The instance whose space the ray is in; `None` for the scene's.
-    pub place: Option<&'a InMesh>,
+    pub instance: Option<&'a MeshToScene>,
     /// Factor from scene to frame distances, a power of two.
     pub to_frame: f64,
     /// Distance by which the origin was moved along the ray, in frame units.
@@ -74,7 +74,7 @@ impl FrameRay<'static> {
         drift: 0.0,
         first: 0,
         known: Hit::MISS,
-        place: None,
+        instance: None,
         to_frame: 1.0,
         shift: 0.0,
         last_place: 0.0,
@@ -82,33 +82,33 @@ impl FrameRay<'static> {
 }
 
 impl<'a> FrameRay<'a> {
-    /// A ray without error bounds in an instance's space, for exact tests only.
-    pub fn blind(place: &'a Place, known: Hit) -> Self {
+    /// Makes a ray without error bounds in an instance's space, for exact tests only.
+    pub fn blind(instance: &'a MeshInstance, known: Hit) -> Self {
         Self {
-            first: place.first,
+            first: instance.first,
             known,
-            place: Some(&place.in_mesh),
+            instance: Some(&instance.to_scene),
             ..FrameRay::NOTHING
         }
     }
 
-    /// Upper bound, rounding included, on the frame distance of anything at scene distance `t` or nearer.
+    /// Returns an upper bound, rounding included, on the frame distance of anything at scene distance `t` or nearer.
     #[inline(always)]
     pub fn reach(&self, t: f32) -> f32 {
         self.slackened(t, PRUNE) + self.last_place
     }
 
-    /// Factor from frame to scene distances, a power of two.
+    /// Returns the factor from frame to scene distances, a power of two.
     #[inline(always)]
     pub fn to_scene(&self) -> f64 {
         1.0 / self.to_frame
     }
 
-    /// The open interval of frame distances in which a hit provably lies in the ray's own interval and has a
+    /// Returns the open interval of frame distances in which a hit provably lies in the ray's own interval and has a
     /// finite `t`. Both ends are NaN if nothing can be proven, as for rays in an instance's space.
     #[inline(always)]
     pub fn certain(&self, ray: &Ray) -> [f32; 2] {
-        if self.place.is_some() {
+        if self.instance.is_some() {
             return [f32::NAN; 2];
         }
         // These comparisons let NaN through.
@@ -121,14 +121,14 @@ impl<'a> FrameRay<'a> {
         [if from < 0.0 { 0.0 } else { from }, to]
     }
 
-    /// Frame distance beyond which every hit is farther than one at frame distance `high` or nearer, even after
-    /// both distances are rounded in the scene.
+    /// Returns the frame distance beyond which every hit is farther than one at frame distance `high` or nearer, even
+    /// after both distances are rounded in the scene.
     #[inline(always)]
     pub fn beyond(&self, high: f32) -> f32 {
         high * (PRUNE * PRUNE) + 2.0 * self.last_place
     }
 
-    /// Lower bound, rounding included, on the frame distance of anything at scene distance `t` or farther.
+    /// Returns a lower bound, rounding included, on the frame distance of anything at scene distance `t` or farther.
     #[inline(always)]
     pub fn lower(&self, t: f32) -> f32 {
         self.slackened(t, 2.0 - PRUNE) - self.last_place

@@ -11,7 +11,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// The interval between two distances.
+    /// Makes the interval between two distances.
     #[inline(always)]
     pub fn new(enter: f32, leave: f32) -> Self {
         Self { enter, leave }

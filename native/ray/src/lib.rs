@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays and what is known about them: frames, hits, counters, recordings.
+//! Rays: their frames, hits, counters and recordings.
 
 pub mod cases;
 pub mod counters;
@@ -15,6 +15,6 @@ pub mod replay;
 
 pub use frame_ray::FrameRay;
 pub use interval::Interval;
-pub use ray::{Hit, Order, Ray, RayCounters, Tracer};
-pub use ray_ref::{FramedScene, RayRef, RaySlice};
+pub use ray::{Hit, HitKey, Order, Ray, RayCounters, Tracer};
+pub use ray_ref::{BoundedRay, FramedScene, RayRef, RaySlice};
 pub use rays::Rays;

@@ -4,7 +4,7 @@
 use crate::counters::{Count, Log};
 use crate::ray::RayCounters;
 
-/// What one traversal visited.
+/// The visits of one traversal.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     /// The counters of the traversal.
@@ -14,7 +14,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// A counter that adds to `counters` and appends to `leaves`.
+    /// Returns a counter that adds to `counters` and appends to `leaves`.
     pub fn count(&mut self) -> Count<'_> {
         Count::with(&mut self.counters, Log::Leaves(&mut self.leaves))
     }

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Queries: compile-time parameters of every traversal. Nearest hit and any-hit thus share one source text.
+//! Queries: compile-time parameters of every traversal. Nearest hit and any-hit therefore share one source text.
 
-use crate::RayRef;
 use crate::frame_ray::FrameRay;
-use crate::ray::{Hit, Ray};
+use crate::ray::{Hit, HitKey};
+use crate::{BoundedRay, RayRef};
 use halfspace_geom::bound::keep_min;
 use halfspace_geom::verdict::verdict_within;
 
 pub use crate::counters::{Count, Counters, Log, NoCount, NoCountLate, join};
 
-/// What rays search: the nearest hit, or any hit.
+/// The question that a traversal answers: nearest hit, or any-hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
     /// Whether the first hit found, in any order, ends the traversal.
     const ANY: bool;
 
-    /// What callers get for a ray.
+    /// Type of the result for a ray.
     type Answer: Copy + Send;
 
-    /// The answer that a hit or [`Hit::MISS`] stands for.
+    /// Converts a hit or [`Hit::MISS`] to the result.
     fn answer(hit: Hit) -> Self::Answer;
 }
 
@@ -25,7 +25,7 @@ pub trait Query: Send + Sync + std::fmt::Debug + 'static {
 #[derive(Debug)]
 pub struct Closest;
 
-/// Any hit at all.
+/// Whether there is any hit.
 #[derive(Debug)]
 pub struct Any;
 
@@ -78,7 +78,7 @@ pub struct Best {
 }
 
 impl Best {
-    /// The state at the start of a ray: no hit, or the one found before the traversal.
+    /// Makes the state at the start of a ray: no hit, or the one found before the traversal.
     #[inline(always)]
     pub fn new(ray: &FrameRay) -> Self {
         Self {
@@ -88,7 +88,7 @@ impl Best {
         }
     }
 
-    /// No hit, for traversals that keep `reach` elsewhere.
+    /// Makes a state without a hit, for traversals that keep `reach` elsewhere.
     #[inline(always)]
     pub fn blank() -> Self {
         Self {
@@ -98,7 +98,7 @@ impl Best {
         }
     }
 
-    /// A final hit found elsewhere.
+    /// Makes the state after a final hit found elsewhere.
     #[inline(always)]
     pub fn known(hit: Hit) -> Self {
         Self {
@@ -128,9 +128,9 @@ impl Best {
         counters.verdict();
         // Transform the vertices of instances, then compute the exact hit.
         let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
-        let corners = match frame.place {
+        let corners = match frame.instance {
             None => corners(),
-            Some(place) => match place.corners(corners()) {
+            Some(instance) => match instance.corners(corners()) {
                 Some(corners) => corners,
                 None => return false,
             },
@@ -142,7 +142,7 @@ impl Best {
             return false;
         }
         // Keep the hit if it is nearer, or as near with a smaller number.
-        if Hit::precedes((found.t, id), (self.hit.t, self.hit.triangle)) {
+        if HitKey::new(found.t, id).precedes(HitKey::new(self.hit.t, self.hit.triangle)) {
             self.hit = Hit {
                 t: found.t,
                 triangle: id,
@@ -155,20 +155,20 @@ impl Best {
         Q::ANY
     }
 
-    /// Takes a triangle that the ray certainly hits between the distances `low` and `high`, in the frame's
-    /// units; `from` and `to` are [`FrameRay::certain`]. Returns whether the traversal may end, or `None` if
-    /// only the verdict can decide.
+    /// Defers the verdict on a triangle that the ray certainly hits between the distances `low` and `high`, in the
+    /// frame's units. Returns whether the traversal may end, or `None` if the verdict cannot be deferred.
     ///
     /// If one of two such triangles is certainly nearer, however both distances are rounded, the other is
     /// dropped: for most rays only one triangle needs a verdict.
     #[inline(always)]
-    pub fn hold<Q: Query>(
+    pub fn defer<Q: Query>(
         &mut self,
-        (ray, frame, [from, to]): (&Ray, &FrameRay, [f32; 2]),
+        BoundedRay { ray, certain }: BoundedRay<'_>,
         id: u32,
         [low, high]: [f32; 2],
         corners: impl FnOnce() -> [[f32; 3]; 3],
     ) -> Option<bool> {
+        let (RayRef { ray, frame }, [from, to]) = (ray, certain);
         // NaN bounds make the comparison false: nothing is certain then.
         if !(low > from && high < to) {
             return None;
@@ -202,7 +202,7 @@ impl Best {
         Some(false)
     }
 
-    /// Takes a recorded hit; returns whether the traversal may end.
+    /// Replaces the hit by a recorded one; returns whether the traversal may end.
     #[inline(always)]
     pub fn take<Q: Query>(&mut self, frame: &FrameRay, hit: Option<Hit>) -> bool {
         let Some(hit) = hit else {
@@ -213,20 +213,20 @@ impl Best {
         Q::ANY
     }
 
-    /// The best hit of a traversal without deferred verdicts.
+    /// Returns the best hit of a traversal without deferred verdicts.
     #[inline(always)]
     pub fn hit(&self) -> Hit {
-        debug_assert_eq!(self.held.triangle, Hit::NONE, "a verdict is still to come");
+        debug_assert_eq!(self.held.triangle, Hit::NONE, "a verdict is deferred");
         self.hit
     }
 
-    /// The triangle whose verdict is deferred, if there is no decided hit.
+    /// Returns the triangle whose verdict is deferred, if there is no decided hit.
     #[inline(always)]
     pub fn held(&self) -> Option<&Deferred> {
         (self.held.triangle != Hit::NONE && !self.hit.is_hit()).then_some(&self.held)
     }
 
-    /// The best hit at the end of a traversal, after the deferred verdict.
+    /// Decides the deferred verdict and returns the best hit, at the end of a traversal.
     #[inline(always)]
     pub fn answer(&mut self, ray: RayRef<'_>) -> Hit {
         if self.held.triangle != Hit::NONE {

@@ -21,7 +21,7 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Whether `t` lies in the ray's interval and is finite. An infinite distance stands for a miss; a distance
+    /// Returns whether `t` lies in the ray's interval and is finite. An infinite distance stands for a miss; a distance
     /// beyond the range of f32, on either side of the origin, is rejected likewise.
     #[inline(always)]
     pub fn reaches(&self, t: f32) -> bool {
@@ -53,16 +53,32 @@ impl Hit {
         v: 0.0,
     };
 
-    /// Whether this is a hit.
+    /// Returns whether this is a hit.
     pub fn is_hit(&self) -> bool {
         self.triangle != Self::NONE
     }
+}
 
-    /// Whether the first hit (distance, triangle) precedes the second: it is nearer, or as near with a smaller
-    /// number. [`Hit::NONE`] is larger than all numbers.
+/// The key by which hits are ordered.
+#[derive(Debug, Clone, Copy)]
+pub struct HitKey {
+    /// Distance of the hit.
+    pub t: f32,
+    /// Number of the triangle; [`Hit::NONE`] is larger than all numbers.
+    pub triangle: u32,
+}
+
+impl HitKey {
+    /// Makes the key of a hit.
     #[inline(always)]
-    pub fn precedes((t, id): (f32, u32), (best_t, best_id): (f32, u32)) -> bool {
-        t < best_t || (t == best_t && id < best_id)
+    pub fn new(t: f32, triangle: u32) -> Self {
+        Self { t, triangle }
+    }
+
+    /// Returns whether this hit is nearer than the other, or as near with a smaller triangle number.
+    #[inline(always)]
+    pub fn precedes(self, other: Self) -> bool {
+        self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
     }
 }
 
@@ -99,12 +115,12 @@ pub struct RayCounters {
 }
 
 impl RayCounters {
-    /// Number of inner nodes of all kinds.
+    /// Returns the number of inner nodes of all kinds.
     pub fn steps(&self) -> u32 {
         self.steps_axis + self.steps_oblique + self.steps_boxes
     }
 
-    /// Number of nodes and leaves that the ray visited, singly or with a group.
+    /// Returns the number of nodes and leaves that the ray visited, singly or with a group.
     pub fn visits(&self) -> u32 {
         self.steps() + self.leaves + self.leaves_empty + self.joined
     }
@@ -137,19 +153,19 @@ pub enum Order {
     Tiles,
 }
 
-/// Everything that traces batches of rays against a scene.
+/// Traces batches of rays against a scene.
 pub trait Tracer: Sync {
-    /// The triangles as one array, if they are stored as one.
+    /// Returns the triangles as one array, if they are stored as one.
     fn triangles(&self) -> Option<&Triangles> {
         None
     }
-    /// Number of triangles, including those that can never be hit; hits refer to smaller numbers.
+    /// Returns the number of triangles, including those that can never be hit; hits refer to smaller numbers.
     fn count(&self) -> usize;
-    /// Vertices of a triangle in the scene.
+    /// Returns the vertices of a triangle in the scene.
     fn corners(&self, id: u32) -> [[f32; 3]; 3];
     /// Writes the nearest hit of each ray, on the calling thread. All slices have the same length.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
-    /// [`Self::closest`] with a hint on the order of the rays. The hits are the same, the speed may differ.
+    /// Like [`Self::closest`], with a hint on the order of the rays. The hits are the same, the speed may differ.
     fn closest_ordered(
         &self,
         rays: &[Ray],
@@ -160,7 +176,7 @@ pub trait Tracer: Sync {
         let _ = order;
         self.closest(rays, hits, counters);
     }
-    /// Bounding box of the scene if batches are faster when rays with near origins are consecutive, else
+    /// Returns the bounding box of the scene if batches are faster when rays with near origins are consecutive, else
     /// `None`.
     fn near_rays(&self) -> Option<Aabb> {
         None
@@ -171,6 +187,6 @@ pub trait Tracer: Sync {
         let _ = rays;
         depths.fill(0);
     }
-    /// Writes whether each ray hits anything, on the calling thread. All slices have the same length.
+    /// Writes whether each ray hits any triangle, on the calling thread. All slices have the same length.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
 }

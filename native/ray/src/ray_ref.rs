@@ -14,6 +14,15 @@ pub struct RayRef<'a> {
     pub frame: &'a FrameRay<'a>,
 }
 
+/// A ray whose hits f32 may prove, and the distances between which it may.
+#[derive(Clone, Copy)]
+pub struct BoundedRay<'a> {
+    /// The ray.
+    pub ray: RayRef<'a>,
+    /// [`FrameRay::certain`] of the ray, computed once per leaf or per ray.
+    pub certain: [f32; 2],
+}
+
 /// Consecutive rays of a caller, and the frame of the tree that they are traced through.
 #[derive(Clone, Copy)]
 pub struct RaySlice<'a> {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays in arrays, as callers have them: checked and gathered into [`Ray`]s a chunk at a time.
+//! Rays in arrays of the caller, checked and gathered into [`Ray`]s a chunk at a time.
 
 use crate::ray::{Order, Ray};
 use halfspace_base::error::{Error, Result};
@@ -7,40 +7,40 @@ use prefetch_index::prefetch_index;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Distance of prefetches, in rays, where rays are gathered in random order.
+/// Distance of prefetches, in rays, where rays are gathered in random order (chosen).
 const FAR: usize = 16;
 
 /// A distance for each ray.
 #[derive(Clone, Copy)]
 pub enum Limits<'a> {
-    /// The same for all.
+    /// The same for all rays.
     Same(f32),
-    /// One each.
+    /// One per ray.
     Each(&'a [f32]),
 }
 
 /// Rays in arrays, one entry per ray in each.
 #[derive(Clone, Copy)]
 pub struct Rays<'a> {
-    /// Where they begin.
+    /// Origins, shape (n, 3), scene frame.
     pub origins: &'a [[f32; 3]],
-    /// Where they go.
+    /// Directions, shape (n, 3).
     pub directions: &'a [[f32; 3]],
-    /// Smallest distances that count.
+    /// Smallest distances of hits, in units of the directions.
     pub t_min: Limits<'a>,
-    /// Largest distances that count.
+    /// Largest distances of hits, in units of the directions.
     pub t_max: Limits<'a>,
-    /// What is known of how they follow each other.
+    /// Order of the rays.
     pub order: Order,
 }
 
-/// Whether all rays are finite, as far as threads have looked. Each part is looked at right before it is traced, when the
-/// caches are about to hold it anyway: to read all rays twice takes longer than some need for tracing.
+/// Whether all rays that threads have checked are finite. Each part is checked right before it is traced, while it is
+/// loaded into the caches: a separate pass over all rays takes longer than some batches need for tracing.
 #[derive(Default)]
 pub struct Finite(AtomicBool);
 
 impl Finite {
-    /// Whether those in a range of places are to be traced: not once there is one that is not finite.
+    /// Checks the rays of a range, and returns whether they are to be traced: only while all checked rays are finite.
     pub fn allows(&self, rays: &Rays<'_>, range: Range<usize>) -> bool {
         if !rays.are_finite(range) {
             self.0.store(true, Ordering::Relaxed);
@@ -48,16 +48,16 @@ impl Finite {
         !self.0.load(Ordering::Relaxed)
     }
 
-    /// Passes when all rays were traced.
+    /// Returns an error unless all rays were traced.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first that is not finite.
+    /// [`Error::NonFinite`] naming the first ray that is not finite.
     pub fn end(self, rays: &Rays<'_>) -> Result<()> {
         if !self.0.into_inner() {
             return Ok(());
         }
         rays.check()?;
-        // Somebody has written into the arrays meanwhile.
+        // The caller has changed the arrays meanwhile.
         Err(Error::NonFinite(
             "origins, directions: some were not finite".into(),
         ))
@@ -65,10 +65,10 @@ impl Finite {
 }
 
 impl<'a> Rays<'a> {
-    /// All of them.
+    /// Returns all rays.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first that is not finite.
+    /// [`Error::NonFinite`] naming the first ray that is not finite.
     pub fn all(&self) -> Result<Vec<Ray>> {
         self.check()?;
         let mut rays = vec![BLANK; self.origins.len()];
@@ -76,21 +76,21 @@ impl<'a> Rays<'a> {
         Ok(rays)
     }
 
-    /// Passes when all are finite.
+    /// Checks that all rays are finite.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first that is not.
+    /// [`Error::NonFinite`] naming the first ray that is not.
     pub fn check(&self) -> Result<()> {
         check_finite("origins", self.origins)?;
         check_finite("directions", self.directions)
     }
 
-    /// Whether those in a range of places are finite.
+    /// Returns whether the rays of a range are finite.
     fn are_finite(&self, range: Range<usize>) -> bool {
         are_finite(&self.origins[range.clone()]) && are_finite(&self.directions[range])
     }
 
-    /// Those in a range of places.
+    /// Returns the rays of a range.
     pub fn part(&self, range: Range<usize>) -> Self {
         let limits = |limits: Limits<'a>| match limits {
             Limits::Same(t) => Limits::Same(t),
@@ -105,15 +105,15 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Overwrites `rays` with those at these places.
-    pub fn put_those(&self, places: &[u32], rays: &mut [Ray]) {
+    /// Overwrites `rays` with those of the given indices.
+    pub fn gather(&self, indices: &[u32], rays: &mut [Ray]) {
         let at = |limits: Limits<'_>, i: usize| match limits {
             Limits::Same(t) => t,
             Limits::Each(t) => t[i],
         };
-        for (k, (ray, &place)) in rays.iter_mut().zip(places).enumerate() {
-            // They lie in no order, and the processor does not look that far ahead by itself.
-            if let Some(&later) = places.get(k + FAR) {
+        for (k, (ray, &index)) in rays.iter_mut().zip(indices).enumerate() {
+            // Prefetch a later ray: the processor cannot predict the addresses of rays in random order.
+            if let Some(&later) = indices.get(k + FAR) {
                 let i = later as usize;
                 prefetch_index(self.origins, i);
                 prefetch_index(self.directions, i);
@@ -123,7 +123,8 @@ impl<'a> Rays<'a> {
                     }
                 }
             }
-            let i = place as usize;
+            // Copy the ray.
+            let i = index as usize;
             *ray = Ray {
                 o: self.origins[i],
                 d: self.directions[i],
@@ -133,8 +134,8 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Overwrites `rays` with those from the `first` on.
-    // Fill field by field, and match the kinds of limits outside the loops: assembling whole rays and copying them
+    /// Overwrites `rays` with those from index `first` on.
+    // Fill field by field, and match the variants of limits outside the loops: assembling whole rays and copying them
     // takes longer than tracing them in tiles.
     pub fn put(&self, first: usize, rays: &mut [Ray]) {
         let range = first..first + rays.len();
@@ -145,6 +146,7 @@ impl<'a> Rays<'a> {
             ray.o = *o;
             ray.d = *d;
         }
+        // Fill in the intervals.
         match self.t_min {
             Limits::Same(t_min) => rays.iter_mut().for_each(|ray| ray.t_min = t_min),
             Limits::Each(t_min) => {
@@ -164,7 +166,7 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// What buffers of rays hold before they are filled.
+/// Content of buffers of rays before they are filled.
 pub const BLANK: Ray = Ray {
     o: [0.0; 3],
     d: [0.0; 3],
@@ -172,8 +174,8 @@ pub const BLANK: Ray = Ray {
     t_max: 0.0,
 };
 
-/// Returns the index of the first number with a property. Tests whole groups without branches first, because nearly
-/// always none has it.
+/// Returns the index of the first number with a property. Tests whole groups without branches first, because almost
+/// always no number has it.
 #[inline(always)]
 pub fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
     // A group is long enough to be tested with SIMD, and short enough to be searched again.
@@ -188,12 +190,15 @@ pub fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
         })
 }
 
-/// Whether all coordinates are finite.
+/// Returns whether all coordinates are finite.
 pub fn are_finite(points: &[[f32; 3]]) -> bool {
     first(points.as_flattened(), |x| !x.is_finite()).is_none()
 }
 
-/// Checks that all coordinates are finite; the message names the first row that is not.
+/// Checks that all coordinates are finite.
+///
+/// # Errors
+/// [`Error::NonFinite`] naming the array and the first row that is not finite.
 pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
     match first(points.as_flattened(), |x| !x.is_finite()).map(|i| i / 3) {
         None => Ok(()),

@@ -50,7 +50,7 @@ impl Record {
         self.events.push(Event { leaf, hit });
     }
 
-    /// The recorded leaves of ray `i`.
+    /// Returns the recorded leaves of ray `i`.
     #[inline(always)]
     pub fn replay(&self, i: usize) -> Replay<'_> {
         let (first, leaves) = self.rays[i];
@@ -71,7 +71,7 @@ pub struct Replay<'a> {
 }
 
 impl Replay<'_> {
-    /// Whether all recorded leaves and events have been replayed.
+    /// Returns whether all recorded leaves and events have been replayed.
     #[inline(always)]
     pub fn is_over(&self) -> bool {
         self.events.is_empty() && self.leaf == self.leaves

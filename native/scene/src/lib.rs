@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What every structure indexes: triangles, and the transforms of instances.
+//! The content of scenes: triangles, and the transforms of instances.
 
-pub mod place;
+pub mod instance;
 pub mod triangles;
 
-pub use place::Place;
+pub use instance::MeshInstance;
 pub use triangles::Triangles;

@@ -40,12 +40,13 @@ impl Triangles {
         {
             let wrong = |triangle: &[u32; 3]| triangle.iter().any(|v| outside(&v));
             let i = indices.iter().position(wrong).expect("one of them");
-            let index = indices[i].iter().find(outside).expect("as asked");
+            let index = indices[i].iter().find(outside).expect("one of the three");
             return Err(Error::Shape(format!(
                 "triangles[{i}]: index {index} is out of range for {} vertices",
                 vertices.len()
             )));
         }
+        // Take ownership of the arrays.
         let mut scene = Self {
             vertices,
             live: Vec::with_capacity(indices.len()),

@@ -7,18 +7,18 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::RayRef;
 use halfspace_ray::query::{Best, Counters, Query};
 
-/// Tests a leaf as [`Blocks::test`] does, and returns whether the traversal ends there: at the first hit if
+/// Tests a leaf as [`Job::test`] does, and returns whether the traversal ends there: at the first hit if
 /// `PUBLISHED`, otherwise only if no later leaf can improve the answer.
 #[inline(always)]
 pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     simd: S,
     leaf: Leaf,
-    Job { scene, blocks }: Job<'_>,
+    job: Job<'_>,
     ray: RayRef<'_>,
     leave: f32,
     best: &mut Best,
     counters: &mut C,
 ) -> bool {
-    let ends = Job { scene, blocks }.test::<S, Q, C>(simd, leaf, ray, leave, best, counters);
+    let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, best, counters);
     ends || (PUBLISHED && best.hit().is_hit())
 }

@@ -2,14 +2,15 @@
 //! Reordering of incoherent rays, so that consecutive rays visit the same parts of a tree (Pharr et al. 1997;
 //! Moon et al. 2010): sorted by the grid cell of their origin, then by the octant of their direction.
 //!
-//! Without it, each ray reads a tree larger than the caches from memory anew. The hits are the same.
+//! In their own order, each ray reads a tree larger than the caches from memory again. The hits do not depend on the
+//! order.
 
 use halfspace_geom::Aabb;
 
-/// Fewest rays that are reordered; fewer rarely share cells.
+/// Smallest number of rays that are reordered; fewer rarely share cells.
 const LEAST: usize = 1 << 16;
 
-/// Most rays that are reordered at once. More need more memory, and each cell has many already.
+/// Largest number of rays that are reordered at once. More need more memory, and each cell already has many.
 const WINDOW: usize = 1 << 20;
 
 /// Binary logarithm of the number of cells along an axis.
@@ -21,7 +22,8 @@ const PAIRS: usize = 256;
 /// Fraction of the scene's extent beyond which the origins of consecutive rays are far apart.
 const APART: f32 = 1.0 / 32.0;
 
-/// Whether the rays with these origins are numerous enough, and most start far from the ray before.
+/// Whether rays with these origins gain from another order: there are enough of them, and most start far from the
+/// previous ray.
 pub fn scattered(origins: &[[f32; 3]], bounds: &Aabb) -> bool {
     if origins.len() < LEAST || bounds.is_empty() {
         return false;
@@ -65,7 +67,7 @@ fn key(o: &[f32; 3], d: &[f32; 3], low: [f32; 3], scale: [f32; 3]) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "saturates, and what is not a number counts as 0: any order will do"
+            reason = "saturates, and NaN becomes 0: any order is correct"
         )]
         let cell = (((o[k] - low[k]) * scale[k]) as u32).min((1 << CELL_BITS) - 1);
         key |= spread(cell) << (3 + k) | u32::from(d[k].is_sign_negative()) << k;
@@ -122,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn every_thread_has_rays_to_put_in_order() {
+    fn every_thread_has_rays_to_reorder() {
         assert_eq!(window(1 << 22, 1), WINDOW);
         assert_eq!(window(1 << 20, 4), 1 << 18);
         assert_eq!(window((1 << 20) + 1, 4), (1 << 18) + 1);
@@ -130,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn every_ray_has_one_place_and_neighbours_start_near() {
+    fn every_ray_occurs_once_and_neighbours_start_near() {
         let mut origins = points(5000);
         origins[7] = [f32::INFINITY, -f32::INFINITY, f32::NAN];
         let directions: Vec<_> = origins.iter().map(|p| p.map(|x| x - 0.5)).collect();
@@ -140,11 +142,11 @@ mod tests {
         };
         for bounds in [unit(), flat] {
             let order = order(&origins, &directions, &bounds);
-            let mut places = order.clone();
-            places.sort_unstable();
-            assert!(places.into_iter().eq(0..5000));
+            let mut indices = order.clone();
+            indices.sort_unstable();
+            assert!(indices.into_iter().eq(0..5000));
             // Sum the distances between consecutive origins, which sorting shortens.
-            let way = |order: &[u32]| -> f32 {
+            let length = |order: &[u32]| -> f32 {
                 let finite = order.iter().filter(|&&i| i != 7);
                 let points: Vec<_> = finite.map(|&i| origins[i as usize]).collect();
                 let step = |p: &[[f32; 3]]| (p[0][0] - p[1][0]).abs() + (p[0][1] - p[1][1]).abs();
@@ -152,10 +154,10 @@ mod tests {
             };
             let before: Vec<_> = (0..5000).collect();
             assert!(
-                way(&order) < 0.3 * way(&before),
+                length(&order) < 0.3 * length(&before),
                 "{} of {}",
-                way(&order),
-                way(&before)
+                length(&order),
+                length(&before)
             );
         }
     }

@@ -4,7 +4,7 @@
 use fearless_simd::{Simd, SimdFloat, SimdMask};
 use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
-use halfspace_ray::FrameRay;
+use halfspace_ray::{FrameRay, Interval};
 
 /// The slab test coefficients of a ray: it crosses the plane `x_k = p` no sooner than `p * inv + near` and no
 /// later than `p * inv + far`.
@@ -53,11 +53,13 @@ impl Slabs {
         usize::from(self.entry[axis] >= 3)
     }
 
-    /// The entry distance of a box that the ray may hit between `start` and `reach`, or `None` if it provably
-    /// misses it.
+    /// The entry distance of a box that the ray may hit within an interval, or `None` if it provably misses it.
     #[inline(always)]
-    pub fn meet(&self, bounds: &Aabb, (start, reach): (f32, f32)) -> Option<f32> {
-        let (mut enter, mut leave) = (start, reach);
+    pub fn meet(&self, bounds: &Aabb, within: Interval) -> Option<f32> {
+        let Interval {
+            mut enter,
+            mut leave,
+        } = within;
         for k in 0..3 {
             let (near, far) = if self.entry[k] < 3 {
                 (bounds.min[k], bounds.max[k])
@@ -70,19 +72,19 @@ impl Slabs {
         (enter <= leave).then_some(enter)
     }
 
-    /// The entry and exit distances of the boxes in the lanes of `V`, clipped to `start` and `reach`. The ray
-    /// misses a box whose exit lies before its entry.
+    /// The entry and exit distances of the boxes in the lanes of `V`, clipped to an interval. The ray misses a box
+    /// whose exit lies before its entry.
     #[inline(always)]
     pub fn meet_all<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
         &self,
         simd: S,
         bounds: &[[f32; W]; 6],
-        (start, reach): (f32, f32),
+        within: Interval,
     ) -> (V, V) {
         let splat = |x: f32| V::splat(simd, x);
         // Intersect the slabs of the three axes.
-        let mut enter = splat(start);
-        let mut leave = splat(reach);
+        let mut enter = splat(within.enter);
+        let mut leave = splat(within.leave);
         for k in 0..3 {
             let row = self.entry[k];
             let near = V::from_slice(simd, &bounds[row]);
@@ -94,17 +96,17 @@ impl Slabs {
         (enter, leave)
     }
 
-    /// Stores the entry distances of the boxes in the lanes of `V`; returns the mask of those the ray may hit
-    /// before `reach`.
+    /// Stores the entry distances of the boxes in the lanes of `V`; returns the mask of those the ray may hit within an
+    /// interval.
     #[inline(always)]
     pub fn test<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
         &self,
         simd: S,
         bounds: &[[f32; W]; 6],
-        range: (f32, f32),
+        within: Interval,
         enters: &mut [f32; W],
     ) -> u64 {
-        let (enter, leave): (V, V) = self.meet_all(simd, bounds, range);
+        let (enter, leave): (V, V) = self.meet_all(simd, bounds, within);
         enter.store_slice(enters);
         enter.simd_le(leave).to_bitmask()
     }
@@ -114,11 +116,11 @@ impl Slabs {
     pub fn test_few<const W: usize>(
         &self,
         bounds: &[[f32; W]; 6],
-        (start, reach): (f32, f32),
+        within: Interval,
         enters: &mut [f32; W],
     ) -> u64 {
-        *enters = [start; W];
-        let mut leaves = [reach; W];
+        *enters = [within.enter; W];
+        let mut leaves = [within.leave; W];
         for k in 0..3 {
             let (near, far) = (&bounds[self.entry[k]], &bounds[(self.entry[k] + 3) % 6]);
             for lane in 0..W {

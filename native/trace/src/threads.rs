@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Batches of rays over threads: callers in Rust, the benches and Python share this way in.
+//! Batches of rays on several threads, for callers in Rust, the benches and Python.
 
 use crate::reorder;
 use crate::stream::STREAM;
@@ -12,15 +12,17 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Number of rays that a worker takes at once: those of a stream. Tiles and shadow rays are as fast with half of that,
-/// which hides the cost of the hand-over and suffices to learn whether tiles succeed.
+/// Number of rays that a worker takes at once: those of a stream. Tiles and shadow rays are as fast with half of that:
+/// it hides the cost of the queue and suffices to measure the success rate of tiles.
 pub const CHUNK: usize = STREAM;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Memory`] where answers find no room, [`halfspace_base::error::Error::NonFinite`] naming the first ray that
-/// is not finite.
+/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+///
+/// [`Error::Memory`]: halfspace_base::error::Error::Memory
+/// [`Error::NonFinite`]: halfspace_base::error::Error::NonFinite
 pub fn in_chunks<T: Clone + Send>(
     rays: Rays<'_>,
     threads: usize,
@@ -61,7 +63,7 @@ pub fn in_chunks<T: Clone + Send>(
     Ok((answers, counted.then_some(counts)))
 }
 
-/// Runs `work` on all parts, on `threads` threads, each with room for [`CHUNK`] rays.
+/// Runs `work` on all parts, on `threads` threads, each with memory for [`CHUNK`] rays.
 pub fn share_out<P: Send>(
     parts: Vec<P>,
     threads: usize,
@@ -85,7 +87,7 @@ pub fn share_out<P: Send>(
     caught(|| {
         std::thread::scope(|scope| {
             for _ in 1..threads {
-                // Where no more threads can start, those that did do all the work.
+                // If no more threads can start, the running ones do all the work.
                 if Builder::new().spawn_scoped(scope, worker).is_err() {
                     break;
                 }
@@ -112,8 +114,10 @@ pub type Answers<T> = (Vec<T>, Option<Vec<RayCounters>>);
 /// near rays follow one another, where that is faster.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Memory`] where answers find no room, [`halfspace_base::error::Error::NonFinite`] naming
-/// the first ray that is not finite.
+/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+///
+/// [`Error::Memory`]: halfspace_base::error::Error::Memory
+/// [`Error::NonFinite`]: halfspace_base::error::Error::NonFinite
 pub fn closest(
     tracer: &dyn Tracer,
     rays: Rays<'_>,
@@ -148,7 +152,7 @@ pub fn occluded(
     })
 }
 
-/// Nearest hits of rays in random order, traced in another: each thread sorts its own share.
+/// Nearest hits of rays in random order, reordered by each thread for its own share.
 fn closest_reordered(
     tracer: &dyn Tracer,
     rays: Rays<'_>,
@@ -157,8 +161,8 @@ fn closest_reordered(
 ) -> Result<Vec<Hit>> {
     let n = rays.origins.len();
     let window = reorder::window(n, wanted(threads));
-    let in_order = n.min(window * wanted(threads)) * reorder::BYTES;
-    check_room("origins", (n * size_of::<Hit>() + in_order) as u64)?;
+    let reordering = n.min(window * wanted(threads)) * reorder::BYTES;
+    check_room("origins", (n * size_of::<Hit>() + reordering) as u64)?;
     let mut hits = vec![Hit::MISS; n];
     let windows = hits.chunks_mut(window).enumerate().collect();
     let finite = Finite::default();
@@ -170,14 +174,14 @@ fn closest_reordered(
             if !finite.allows(&own, 0..hits.len()) {
                 return;
             }
-            let places = reorder::order(own.origins, own.directions, bounds);
+            let order = reorder::order(own.origins, own.directions, bounds);
             let mut found = vec![Hit::MISS; CHUNK];
-            for places in places.chunks(CHUNK) {
-                let (buffer, found) = (&mut buffer[..places.len()], &mut found[..places.len()]);
-                own.put_those(places, buffer);
+            for indices in order.chunks(CHUNK) {
+                let (buffer, found) = (&mut buffer[..indices.len()], &mut found[..indices.len()]);
+                own.gather(indices, buffer);
                 tracer.closest(buffer, found, None);
-                for (&place, hit) in places.iter().zip(found) {
-                    hits[place as usize] = *hit;
+                for (&index, hit) in indices.iter().zip(found) {
+                    hits[index as usize] = *hit;
                 }
             }
         },

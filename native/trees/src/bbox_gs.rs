@@ -13,6 +13,7 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::dop_tree::DopTree;
 use halfspace_nodes::nested;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
@@ -150,9 +151,17 @@ impl Inserted<'_> {
     ) -> Result<Built> {
         let mut leaves = Leaves::new(params::keep(self.config));
         let mut ids = Vec::with_capacity(self.ids.len());
-        let triangles = (self.scene, &self.frame, self.ids);
+        let (scene, frame) = (self.scene, &self.frame);
+        let framed = FramedScene { scene, frame };
         let leaf_size = self.config.integer("leaf_size");
-        let tree = DopTree::new(self.grown, triangles, leaf_size, (&mut leaves, &mut ids))?;
+        let tree = DopTree::new(
+            self.grown,
+            framed,
+            self.ids,
+            leaf_size,
+            &mut leaves,
+            &mut ids,
+        )?;
         let shape = nested::shape(&tree, self.frame.bounds());
         let leaves = Arc::new(leaves.write(self.scene, &self.frame, &ids));
         let tree = Arc::new(tree);

@@ -107,9 +107,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| {
-                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
-            },
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
             slabs_of,
         )
     },
@@ -143,9 +141,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
             binary,
         };
         order.lay_out(
-            |binary, bounds, leaves| {
-                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
-            },
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
             slabs_of,
         )
     },
@@ -163,7 +159,7 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, (tighten(config), true), leaves),
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
             slabs_of,
         )
     },
@@ -180,7 +176,7 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, (tighten(config), true), leaves),
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
             |tree, leaves, _| slabs::single_slabs(tree, leaves),
         )
     },
@@ -224,9 +220,7 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| {
-                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
-            },
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
             slab_boxes::slab_boxes,
         )
     },

@@ -10,6 +10,7 @@ use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::grid::Grid;
 use halfspace_nodes::shape::{Measure, Shape};
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, ParamSpec, SHADOW, StructureSpec};
@@ -60,10 +61,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let frame = Frame::new(scene.bounds());
     let mut blocks = Blocks::new();
     let cells = f64::from(config.float("density")) * scene.live().len() as f64;
-    let grid = grid::build((scene, &frame), cells, &mut blocks, monitor)?;
+    let framed = FramedScene {
+        scene,
+        frame: &frame,
+    };
+    let grid = grid::build(framed, cells, &mut blocks, monitor)?;
     let shape = shape(&grid, &frame);
     let mut left_out = Vec::new();
-    let (made, asked) = (grid.number(), grid::asked(&frame.bounds(), cells));
+    let (made, asked) = (grid.number(), grid::cell_count(&frame.bounds(), cells));
     if made < asked {
         left_out.push(format!(
             "cells: {made} of {asked}, large triangles would be in too many of them"

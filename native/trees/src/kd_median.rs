@@ -73,7 +73,7 @@ struct Builder<'a> {
 }
 
 /// A node that is about to be built.
-struct Pending {
+struct OpenNode {
     ids: Vec<u32>,
     cell: BoxCell,
     share: f32,
@@ -85,7 +85,7 @@ struct Pending {
 }
 
 impl Builder<'_> {
-    fn node(&self, node: Pending, out: &mut Preorder, gathered: &mut usize) -> Result<()> {
+    fn node(&self, node: OpenNode, out: &mut Preorder, gathered: &mut usize) -> Result<()> {
         self.monitor.check()?;
         let count = node.ids.len();
         let Some((plane, below, above)) = self.split(&node) else {
@@ -96,7 +96,7 @@ impl Builder<'_> {
             return Ok(());
         };
         let references = below.len() + above.len();
-        let _held = self.monitor.hold(footprint::waiting::<u32>(references))?;
+        let _held = self.monitor.hold(footprint::unsplit::<u32>(references))?;
         let vain = if below.len().max(above.len()) == count {
             node.vain + 1
         } else {
@@ -116,7 +116,7 @@ impl Builder<'_> {
                 clippy::cast_sign_loss,
                 reason = "a portion"
             )]
-            let child = Pending {
+            let child = OpenNode {
                 ids,
                 share: if whole > 0.0 {
                     node.share * (cell.0.area() / whole) as f32
@@ -135,7 +135,7 @@ impl Builder<'_> {
     }
 
     /// The plane of a node and the triangles that reach below and above it; `None` for a leaf.
-    fn split(&self, node: &Pending) -> Option<(Plane, Vec<u32>, Vec<u32>)> {
+    fn split(&self, node: &OpenNode) -> Option<(Plane, Vec<u32>, Vec<u32>)> {
         if node.ids.len() <= self.leaf_size || node.depth >= self.max_depth || node.vain >= IN_VAIN
         {
             return None;
@@ -213,7 +213,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, halves: Halves) 
         .min(MAX_DEPTH),
         monitor,
     };
-    let root = Pending {
+    let root = OpenNode {
         ids: live.to_vec(),
         cell: BoxCell(frame.bounds()),
         share: f32::from(u8::from(frame.bounds().area() > 0.0)),

@@ -8,6 +8,7 @@ use halfspace_builders::octree::{self, Params};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octants::{Cube, MAX_DEPTH};
 use halfspace_nodes::octree_nodes::Octree;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec};
@@ -217,7 +218,15 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) 
     };
     let octants = octree::build(scene, &frame, &params, monitor)?;
     let mut blocks = Blocks::new();
-    let mut tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks)?;
+    let mut tree = Octree::new(
+        &octants,
+        cube,
+        FramedScene {
+            scene,
+            frame: &frame,
+        },
+        &mut blocks,
+    )?;
     if matches!(method, Method::Links | Method::Beams) {
         tree = tree.with_links();
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Box hierarchies built by insertion (Goldsmith and Salmon 1987): each object is put where it adds least to the
+//! Box hierarchies built by insertion (Goldsmith and Salmon 1987): each object is inserted where it adds least to the
 //! expected number of box tests of a ray.
 //!
 //! A ray that meets a node tests all its children, so a node costs its surface area multiplied by their number. An
@@ -29,7 +29,7 @@ const END: u32 = u32::MAX;
 /// Number of objects between two checks of the monitor.
 const STRIDE: usize = 1024;
 
-/// Search strategy for the place of an object.
+/// Search strategy for the position of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Search {
     /// Descend into the child that grows least.
@@ -69,6 +69,7 @@ pub struct Grown {
 }
 
 impl Node {
+    /// Node without children.
     const EMPTY: Self = Self {
         low: [[f32::INFINITY; WIDEST]; 3],
         high: [[f32::NEG_INFINITY; WIDEST]; 3],
@@ -147,7 +148,7 @@ fn surface_of(bounds: &Aabb) -> f32 {
 
 /// Position of a new object at a node.
 #[derive(Debug, Clone, Copy)]
-enum Place {
+enum Position {
     /// As another child.
     Child,
     /// In a new node, together with the object in this lane.
@@ -156,7 +157,7 @@ enum Place {
     Chain(usize),
 }
 
-/// A node reached by the search.
+/// A node that the search has reached.
 #[derive(Debug, Clone, Copy)]
 struct Reached {
     node: usize,
@@ -167,20 +168,20 @@ struct Reached {
 }
 
 /// An entry of the priority queue, ordered by cost, then the latest first. The latest lie deepest: for objects as
-/// large as their nodes every place costs the same, and this order finds a free one below without visiting all
+/// large as their nodes every position costs the same, and this order finds a free one below without visiting all
 /// nodes above.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Waiting(f32, usize);
+struct QueueEntry(f32, usize);
 
-impl Eq for Waiting {}
+impl Eq for QueueEntry {}
 
-impl PartialOrd for Waiting {
+impl PartialOrd for QueueEntry {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Waiting {
+impl Ord for QueueEntry {
     fn cmp(&self, other: &Self) -> Ordering {
         self.0.total_cmp(&other.0).then(other.1.cmp(&self.1))
     }
@@ -190,13 +191,14 @@ impl Ord for Waiting {
 #[derive(Default)]
 struct Scratch {
     reached: Vec<Reached>,
-    queue: BinaryHeap<Reverse<Waiting>>,
+    queue: BinaryHeap<Reverse<QueueEntry>>,
 }
 
 /// Builds a tree over `objects` by insertion. Their numbers only determine the random order.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Grown> {
     let mut order: Vec<_> = (0..objects.len()).collect();
     order.sort_by_cached_key(|&i| (shuffled(growth.seed, objects[i].id), i));
@@ -231,6 +233,7 @@ fn shuffled(seed: u64, id: u32) -> u64 {
     x ^ x >> 31
 }
 
+/// Returns a number of children as f32.
 #[expect(clippy::cast_precision_loss, reason = "at most eight children")]
 fn as_f32(children: usize) -> f32 {
     children as f32
@@ -241,11 +244,11 @@ impl Hierarchy for Grown {
         let node = &self.nodes[node];
         (0..node.len).map(|lane| {
             let link = node.link[lane];
-            let place = (link & !OBJECT) as usize;
+            let index = (link & !OBJECT) as usize;
             let child = if link & OBJECT == 0 {
-                Child::Node(place)
+                Child::Node(index)
             } else {
-                Child::Objects(place)
+                Child::Objects(index)
             };
             (child, node.objects[lane] as usize)
         })
@@ -277,6 +280,7 @@ impl Hierarchy for Grown {
 }
 
 impl Grown {
+    /// Inserts an object into a tree with the box `whole`.
     fn insert(
         &mut self,
         object: usize,
@@ -285,13 +289,13 @@ impl Grown {
         growth: &Growth,
         scratch: &mut Scratch,
     ) {
-        let (_, mut at, place) = self.search(bounds, whole, growth, scratch);
+        let (_, mut at, position) = self.search(bounds, whole, growth, scratch);
         let link = OBJECT | u32::try_from(object).expect("checked by the layout");
         let node = scratch.reached[at].node;
         // Change the node that the search chose.
-        match place {
-            Place::Child => self.nodes[node].push(link, bounds, 1),
-            Place::Pair(lane) => {
+        match position {
+            Position::Child => self.nodes[node].push(link, bounds, 1),
+            Position::Pair(lane) => {
                 // Replace the child by a new node of the child and the object.
                 let new = u32::try_from(self.nodes.len()).expect("fewer nodes than objects");
                 let mut pair = Node::EMPTY;
@@ -306,7 +310,7 @@ impl Grown {
                 parent.grow(lane, bounds);
                 self.nodes.push(pair);
             }
-            Place::Chain(lane) => {
+            Position::Chain(lane) => {
                 let parent = &mut self.nodes[node];
                 // Put the object at the head of the chain.
                 self.next[object] = parent.link[lane] & !OBJECT;
@@ -322,7 +326,7 @@ impl Grown {
         }
     }
 
-    /// Returns the cheapest place for an object that the search finds: its cost, the search entry of its node, and
+    /// Returns the cheapest position for an object that the search finds: its cost, the search entry of its node, and
     /// the position there.
     fn search(
         &self,
@@ -330,7 +334,7 @@ impl Grown {
         whole: &Aabb,
         growth: &Growth,
         scratch: &mut Scratch,
-    ) -> (f32, usize, Place) {
+    ) -> (f32, usize, Position) {
         let own = surface_of(object);
         let Scratch { reached, queue } = scratch;
         reached.clear();
@@ -342,11 +346,11 @@ impl Grown {
             from: (0, 0),
         });
         // Start at the root, which inherits no cost.
-        queue.push(Reverse(Waiting(0.0, 0)));
-        let mut best = (f32::INFINITY, 0, Place::Chain(0));
+        queue.push(Reverse(QueueEntry(0.0, 0)));
+        let mut best = (f32::INFINITY, 0, Position::Chain(0));
         // Visit nodes in ascending order of inherited cost.
-        while let Some(Reverse(Waiting(inherited, at))) = queue.pop() {
-            // Lower bound: any place below costs at least the object's own area.
+        while let Some(Reverse(QueueEntry(inherited, at))) = queue.pop() {
+            // Stop if no position below can be cheaper: each costs at least the object's own area.
             if inherited + own >= best.0 {
                 break;
             }
@@ -356,7 +360,7 @@ impl Grown {
                 depth,
                 ..
             } = reached[at];
-            // All children of this node are tested by a ray that meets the grown node.
+            // Add the growth of this node: a ray that meets it tests all its children.
             let (index, node) = (node, &self.nodes[node]);
             let grown = surface_of(&bounds.union(object));
             let inherited = inherited + as_f32(node.len) * (grown - surface_of(&bounds));
@@ -364,31 +368,31 @@ impl Grown {
             if node.len < growth.children {
                 let cost = inherited + grown;
                 if cost < best.0 {
-                    best = (cost, at, Place::Child);
+                    best = (cost, at, Position::Child);
                 }
             }
             let (old, new) = node.surfaces(object);
-            // The inner child that grows least; of equal ones that with the fewest objects.
+            // Find the inner child that grows least; of equal ones that with the fewest objects.
             let mut least: Option<(f32, u32, usize)> = None;
             for lane in 0..node.len {
                 if node.link[lane] & OBJECT != 0 {
                     let cost = inherited + 2.0 * new[lane];
                     if cost < best.0 {
                         // At the depth limit there is no level left for a new node.
-                        let place = if depth + 2 <= MAX_DEPTH {
-                            Place::Pair(lane)
+                        let position = if depth + 2 <= MAX_DEPTH {
+                            Position::Pair(lane)
                         } else {
-                            Place::Chain(lane)
+                            Position::Chain(lane)
                         };
-                        best = (cost, at, place);
+                        best = (cost, at, position);
                     }
                     continue;
                 }
                 // Descend into inner children: all of them, or the one that grows least.
                 let growth_here = new[lane] - old[lane];
                 if growth.search == Search::BranchAndBound {
-                    queue.push(Reverse(Waiting(inherited, reached.len())));
-                    reached.push(self.below((index, at), lane, depth));
+                    queue.push(Reverse(QueueEntry(inherited, reached.len())));
+                    reached.push(self.child(index, at, lane, depth));
                 } else if least.is_none_or(|(g, n, _)| {
                     growth_here < g || (growth_here == g && node.objects[lane] < n)
                 }) {
@@ -396,15 +400,15 @@ impl Grown {
                 }
             }
             if let Some((_, _, lane)) = least {
-                queue.push(Reverse(Waiting(inherited, reached.len())));
-                reached.push(self.below((index, at), lane, depth));
+                queue.push(Reverse(QueueEntry(inherited, reached.len())));
+                reached.push(self.child(index, at, lane, depth));
             }
         }
         best
     }
 
-    /// Returns the search entry of a child.
-    fn below(&self, (node, at): (usize, usize), lane: usize, depth: usize) -> Reached {
+    /// Returns the search entry of a child; `at` is the entry of its parent `node` at `depth`.
+    fn child(&self, node: usize, at: usize, lane: usize, depth: usize) -> Reached {
         Reached {
             node: self.nodes[node].link[lane] as usize,
             bounds: self.nodes[node].bounds(lane),

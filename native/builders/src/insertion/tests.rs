@@ -17,10 +17,11 @@ fn boxes(count: u32) -> Vec<Object> {
         .collect()
 }
 
-/// Returns the least cost of any place at or below a node, by exhaustive search.
+/// Returns the least cost of any position at or below a node, by exhaustive search.
 fn cheapest(
     tree: &Grown,
-    (node, bounds): (usize, Aabb),
+    node: usize,
+    bounds: Aabb,
     object: &Aabb,
     children: usize,
     inherited: f32,
@@ -35,8 +36,8 @@ fn cheapest(
     for lane in 0..node.len {
         let link = node.link[lane];
         let cost = if link & OBJECT == 0 {
-            let below = (link as usize, node.bounds(lane));
-            cheapest(tree, below, object, children, inherited)
+            let bounds = node.bounds(lane);
+            cheapest(tree, link as usize, bounds, object, children, inherited)
         } else {
             inherited + 2.0 * surface_of(&node.bounds(lane).union(object))
         };
@@ -46,7 +47,7 @@ fn cheapest(
 }
 
 #[test]
-fn branch_and_bound_finds_the_cheapest_place_and_greed_none_cheaper() {
+fn branch_and_bound_finds_the_cheapest_position_and_greed_none_cheaper() {
     for children in [2, 4, WIDEST] {
         let growth = |search| Growth {
             search,
@@ -63,7 +64,7 @@ fn branch_and_bound_finds_the_cheapest_place_and_greed_none_cheaper() {
         let mut dearer = 0;
         for (i, object) in objects.iter().enumerate() {
             let bounds = &object.bounds;
-            let least = cheapest(&tree, (0, whole), bounds, children, 0.0);
+            let least = cheapest(&tree, 0, whole, bounds, children, 0.0);
             let found = tree.search(bounds, &whole, &all, &mut scratch).0;
             let near = tree.search(bounds, &whole, &greedy, &mut scratch).0;
             assert_eq!(found, least, "object {i}");

@@ -15,8 +15,9 @@ use halfspace_geom::Aabb;
 use halfspace_geom::clip::clipped_bounds;
 use halfspace_geom::oblique_part::Cutter;
 use halfspace_nodes::cost::Costs;
-use halfspace_nodes::object_tree::{Item, ObjectTree};
+use halfspace_nodes::object_tree::{Item, ObjectTree, Sizes};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::{AXIS_PAD, Frame};
 use halfspace_scene::Triangles;
 use rayon::prelude::*;
@@ -37,18 +38,16 @@ const PARALLEL: usize = 4096;
 /// Share of the work on boxes that is done here; the layout of the boxes takes the rest.
 pub const SHARE: f64 = 0.75;
 
-/// Number of objects that one thread splits at a time in large nodes, and between two checks for cancellation.
-const PATIENCE: usize = 1 << 14;
+/// Number of objects that one thread splits at a time in large nodes, and between two checks for cancellation (chosen).
+const CHUNK: usize = 1 << 14;
 
 /// Builds the tree over the live triangles of `scene`.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
-pub fn build(
-    planes: &PlaneTree,
-    (scene, frame): (&Triangles, &Frame),
-    monitor: &Monitor,
-) -> Result<ObjectTree> {
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
+pub fn build(planes: &PlaneTree, framed: FramedScene<'_>, monitor: &Monitor) -> Result<ObjectTree> {
+    let FramedScene { scene, frame } = framed;
     let builder = Builder {
         planes,
         scene,
@@ -59,7 +58,12 @@ pub fn build(
     // Start with all triangles at the root of the tree of planes.
     let objects = object::gather(scene, frame);
     let mut tree = ObjectTree::default();
-    builder.node(objects, (planes.root(), 0, Some(SHARE)), &mut tree)?;
+    let root = OpenNode {
+        node: planes.root(),
+        depth: 0,
+        work: Some(SHARE),
+    };
+    builder.node(objects, root, &mut tree)?;
     Ok(tree)
 }
 
@@ -127,7 +131,7 @@ impl Sides {
         // Number of objects on each side, if every cut object goes to both.
         let mut count = [0, 1].map(|side| (self.apart[side].len() + self.cut.len()) as f64);
         for (seen, (whole, parts)) in std::mem::take(&mut self.cut).into_iter().enumerate() {
-            if seen % PATIENCE == PATIENCE - 1 {
+            if seen % CHUNK == CHUNK - 1 {
                 monitor.check()?;
             }
             // Compare the costs of both sides with those of one side.
@@ -164,6 +168,29 @@ impl Sides {
     }
 }
 
+/// A node that is still to be built.
+#[derive(Clone, Copy)]
+struct OpenNode {
+    /// Index of the node in the tree of planes.
+    node: u32,
+    depth: usize,
+    /// Share of the whole work; `None` in small subtrees, whose ancestor reports for all of them: a report per leaf
+    /// would make threads contend.
+    work: Option<f64>,
+}
+
+impl OpenNode {
+    /// Returns a child with this index and this share of the work.
+    fn child(&self, node: u32, work: Option<f64>) -> Self {
+        Self {
+            node,
+            depth: self.depth + 1,
+            work,
+        }
+    }
+}
+
+/// The inputs of a build.
 struct Builder<'a> {
     planes: &'a PlaneTree,
     scene: &'a Triangles,
@@ -174,83 +201,80 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Appends the tree over objects, given their node in the tree of planes, their depth and their share of the
-    /// whole work. The share is `None` in small subtrees, whose ancestor reports for all of them: a report per
-    /// leaf would make threads contend. The depth of the recursion is that of the tree.
+    /// Appends the tree over the objects of a node. The depth of the recursion is that of the tree.
     fn node(
         &self,
         mut objects: Vec<Object>,
-        (mut place, depth, work): (u32, usize, Option<f64>),
+        mut open: OpenNode,
         tree: &mut ObjectTree,
     ) -> Result<()> {
         loop {
             self.monitor.check()?;
-            let node = self.planes.node(place);
+            let node = self.planes.node(open.node);
             let (Node::Axis { children, .. } | Node::Oblique { children, .. }) = node else {
-                return self.objects(objects, (depth, work), tree);
+                return self.objects(objects, open, tree);
             };
             // Split the objects by the node's plane; skip planes with all objects on one side.
             let whole = (objects.len() <= OBJECTS.leaf_max).then(|| objects.clone());
-            let parted = self.part(objects, &node)?;
-            match parted {
-                [below, above] if above.is_empty() => (objects, place) = (below, children),
-                [below, above] if below.is_empty() => (objects, place) = (above, children + 1),
-                parted => {
+            let parts = self.split(objects, &node)?;
+            match parts {
+                [below, above] if above.is_empty() => (objects, open.node) = (below, children),
+                [below, above] if below.is_empty() => (objects, open.node) = (above, children + 1),
+                parts => {
                     return match whole {
-                        Some(whole) if !OBJECTS.pays(&whole, &parted) => {
-                            self.objects(whole, (depth, work), tree)
+                        Some(whole) if !OBJECTS.is_worth(&whole, &parts) => {
+                            self.objects(whole, open, tree)
                         }
-                        _ => self.inner(parted, (children, depth, work), tree),
+                        _ => self.inner(parts, open, children, tree),
                     };
                 }
             }
         }
     }
 
-    /// Appends an inner node with its subtrees.
+    /// Appends an inner node with its subtrees; `children` is the index of the first child in the tree of planes.
     fn inner(
         &self,
         [below, above]: [Vec<Object>; 2],
-        (children, depth, work): (u32, usize, Option<f64>),
+        open: OpenNode,
+        children: u32,
         tree: &mut ObjectTree,
     ) -> Result<()> {
         let before = tree.sizes();
         let count = below.len() + above.len();
-        let place = tree.items.len();
+        let index = tree.items.len();
         // The axis of these nodes is not used.
         tree.items.push(Item::inner(0));
         // Build small subtrees in sequence and report them at once.
         let above_at = if count <= PARALLEL {
-            self.node(below, (children, depth + 1, None), tree)?;
+            self.node(below, open.child(children, None), tree)?;
             let above_at = tree.items.len();
-            self.node(above, (children + 1, depth + 1, None), tree)?;
-            self.tell(work, before, tree)?;
+            self.node(above, open.child(children + 1, None), tree)?;
+            self.report(open.work, before, tree)?;
             above_at
         // Build large subtrees on two threads.
         } else {
             let _held = self.monitor.hold(count * size_of::<Object>())?;
             // The second thread writes to a tree of its own, which is appended.
             let mut other = ObjectTree::default();
-            let work = work.unwrap_or(0.0);
+            let work = open.work.unwrap_or(0.0);
             let part = work * below.len() as f64 / count as f64;
             let (first, last) = rayon::join(
-                || self.node(below, (children, depth + 1, Some(part)), tree),
+                || self.node(below, open.child(children, Some(part)), tree),
                 || {
-                    self.node(
-                        above,
-                        (children + 1, depth + 1, Some(work - part)),
-                        &mut other,
-                    )
+                    let child = open.child(children + 1, Some(work - part));
+                    self.node(above, child, &mut other)
                 },
             );
             first?;
             last?;
+            // Append the second tree.
             let above_at = tree.items.len();
             tree.items.append(&mut other.items);
             tree.ids.append(&mut other.ids);
             above_at
         };
-        Item::link(&mut tree.items[place..], above_at - place);
+        Item::link(&mut tree.items[index..], above_at - index);
         Ok(())
     }
 
@@ -259,7 +283,7 @@ impl Builder<'_> {
     fn objects(
         &self,
         mut objects: Vec<Object>,
-        (depth, work): (usize, Option<f64>),
+        OpenNode { depth, work, .. }: OpenNode,
         tree: &mut ObjectTree,
     ) -> Result<()> {
         let before = tree.sizes();
@@ -270,36 +294,31 @@ impl Builder<'_> {
         // Halving reaches single objects in this number of levels.
         let levels = objects.len().next_power_of_two().ilog2() as usize;
         if depth + levels <= MAX_DEPTH {
-            let at = ((), depth);
-            object::build_part(&mut objects, at, (&OBJECTS, self.monitor), &mut tree.items)?;
+            let items = &mut tree.items;
+            object::build_subtree(&mut objects, (), depth, &OBJECTS, self.monitor, items)?;
         } else {
             tree.items.push(object::leaf(&objects));
         }
         tree.ids.extend(objects.iter().map(|object| object.id));
-        self.tell(work, before, tree)
+        self.report(work, before, tree)
     }
 
     /// Reports a share of the work, if this node has one, and the memory that the tree has taken since it had the
-    /// given numbers of items and ids.
-    fn tell(
-        &self,
-        work: Option<f64>,
-        (items, ids): (usize, usize),
-        tree: &ObjectTree,
-    ) -> Result<()> {
+    /// sizes `before`.
+    fn report(&self, work: Option<f64>, before: Sizes, tree: &ObjectTree) -> Result<()> {
         let Some(work) = work else {
             return Ok(());
         };
         self.monitor.advance(work);
         // Includes the node above, which is not reported otherwise.
-        let made = (tree.items.len() - items + 1) * size_of::<Item>();
+        let made = (tree.items.len() - before.items + 1) * size_of::<Item>();
         self.monitor
-            .take(made + (tree.ids.len() - ids) * size_of::<u32>())
+            .take(made + (tree.ids.len() - before.ids) * size_of::<u32>())
     }
 
     /// Splits objects by the plane of a node.
-    fn part(&self, objects: Vec<Object>, node: &Node) -> Result<[Vec<Object>; 2]> {
-        let many = objects.len() >= 2 * PATIENCE;
+    fn split(&self, objects: Vec<Object>, node: &Node) -> Result<[Vec<Object>; 2]> {
+        let many = objects.len() >= 2 * CHUNK;
         // Bytes per object: a copy, and the classified object, cut or not.
         let most = 2 * size_of::<Object>() + size_of::<(Object, [Aabb; 2])>();
         let held = many.then(|| self.monitor.hold(objects.len() * most));
@@ -327,7 +346,7 @@ impl Builder<'_> {
 
     /// Like [`Self::sides`], in parallel: near the root there are few nodes and many objects.
     fn sides_of_many(&self, objects: Vec<Object>, node: &Node) -> Result<Sides> {
-        let pieces = objects.par_chunks(PATIENCE);
+        let pieces = objects.par_chunks(CHUNK);
         let sides: Result<Vec<_>> = pieces
             .map(|piece| self.sides(piece.to_vec(), node))
             .collect();
@@ -362,7 +381,7 @@ impl Builder<'_> {
             }),
             Node::Oblique { normal, offset, .. } => {
                 // Clip each triangle to both sides of an oblique plane.
-                let mut cutter = Cutter::new((normal, offset), self.magnitude, little);
+                let mut cutter = Cutter::new(normal, offset, self.magnitude, little);
                 objects.retain_mut(|object| {
                     let parts = cutter.parts(self.corners(object), &object.bounds);
                     let above = sides.take(*object, parts);

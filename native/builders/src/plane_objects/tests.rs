@@ -88,7 +88,7 @@ fn what_reaches_little_over_a_plane_stays_whole_and_what_reaches_far_is_cut() {
 }
 
 #[test]
-fn many_objects_are_parted_as_few_are() {
+fn many_objects_are_split_as_few_are() {
     for direction in [Direction::Axis(0), Direction::Oblique([0.6, 0.7, 0.3])] {
         let scene = soup(chips(8, 40_000));
         with_builder(&scene, direction, |builder| {
@@ -102,20 +102,23 @@ fn many_objects_are_parted_as_few_are() {
 }
 
 #[test]
-fn trees_are_no_deeper_than_any_may_be() {
+fn trees_respect_the_depth_limit() {
     fn height(tree: &ObjectTree) -> usize {
         usize::from(tree.heights()[0])
     }
     let scene = soup(random_points(23, 900));
     with_builder(&scene, Direction::Axis(0), |builder| {
-        for (depth, parted) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
+        for (depth, split) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
             let objects = object::gather(&scene, builder.frame);
             let mut tree = ObjectTree::default();
-            builder
-                .objects(objects, (depth, Some(1.0)), &mut tree)
-                .unwrap();
+            let open = OpenNode {
+                node: builder.planes.root(),
+                depth,
+                work: Some(1.0),
+            };
+            builder.objects(objects, open, &mut tree).unwrap();
             assert!(depth + height(&tree) <= MAX_DEPTH, "{depth}");
-            assert_eq!(height(&tree) > 0, parted);
+            assert_eq!(height(&tree) > 0, split);
         }
     });
 }

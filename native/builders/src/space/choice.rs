@@ -2,7 +2,7 @@
 //! Chooses the split of a node: the cheapest of all planes, if it is cheap enough.
 
 use crate::piece::Piece;
-use crate::space::{Builder, Choice, ObliqueStep, Pending, PlanePolicy, Round, Stop, Task};
+use crate::space::{Builder, Choice, ObliqueStep, OpenNode, PlanePolicy, Round, Stop, Task};
 use crate::sweep::{Best, Candidates, Pricing, Scratch, Ties, sweep};
 use halfspace_geom::cell::{Cell, Direction, Plane};
 use halfspace_geom::profile::Profile;
@@ -16,7 +16,29 @@ const PARALLEL_SWEEP: usize = 1 << 16;
 pub type Found = [Option<(Plane, Best)>; 2];
 
 /// Buffers of a sweep, reused between sweeps.
-type Buffers<'a> = (&'a mut Scratch, &'a mut Profile);
+struct Buffers<'a> {
+    scratch: &'a mut Scratch,
+    profile: &'a mut Profile,
+}
+
+/// A search for the cheapest planes of a node.
+struct Search<'c, C> {
+    cell: &'c C,
+    /// Index of the node's first piece in its task.
+    from: usize,
+    /// Index of the first direction to sweep.
+    first: usize,
+    /// Whether only planes that leave one part empty are tried.
+    hull: bool,
+}
+
+/// A node as a sweep reads it.
+struct Swept<'a, P, C> {
+    pieces: &'a [P],
+    cell: &'a C,
+    /// As in [`Search`].
+    hull: bool,
+}
 
 /// Keeps the cheaper plane of each pair, the first of equal ones.
 pub fn keep_better(found: &mut Found, new: &Found) {
@@ -94,7 +116,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         &self,
         task: &mut Task<P::Piece>,
         from: usize,
-        node: &Pending<P::Cell>,
+        node: &OpenNode<P::Cell>,
         round: Round,
     ) -> Option<Choice> {
         let params = self.params;
@@ -115,17 +137,23 @@ impl<P: PlanePolicy> Builder<'_, P> {
         };
         // Sweep the first directions, and further ones if these find nothing cheap enough.
         let mut found = [None; 2];
-        let ended = self.sweep_all(task, from, (cell, 0), terms.hull, pricing, &mut found);
+        let mut search = Search {
+            cell,
+            from,
+            first: 0,
+            hull: terms.hull,
+        };
+        let ended = self.sweep_all(task, &search, pricing, &mut found);
         if round == Round::First && !ended {
             // Triangles that fill one block are only separated from empty space, which oblique planes do best.
             let enough = found[0].is_some_and(|(_, best)| best.cost < params.enough * leaf);
             if enough && !terms.hull {
                 task.out.first_only += 1;
             } else {
-                let known = task.directions.len();
+                search.first = task.directions.len();
                 self.policy
                     .further(&node.view(&task.pieces[from..]), &mut task.directions);
-                self.sweep_all(task, from, (cell, known), terms.hull, pricing, &mut found);
+                self.sweep_all(task, &search, pricing, &mut found);
             }
         }
         // Choose between the planes for the two costs of an oblique step.
@@ -166,7 +194,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         &self,
         task: &mut Task<P::Piece>,
         from: usize,
-        node: &Pending<P::Cell>,
+        node: &OpenNode<P::Cell>,
     ) -> Option<Choice> {
         let cell = node.cell.as_ref()?;
         let costs = Costs {
@@ -186,7 +214,13 @@ impl<P: PlanePolicy> Builder<'_, P> {
         // Sweep with costs that only count triangles.
         let attempt = |task: &mut Task<P::Piece>| {
             let mut found = [None; 2];
-            self.sweep_all(task, from, (cell, 0), false, |_, _| pricing, &mut found);
+            let search = Search {
+                cell,
+                from,
+                first: 0,
+                hull: false,
+            };
+            self.sweep_all(task, &search, |_, _| pricing, &mut found);
             found[0].filter(|(_, Best { counts, .. })| {
                 // Triangles that cross each other would be split without end.
                 counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
@@ -208,14 +242,12 @@ impl<P: PlanePolicy> Builder<'_, P> {
         })
     }
 
-    /// Finds the cheapest planes of the task's directions from index `first` on, where cheaper than those in
-    /// `found`. `pricing` receives the planes found before. Returns whether the search may end here.
+    /// Finds the cheapest planes of the task's directions from `search.first` on, where cheaper than those in `found`.
+    /// `pricing` receives the planes found before. Returns whether the search may end here.
     fn sweep_all<'p>(
         &self,
         task: &mut Task<P::Piece>,
-        from: usize,
-        (cell, first): (&P::Cell, usize),
-        hull: bool,
+        search: &Search<'_, P::Cell>,
         pricing: impl Fn(Direction, &Found) -> Pricing<'p> + Sync,
         found: &mut Found,
     ) -> bool {
@@ -226,19 +258,29 @@ impl<P: PlanePolicy> Builder<'_, P> {
             directions,
             ..
         } = task;
-        let (pieces, directions) = (&pieces[from..], &directions[first..]);
+        let directions = &directions[search.first..];
+        let pieces = &pieces[search.from..];
         let n = pieces.len();
+        // Sweep one direction with the given buffers.
         let attempt = |direction: Direction, found: &mut Found, buffers: Buffers<'_>| {
-            self.sweep_one((pieces, cell), direction, hull, &pricing, found, buffers);
+            let node = Swept {
+                pieces,
+                cell: search.cell,
+                hull: search.hull,
+            };
+            self.sweep_one(node, direction, &pricing, found, buffers);
         };
-        // Sweep the directions of a large node in parallel, each with its own buffers.
+        // Sweep the directions of a large node in parallel, each with its own buffers; keep the first of equally cheap
+        // planes.
         if n >= PARALLEL_SWEEP {
-            // Sweep the directions of a large node in parallel; the first of equally cheap planes is kept.
             let attempts: Vec<_> = directions
                 .par_iter()
                 .map(|&d| {
                     let mut found = [None; 2];
-                    let buffers = (&mut Scratch::default(), &mut Profile::default());
+                    let buffers = Buffers {
+                        scratch: &mut Scratch::default(),
+                        profile: &mut Profile::default(),
+                    };
                     attempt(d, &mut found, buffers);
                     found
                 })
@@ -248,14 +290,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
         }
         // Sweep the directions in order, each with the limits set by those before.
         for &direction in directions {
-            attempt(direction, found, (&mut *scratch, &mut *profile));
+            let buffers = Buffers {
+                scratch: &mut *scratch,
+                profile: &mut *profile,
+            };
+            attempt(direction, found, buffers);
             // A plane that cuts no triangle and leaves both sides filled may end the search.
-            let parted = |best: &Option<(Plane, Best)>| {
+            let separates = |best: &Option<(Plane, Best)>| {
                 best.is_some_and(|(_, b)| {
                     b.counts[0] + b.counts[1] <= n as f32 && b.counts[0] > 0.0 && b.counts[1] > 0.0
                 })
             };
-            if self.params.early && parted(&found[0]) {
+            if self.params.early && separates(&found[0]) {
                 return true;
             }
         }
@@ -265,12 +311,11 @@ impl<P: PlanePolicy> Builder<'_, P> {
     /// Finds the cheapest planes of one direction, where cheaper than those in `found`.
     fn sweep_one<'p>(
         &self,
-        (pieces, cell): (&[P::Piece], &P::Cell),
+        Swept { pieces, cell, hull }: Swept<'_, P::Piece, P::Cell>,
         direction: Direction,
-        hull: bool,
         pricing: &impl Fn(Direction, &Found) -> Pricing<'p>,
         found: &mut Found,
-        (scratch, profile): Buffers<'_>,
+        Buffers { scratch, profile }: Buffers<'_>,
     ) {
         if !cell.extent(direction, profile) {
             return;
@@ -283,7 +328,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         // Skip the division of the surface if no hull plane can be cheap enough.
         let candidates = if hull {
             let leaf = pricing.costs.leaf(pieces.len() as f32);
-            if hull_is_dear(scratch, profile, slab, &pricing, leaf) {
+            if hull_is_hopeless(scratch, profile, slab, &pricing, leaf) {
                 return;
             }
             Candidates::Hull
@@ -319,8 +364,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
     }
 }
 
-/// Returns whether no plane on either side of all triangles can be cheap enough, where they cost `leaf` as a leaf.
-fn hull_is_dear(
+/// Returns whether no plane on either side of all triangles can be cheap enough; `leaf` is their cost as a leaf.
+fn hull_is_hopeless(
     scratch: &Scratch,
     profile: &Profile,
     slab: f32,
@@ -328,6 +373,6 @@ fn hull_is_dear(
     leaf: f32,
 ) -> bool {
     let (low, high) = scratch.hull();
-    let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
-    dear(profile.least_shares(low - slab)[1]) && dear(profile.least_shares(high + slab)[0])
+    let hopeless = |kept: f32| pricing.hopeless(kept * leaf, true);
+    hopeless(profile.least_shares(low - slab)[1]) && hopeless(profile.least_shares(high + slab)[0])
 }

@@ -10,7 +10,7 @@
 //! A thread that traces a ray builds alone: if it waited for other threads within a subtree, the pool might give
 //! it other rays meanwhile, which could reach the same subtree again.
 
-use crate::space::{Builder, Params, Pending, PlanePolicy, forecast};
+use crate::space::{Builder, OpenNode, Params, PlanePolicy, forecast};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_nodes::lazy_tree::{LazyTree, Part, Seed, Unbuilt};
@@ -25,7 +25,7 @@ const TOP: usize = 4096;
 /// A subtree is built down to nodes with this factor fewer references than its root.
 const FAN: usize = 2;
 
-/// Nodes of fewer references are built at once: they are not worth a wait.
+/// Nodes of fewer references are built at once, because deferring them saves too little (chosen).
 const LEAST: usize = 16;
 
 /// Decides which nodes are built later.
@@ -34,7 +34,7 @@ pub trait Later<P: PlanePolicy>: Sync {
     fn takes(&self, count: usize) -> bool;
 
     /// Makes the unbuilt subtree of a node.
-    fn keep(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Unbuilt;
+    fn keep(&self, pieces: Vec<P::Piece>, node: OpenNode<P::Cell>) -> Unbuilt;
 }
 
 /// Data that all subtrees of a tree need to be built.
@@ -55,11 +55,11 @@ impl<P: PlanePolicy + Send + 'static> Later<P> for UpTo<P> {
         (LEAST..=self.most).contains(&count)
     }
 
-    fn keep(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Unbuilt {
+    fn keep(&self, pieces: Vec<P::Piece>, node: OpenNode<P::Cell>) -> Unbuilt {
         Unbuilt::new(
             size_of_val(&*pieces),
             pieces.len(),
-            Box::new(Waiting {
+            Box::new(Deferred {
                 plan: self.plan.clone(),
                 pieces,
                 node,
@@ -69,13 +69,13 @@ impl<P: PlanePolicy + Send + 'static> Later<P> for UpTo<P> {
 }
 
 /// A deferred node.
-struct Waiting<P: PlanePolicy> {
+struct Deferred<P: PlanePolicy> {
     plan: Arc<Plan<P>>,
     pieces: Vec<P::Piece>,
-    node: Pending<P::Cell>,
+    node: OpenNode<P::Cell>,
 }
 
-impl<P: PlanePolicy + Send + 'static> Seed for Waiting<P> {
+impl<P: PlanePolicy + Send + 'static> Seed for Deferred<P> {
     fn grow(self: Box<Self>, scene: &Triangles) -> Part {
         let Self { plan, pieces, node } = *self;
         let depth = node.depth;
@@ -116,12 +116,12 @@ impl<P: PlanePolicy + Send + 'static> Seed for Waiting<P> {
     }
 }
 
-/// Builds the upper part of a tree like [`crate::space::build`], in the current rayon pool; the rest is built by the rays
-/// that reach it.
+/// Builds the upper part of a tree like [`crate::space::build`], in the current rayon pool; the rest is built by the
+/// rays that reach it.
 ///
 /// # Errors
-/// Those of [`crate::space::build`] and [`halfspace_nodes::plane_tree::PlaneTree::new`]; [`halfspace_base::error::Error::Memory`]
-/// also when the whole tree would not fit into the limit.
+/// Those of [`crate::space::build`] and [`halfspace_nodes::plane_tree::PlaneTree::new`];
+/// [`halfspace_base::error::Error::Memory`] also when the whole tree would not fit into the limit.
 pub fn build<P: PlanePolicy + Send + 'static>(
     scene: &Triangles,
     frame: Frame,

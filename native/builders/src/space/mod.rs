@@ -25,6 +25,7 @@ use halfspace_geom::cell::{Cell, Direction, Plane};
 use halfspace_geom::profile::Profile;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::preorder::{Item, Preorder};
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use lazy::Later;
@@ -41,9 +42,9 @@ const AREA_STOP_MOST: usize = 16;
 /// their references; a node that would exceed its budget becomes a leaf.
 const BUDGET: usize = 1024;
 
-/// A node that is about to be built.
+/// A node that is still to be built.
 #[derive(Clone)]
-pub struct Pending<C> {
+pub struct OpenNode<C> {
     /// `None` for nodes that are leaves in any case.
     cell: Option<C>,
     /// Surface area of the cell divided by that of the root.
@@ -58,7 +59,7 @@ pub struct Pending<C> {
     work: f64,
 }
 
-impl<C> Pending<C> {
+impl<C> OpenNode<C> {
     /// Returns the view of the node that its policy gets.
     fn view<'a, P>(&self, pieces: &'a [P]) -> Node<'a, P> {
         Node {
@@ -69,7 +70,7 @@ impl<C> Pending<C> {
     }
 }
 
-/// Round of directions that a node sweeps.
+/// Round of a node's search for directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Round {
     /// The first directions, and further ones if these are not enough.
@@ -108,13 +109,15 @@ thread_local! {
     static KEPT: std::cell::Cell<Kept> = std::cell::Cell::default();
 }
 
-/// A chosen split.
+/// The chosen split of a node.
 struct Choice {
     plane: Plane,
     best: Best,
+    /// Number of splits on the path, this one included, that cost more than their leaf.
     bad: u32,
 }
 
+/// The inputs of a build.
 struct Builder<'a, P: PlanePolicy> {
     scene: &'a Triangles,
     frame: &'a Frame,
@@ -130,7 +133,8 @@ struct Builder<'a, P: PlanePolicy> {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
+/// them.
 pub fn build<P: PlanePolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -167,12 +171,12 @@ impl<P: PlanePolicy> Builder<'_, P> {
         // Start with the whole scene as the root.
         let budget = pieces.len().saturating_mul(BUDGET);
         let share = f32::from(u8::from(root.area() > 0.0));
-        let settled = self.settled(pieces.len(), 0, share);
+        let leaf = self.is_leaf(pieces.len(), 0, share);
         self.subtree(
             pieces,
-            Pending {
+            OpenNode {
                 share,
-                cell: (!settled).then_some(root),
+                cell: (!leaf).then_some(root),
                 depth: 0,
                 key: 0,
                 bad: 0,
@@ -183,16 +187,17 @@ impl<P: PlanePolicy> Builder<'_, P> {
     }
 
     /// Builds a subtree as a separate task.
-    fn subtree(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Result<Preorder> {
+    fn subtree(&self, pieces: Vec<P::Piece>, node: OpenNode<P::Cell>) -> Result<Preorder> {
         let _held = self
             .monitor
-            .hold(footprint::waiting::<P::Piece>(pieces.len()))?;
+            .hold(footprint::unsplit::<P::Piece>(pieces.len()))?;
         // A thread that builds many small subtrees alone reuses its buffers.
         let kept = if self.alone {
             KEPT.take()
         } else {
             Kept::default()
         };
+        // Build the subtree.
         let mut task = Task {
             pieces,
             aside: Vec::new(),
@@ -222,7 +227,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
     }
 
     /// Builds the node whose pieces are those of the task from index `from` on, and removes them.
-    fn node(&self, task: &mut Task<P::Piece>, from: usize, node: Pending<P::Cell>) -> Result<()> {
+    fn node(&self, task: &mut Task<P::Piece>, from: usize, node: OpenNode<P::Cell>) -> Result<()> {
         self.monitor.check()?;
         let count = task.pieces.len() - from;
         // Defer small nodes of a tree that is built on demand.
@@ -250,7 +255,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
 
         // Split the pieces: those above the plane stay in place, those below follow them.
         let Choice { plane, best, bad } = choice;
-        self.part(task, from, plane, best);
+        self.split(task, from, plane, best);
         let above = task.pieces.len();
         let (n_above, n_below) = (above - from, task.aside.len());
         let share = node.share;
@@ -260,13 +265,13 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let [cell_below, cell_above] = cell.parts(
             plane,
             [
-                !self.settled(n_below, node.depth + 1, shares[0]),
-                !self.settled(n_above, node.depth + 1, shares[1]),
+                !self.is_leaf(n_below, node.depth + 1, shares[0]),
+                !self.is_leaf(n_above, node.depth + 1, shares[1]),
             ],
         );
         // Give each child its share of the budget and of the work.
         let portion = |n: usize| n as f64 / (n_below + n_above).max(1) as f64;
-        let child = |cell, side: usize, n: usize| Pending {
+        let child = |cell, side: usize, n: usize| OpenNode {
             cell,
             share: shares[side],
             depth: node.depth + 1,
@@ -280,6 +285,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             budget: (node.budget as f64 * portion(n)) as usize,
             work: node.work * portion(n),
         };
+        // Make both children.
         let below = child(cell_below, 0, n_below);
         let above_node = child(cell_above, 1, n_above);
         // Build the children of a large node in parallel.
@@ -301,13 +307,14 @@ impl<P: PlanePolicy> Builder<'_, P> {
             task.out.append(second?);
             return Ok(());
         }
+        // Build the children of a small node in sequence, the one below at the end of the list.
         task.pieces.extend_from_slice(&task.aside);
         self.node(task, above, below)?;
         self.node(task, from, above_node)
     }
 
     /// Returns whether a node is a leaf before any plane is tried, and so needs no cell.
-    fn settled(&self, n: usize, depth: usize, share: f32) -> bool {
+    fn is_leaf(&self, n: usize, depth: usize, share: f32) -> bool {
         let params = self.params;
         let visits = share * self.scene.live().len() as f32;
         n <= params.leaf_size
@@ -321,7 +328,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         &self,
         task: &mut Task<P::Piece>,
         from: usize,
-        node: &'c Pending<P::Cell>,
+        node: &'c OpenNode<P::Cell>,
     ) -> Option<(&'c P::Cell, Choice)> {
         let n = task.pieces.len() - from;
         let params = self.params;
@@ -337,6 +344,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         if node.depth < params.max_depth {
             choice = self.affordable(task, from, node, Round::First);
             if choice.as_ref().is_none_or(|c| c.bad > node.bad) {
+                // Keep the directions tried before, for a forced split.
                 let tried = std::mem::take(&mut task.directions);
                 let view = node.view(&task.pieces[from..]);
                 self.policy.more(&view, &mut task.directions);
@@ -363,7 +371,11 @@ impl<P: PlanePolicy> Builder<'_, P> {
     }
 
     /// Splits the pieces from index `from` on by a plane: those above stay, those below go to `task.aside`.
-    fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) {
+    fn split(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) {
+        let framed = FramedScene {
+            scene: self.scene,
+            frame: self.frame,
+        };
         // Reserve the known number of pieces below.
         let Task { pieces, aside, .. } = task;
         let end = pieces.len();
@@ -389,7 +401,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 // Cut a piece that lies on both sides.
                 (below, above) => {
                     let parts = if below && above {
-                        pieces[i].cut(plane, (self.scene, self.frame))
+                        pieces[i].cut(plane, framed)
                     } else {
                         (None, None)
                     };

@@ -69,11 +69,13 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 if pricing.hopeless(inner, fewer == 0.0) {
                     return found;
                 }
+                // Compute the cost from the surface areas of both parts.
                 cell.divide(plane.direction, profile);
                 cheaper(
                     found,
                     plane,
-                    (profile.shares(at), [below, above, planar]),
+                    profile.shares(at).into(),
+                    [below, above, planar],
                     &pricing,
                 )
             })
@@ -97,7 +99,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
 fn cheaper(
     mut found: Found,
     plane: Plane,
-    (shares, [below, above, planar]): ((f32, f32), [f32; 3]),
+    shares: [f32; 2],
+    [below, above, planar]: [f32; 3],
     pricing: &Pricing<'_>,
 ) -> Found {
     for (step, found) in pricing.steps.into_iter().zip(&mut found) {
@@ -107,8 +110,8 @@ fn cheaper(
         };
         // Try planar triangles on either side.
         for (counts, touching) in [
-            ((below + planar, above), Touching::PlanarBelow),
-            ((below, above + planar), Touching::PlanarAbove),
+            ([below + planar, above], Touching::PlanarBelow),
+            ([below, above + planar], Touching::PlanarAbove),
         ] {
             let cost = costs.split(shares, counts);
             // Keep the plane for this cost of a step if it is cheaper.
@@ -117,8 +120,8 @@ fn cheaper(
                     cost,
                     at: plane.offset,
                     touching,
-                    shares: shares.into(),
-                    counts: counts.into(),
+                    shares,
+                    counts,
                 };
                 *found = Some((plane, new));
             }

@@ -6,7 +6,7 @@
 //! grow with the square of the triangles. Once the triangles of a large node have been duplicated often on the
 //! path to it, its splits must gain in proportion to the references they add.
 
-use crate::space::{BUDGET, Builder, Choice, Pending, PlanePolicy, Stop};
+use crate::space::{BUDGET, Builder, Choice, OpenNode, PlanePolicy, Stop};
 
 /// Nodes of more triangles count as large. Smaller nodes reach hundreds of copies in ordinary scenes too, around
 /// the hubs of wheels, without harm.
@@ -23,7 +23,7 @@ const PATIENCE: f32 = 32.0;
 impl<P: PlanePolicy> Builder<'_, P> {
     /// Returns whether a split that the cost model accepts is worth the references that it adds, for a node of `n`
     /// triangles with cost `leaf` as a leaf.
-    pub fn is_worth(&self, choice: &Choice, leaf: f32, node: &Pending<P::Cell>, n: usize) -> bool {
+    pub fn is_worth(&self, choice: &Choice, leaf: f32, node: &OpenNode<P::Cell>, n: usize) -> bool {
         // f32 holds these counts exactly, except in nodes so large that their budget always suffices.
         let total = choice.best.counts[0] + choice.best.counts[1];
         let budget = node.budget as f32;

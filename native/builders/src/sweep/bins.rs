@@ -11,8 +11,10 @@
 use crate::sweep::{Batch, Profile, Scratch, Ties, merge};
 use fearless_simd::{Simd, SimdBase, f32x8};
 
-/// Approximate number of triangles per bin, and largest number of bins.
+/// Approximate number of triangles per bin.
 const PER_BIN: usize = 8;
+
+/// Largest number of bins.
 const MOST: usize = 256;
 
 /// Buffers, reused between sweeps.
@@ -21,6 +23,7 @@ pub struct Bins {
     table: Table,
     /// Heights of each list of the table, sorted by bin.
     sorted: [Vec<f32>; 4],
+    /// Bins in the order in which they are opened.
     order: Vec<u32>,
 }
 
@@ -61,10 +64,10 @@ impl Ruler {
     /// Returns the bin of a height.
     #[inline(always)]
     fn bin(self, at: f32) -> usize {
-        let place = ((at - self.low) * self.scale - 0.5).max(0.0).min(self.last);
+        let position = ((at - self.low) * self.scale - 0.5).max(0.0).min(self.last);
         // Adding 2^23 leaves the nearest integer in the low bits, without a conversion that checks for overflow.
         const WHOLE: f32 = (1 << 23) as f32;
-        (place + WHOLE).to_bits() as usize & 0x3ff
+        (position + WHOLE).to_bits() as usize & 0x3ff
     }
 }
 
@@ -154,7 +157,7 @@ impl Table {
         for &at in heights.extra {
             further[ruler.bin(at) + 1] += 1;
         }
-        // Prefix sums give the numbers in lower bins.
+        // Accumulate the numbers in lower bins.
         for before in &mut self.before {
             let mut sum = 0;
             for n in before.iter_mut() {
@@ -236,7 +239,7 @@ impl Table {
     #[inline(always)]
     fn open<S: Simd>(&self, batch: &mut Batch<'_, S>, sorted: &mut [Vec<f32>; 4], bin: usize) {
         let [starts, ends, planar, further] = sorted;
-        // Range of the bin in each list.
+        // Merge the bin's range of each list.
         let part = |list: usize| {
             let before = &self.before[list];
             before[bin] as usize..before[bin + 1] as usize
@@ -253,7 +256,8 @@ impl Table {
                 &mut planar[part(2)],
                 &mut further[part(3)],
             ],
-            (below, above),
+            below,
+            above,
         );
         batch.flush();
     }
@@ -263,18 +267,18 @@ impl Table {
 #[inline(always)]
 fn fill(sorted: &mut [Vec<f32>; 4], before: &[Vec<u32>; 4], heights: Heights<'_>, ruler: Ruler) {
     let count = ruler.count;
-    // Next free slot of each bin and list.
+    // Start with the first slot of each bin and list.
     let mut next: [[u32; MOST]; 4] = [[0; MOST]; 4];
     for ((sorted, before), next) in sorted.iter_mut().zip(before).zip(&mut next) {
         sorted.clear();
         sorted.resize(before[count] as usize, 0.0);
         next[..count].copy_from_slice(&before[..count]);
     }
-    // Counting sort by bin.
+    // Put each height into the next free slot of its bin.
     let mut put = |list: usize, at: f32| {
-        let place = &mut next[list][ruler.bin(at)];
-        sorted[list][*place as usize] = at;
-        *place += 1;
+        let slot = &mut next[list][ruler.bin(at)];
+        sorted[list][*slot as usize] = at;
+        *slot += 1;
     };
     for (&min, &max) in heights.min.iter().zip(heights.max) {
         if heights.is_planar(min, max) {

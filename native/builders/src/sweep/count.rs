@@ -16,7 +16,7 @@ pub fn all<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     } = scratch;
     candidates.clear();
     candidates.extend(min.iter().chain(&*max).chain(&*extra));
-    waiting(batch, scratch);
+    gathered(batch, scratch);
 }
 
 /// Tries the planes that leave one side empty.
@@ -31,12 +31,12 @@ pub fn hull<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     candidates.clear();
     candidates.extend([low, high]);
     candidates.extend(extra.iter().filter(|&&at| at < low || at > high));
-    waiting(batch, scratch);
+    gathered(batch, scratch);
 }
 
 /// Tries the heights in `scratch.starts`.
 #[inline(always)]
-pub fn waiting<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+pub fn gathered<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     let Scratch {
         min,
         max,

@@ -82,12 +82,12 @@ impl Pricing<'_> {
     #[inline(always)]
     pub fn hopeless(&self, inner: f32, empty: bool) -> bool {
         let factor = if empty { self.costs.empty } else { 1.0 };
-        let dear = |i: usize| {
+        let exceeds = |i: usize| {
             let cost = (self.steps[i] + inner) * factor;
             // Allow for the rounding of one cost.
             cost * (1.0 - 1e-5) > self.limits[i] || self.steps[i] == f32::INFINITY
         };
-        dear(0) && dear(1)
+        exceeds(0) && exceeds(1)
     }
 }
 
@@ -136,13 +136,13 @@ impl Scratch {
         if thickness <= 0.0 {
             return;
         }
-        dispatch!(Level::new(), simd => slabs(simd, (&self.min, &self.max), thickness, &mut self.extra));
+        dispatch!(Level::new(), simd => slabs(simd, &self.min, &self.max, thickness, &mut self.extra));
     }
 }
 
 /// Appends the heights of slabs. In most nodes few triangles are parallel to the planes.
 #[inline(always)]
-fn slabs<S: Simd>(simd: S, (mins, maxs): (&[f32], &[f32]), thickness: f32, out: &mut Vec<f32>) {
+fn slabs<S: Simd>(simd: S, mins: &[f32], maxs: &[f32], thickness: f32, out: &mut Vec<f32>) {
     let half = f32x16::splat(simd, 0.5 * thickness);
     let (mut min, mut max) = ([0.0; 16], [f32::INFINITY; 16]);
     for (mins, maxs) in mins.chunks(16).zip(maxs.chunks(16)) {
@@ -209,22 +209,25 @@ pub fn sweep(
     })
 }
 
-/// Candidate planes that wait to be evaluated, and the best planes so far.
+/// Candidate planes queued for evaluation, eight at a time, and the best planes so far.
 struct Batch<'a, S: Simd> {
     simd: S,
     profile: &'a Profile,
     pricing: &'a Pricing<'a>,
     ties: Ties,
+    /// Heights of the queued candidates.
     at: [f32; 8],
     /// Counts of each candidate. With clean ties: triangles that extend below, that extend above, and that lie in
     /// the plane. With starts first: below and above if all that touch go above, then below and above if all that
     /// touch go below.
     counts: [[f32; 8]; 4],
-    waiting: usize,
+    /// Number of queued candidates.
+    queued: usize,
     best: [Option<Best>; 2],
 }
 
 impl<'a, S: Simd> Batch<'a, S> {
+    /// Makes an empty batch.
     #[inline(always)]
     fn new(simd: S, profile: &'a Profile, pricing: &'a Pricing<'a>, ties: Ties) -> Self {
         Self {
@@ -234,7 +237,7 @@ impl<'a, S: Simd> Batch<'a, S> {
             ties,
             at: [f32::NAN; 8],
             counts: [[0.0; 8]; 4],
-            waiting: 0,
+            queued: 0,
             best: [None; 2],
         }
     }
@@ -242,22 +245,22 @@ impl<'a, S: Simd> Batch<'a, S> {
     /// Adds one candidate; evaluates eight at a time.
     #[inline(always)]
     fn push(&mut self, at: f32, counts: [f32; 4]) {
-        self.at[self.waiting] = at;
+        self.at[self.queued] = at;
         for (row, count) in self.counts.iter_mut().zip(counts) {
-            row[self.waiting] = count;
+            row[self.queued] = count;
         }
-        self.waiting += 1;
-        if self.waiting == 8 {
+        self.queued += 1;
+        if self.queued == 8 {
             self.flush();
         }
     }
 
-    /// Evaluates the waiting candidates.
+    /// Evaluates the queued candidates.
     #[inline(always)]
     fn flush(&mut self) {
-        if self.waiting > 0 {
-            self.at[self.waiting..].fill(f32::NAN);
-            self.waiting = 0;
+        if self.queued > 0 {
+            self.at[self.queued..].fill(f32::NAN);
+            self.queued = 0;
             let at = f32x8::from_slice(self.simd, &self.at);
             // Written out: a closure passed to `map` would not be compiled for this instruction set.
             let row = |i: usize| f32x8::from_slice(self.simd, &self.counts[i]);
@@ -389,7 +392,7 @@ fn sorted<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     }
     // All triangles end above the lowest height.
     let all = u32::try_from(min.len()).expect("bounded by the scene");
-    merge(batch, [starts, ends, planar, extra], (0, all));
+    merge(batch, [starts, ends, planar, extra], 0, all);
 }
 
 /// Sorts and merges starts, ends, planar triangles and further candidates, and tries each height. `below` and
@@ -399,7 +402,8 @@ fn sorted<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
 fn merge<S: Simd>(
     batch: &mut Batch<'_, S>,
     lists: [&mut [f32]; 4],
-    (mut below, mut above): (u32, u32),
+    mut below: u32,
+    mut above: u32,
 ) {
     let [starts, ends, planar, extra] = lists;
     // Sort each list.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Sweeps of some dozens of triangles: only ends in stretches of the direction that may contain the cheapest plane
+//! Sweeps of dozens of triangles: only ends in stretches of the direction that may contain the cheapest plane
 //! are counted.
 //!
 //! The lower bound is that of [`crate::sweep::bins`]: a plane inside a stretch has at least the triangles below it that
@@ -33,15 +33,15 @@ pub fn search<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
         beyond += splat(max).simd_gt(starts).select(one, zero);
     }
     let above = beyond.slide::<1>(zero);
-    let least = Least::new(batch, (&edges, high), (below, above));
+    let least = Least::new(batch, &edges, high, below, above);
 
     // Count the stretch with the lowest bound first, to tighten the limits for the others.
     let mut open = least.open(batch);
     if open & (open - u32::from(open > 0)) != 0 {
         let first = least.first();
         open &= !(1 << first);
-        gather(simd, scratch, (edges[first], edges[first + 1]));
-        count::waiting(batch, scratch);
+        gather(simd, scratch, edges[first], edges[first + 1]);
+        count::gathered(batch, scratch);
         open &= least.open(batch);
     }
     // Count each run of adjacent stretches that may still contain a better plane.
@@ -49,8 +49,8 @@ pub fn search<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
         let first = open.trailing_zeros() as usize;
         let run = (open >> first).trailing_ones() as usize;
         open &= !(((1 << run) - 1) << first);
-        gather(simd, scratch, (edges[first], edges[first + run]));
-        count::waiting(batch, scratch);
+        gather(simd, scratch, edges[first], edges[first + run]);
+        count::gathered(batch, scratch);
         open &= least.open(batch);
     }
 }
@@ -77,7 +77,7 @@ fn hull<S: Simd>(simd: S, scratch: &Scratch) -> (f32, f32) {
 
 /// Collects the candidate heights from `from` on and below `to` in `scratch.starts`.
 #[inline(always)]
-fn gather<S: Simd>(simd: S, scratch: &mut Scratch, (from, to): (f32, f32)) {
+fn gather<S: Simd>(simd: S, scratch: &mut Scratch, from: f32, to: f32) {
     let Scratch {
         min,
         max,
@@ -121,11 +121,15 @@ struct Least<S: Simd> {
 }
 
 impl<S: Simd> Least<S> {
+    /// Bounds the costs of stretches with these edges, the last of which ends at `high`, from the numbers of triangles
+    /// below and above each.
     #[inline(always)]
     fn new(
         batch: &Batch<'_, S>,
-        (edges, high): (&[f32; 17], f32),
-        (below, above): (f32x16<S>, f32x16<S>),
+        edges: &[f32; 17],
+        high: f32,
+        below: f32x16<S>,
+        above: f32x16<S>,
     ) -> Self {
         let (simd, profile, costs) = (batch.simd, batch.profile, batch.pricing.costs);
         let splat = |x: f32| f32x8::splat(simd, x);

@@ -111,7 +111,7 @@ proptest! {
             let (left, right) = sides.fold((0.0, 0.0), |(l, r), (a, b)| {
                 (l + f32::from(u8::from(a)), r + f32::from(u8::from(b)))
             });
-            prop_assert_eq!(best.cost, costs.split(profile.shares(best.at), (left, right)));
+            prop_assert_eq!(best.cost, costs.split(profile.shares(best.at).into(), [left, right]));
             prop_assert!(ends.iter().all(|e| {
                 let (below, above) = best.touching.sides(best.at, e.0, e.1);
                 below || above
@@ -121,7 +121,7 @@ proptest! {
 }
 
 #[test]
-fn walls_part_planar_triangles_only() {
+fn walls_split_planar_triangles_only() {
     let flat_floor = [(0.0, 0.0), (0.0, 8.0), (0.0, 8.0)];
     let profile = unit();
     let pricing = pricing(&Costs::THESIS);

@@ -147,6 +147,7 @@ struct Units {
 }
 
 impl Units {
+    /// Returns the places that a ray and a triangle need.
     #[inline(always)]
     fn of(o: [f32; 3], d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
         Self {
@@ -323,7 +324,7 @@ mod tests {
     const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
     #[test]
-    fn edges_corners_and_planes_are_told_apart() {
+    fn edges_vertices_and_planes_are_distinguished() {
         let down = |x: f32, y: f32| intersect([x, y, 1.0], [0.0, 0.0, -1.0], TRIANGLE);
         assert_eq!(down(0.25, 0.25).map(|h| (h.t, h.zeros)), Some((1.0, 0)));
         assert_eq!(down(0.25, 0.0).map(|h| (h.t, h.zeros)), Some((1.0, 1)));

@@ -110,7 +110,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
         #[test]
-        fn signs_are_those_of_integers_of_any_size(
+        fn signs_equal_those_of_integers_of_any_size(
             o in point(), d in point(), corners in prop::array::uniform3(point()), aim in 0usize..4,
         ) {
             // Three of four rays are aimed at a vertex or an edge.

@@ -18,6 +18,9 @@ pub const ON: [f64; 3] = [
 /// Largest number of vertices: their indices are bytes. Depth limits keep even simple polytopes below this.
 const VERTICES: usize = 250;
 
+/// Marks a vertex without an index.
+const NONE: u8 = u8::MAX;
+
 /// A polytope under construction.
 pub struct Draft {
     pub vertices: Vec<Vec3>,
@@ -72,101 +75,174 @@ impl Polytope {
 
     /// Returns the part where `sign * height <= 0`, closed by a face of outward normal `normal`.
     fn part(&self, heights: &[f64], sign: f64, normal: Vec3) -> Option<Self> {
-        // Collect the kept faces in a draft.
-        let mut draft = Draft {
-            vertices: Vec::with_capacity(self.vertices.len() + 4),
-            facets: Vec::with_capacity(self.facets.len() + 1),
-            loops: Vec::with_capacity(self.loops.len() + 8),
+        let mut part = Part {
+            whole: self,
+            heights,
+            sign,
+            draft: Draft {
+                vertices: Vec::with_capacity(self.vertices.len() + 4),
+                facets: Vec::with_capacity(self.facets.len() + 1),
+                loops: Vec::with_capacity(self.loops.len() + 8),
+            },
+            kept: [NONE; VERTICES],
+            crossings: Vec::with_capacity(8),
+            on: [false; VERTICES + 1],
         };
-        const NONE: u8 = u8::MAX;
-        let mut kept = [NONE; VERTICES];
-        // Edges that the plane cuts, each with its new vertex.
-        let mut crossings: Vec<(u8, u8, u8)> = Vec::with_capacity(8);
-        // Loop of the new face, as the successor of each vertex; filled from the cut sides of the faces.
-        let mut next = [NONE; VERTICES + 1];
-        let (mut sides, mut first) = (0, NONE);
-        // Whether each vertex of the current face's new loop lies on the plane.
-        let mut on = [false; VERTICES + 1];
+        // Clip the faces, and collect their sides on the plane.
+        let mut section = Section {
+            next: [NONE; VERTICES + 1],
+            sides: 0,
+            first: NONE,
+        };
         for facet in &self.facets {
-            // Clip the loop of this face.
-            let from = usize::from(facet.first);
-            let ring = &self.loops[from..from + usize::from(facet.count)];
-            let begin = draft.loops.len();
-            let mut inside = false;
-            for (i, &a) in ring.iter().enumerate() {
-                let b = *ring.get(i + 1).unwrap_or(&ring[0]);
-                let (ha, hb) = (
-                    sign * heights[usize::from(a)],
-                    sign * heights[usize::from(b)],
-                );
-                if ha <= 0.0 {
-                    inside |= ha < 0.0;
-                    let place = &mut kept[usize::from(a)];
-                    if *place == NONE {
-                        *place = draft.vertex(self.vertices[usize::from(a)])?;
-                    }
-                    on[draft.loops.len() - begin] = ha == 0.0;
-                    draft.loops.push(*place);
-                }
-                // Add the vertex where the side crosses the plane, shared with the neighbouring face.
-                if (ha < 0.0 && hb > 0.0) || (ha > 0.0 && hb < 0.0) {
-                    let (low, high) = (a.min(b), a.max(b));
-                    let known = crossings.iter().find(|c| (c.0, c.1) == (low, high));
-                    let place = if let Some(&(_, _, place)) = known {
-                        place
-                    } else {
-                        let (p, q) = (
-                            self.vertices[usize::from(low)],
-                            self.vertices[usize::from(high)],
-                        );
-                        let (hp, hq) = (heights[usize::from(low)], heights[usize::from(high)]);
-                        let place = draft.vertex(add_scaled(p, hp / (hp - hq), sub(q, p)))?;
-                        crossings.push((low, high, place));
-                        place
-                    };
-                    on[draft.loops.len() - begin] = true;
-                    draft.loops.push(place);
-                }
-            }
+            let begin = part.draft.loops.len();
+            let inside = part.clip(facet)?;
             // Drop faces that lie outside, or touch the part only along a side.
-            let count = draft.loops.len() - begin;
+            let count = part.draft.loops.len() - begin;
             if !inside || count < 3 {
-                draft.loops.truncate(begin);
+                part.draft.loops.truncate(begin);
                 continue;
             }
-            // A side on the plane, reversed, is a side of the new face.
-            for i in 0..count {
-                let j = if i + 1 < count { i + 1 } else { 0 };
-                if on[i] && on[j] {
-                    let (x, y) = (draft.loops[begin + i], draft.loops[begin + j]);
-                    if next[usize::from(y)] != NONE {
-                        return None;
-                    }
-                    next[usize::from(y)] = x;
-                    first = y;
-                    sides += 1;
-                }
-            }
-            draft.close(facet.normal, begin)?;
+            section.add(&part.draft.loops[begin..], &part.on)?;
+            part.draft.close(facet.normal, begin)?;
         }
-        // Close the new face: its sides must form one loop.
-        if sides < 3 {
+        // Close the part by the section.
+        let mut draft = part.draft;
+        let begin = draft.loops.len();
+        section.write(&mut draft.loops)?;
+        draft.close(normal, begin)?;
+        draft.finish(self.magnitude)
+    }
+}
+
+/// One side of a split under construction.
+struct Part<'a> {
+    whole: &'a Polytope,
+    /// Heights of the vertices of the whole over the plane; multiplied by `sign`, they are negative inside.
+    heights: &'a [f64],
+    sign: f64,
+    /// The kept faces.
+    draft: Draft,
+    /// Index in the draft of each vertex of the whole, or [`NONE`].
+    kept: [u8; VERTICES],
+    /// Edges that the plane cuts.
+    crossings: Vec<Crossing>,
+    /// Whether each vertex of the current face's new loop lies on the plane.
+    on: [bool; VERTICES + 1],
+}
+
+/// An edge that the plane cuts, by the indices of its vertices in ascending order.
+struct Crossing {
+    low: u8,
+    high: u8,
+    /// Index of its new vertex in the draft.
+    vertex: u8,
+}
+
+impl Part<'_> {
+    /// Appends the loop of the part of a face; returns whether the face has a vertex inside. `None` if there are
+    /// too many vertices.
+    #[inline(always)]
+    fn clip(&mut self, facet: &Facet) -> Option<bool> {
+        let from = usize::from(facet.first);
+        let ring = &self.whole.loops[from..from + usize::from(facet.count)];
+        let begin = self.draft.loops.len();
+        let mut inside = false;
+        for (i, &a) in ring.iter().enumerate() {
+            let b = *ring.get(i + 1).unwrap_or(&ring[0]);
+            let (ha, hb) = (
+                self.sign * self.heights[usize::from(a)],
+                self.sign * self.heights[usize::from(b)],
+            );
+            // Keep a vertex inside or on the plane.
+            if ha <= 0.0 {
+                inside |= ha < 0.0;
+                let kept = &mut self.kept[usize::from(a)];
+                if *kept == NONE {
+                    *kept = self.draft.vertex(self.whole.vertices[usize::from(a)])?;
+                }
+                self.on[self.draft.loops.len() - begin] = ha == 0.0;
+                self.draft.loops.push(*kept);
+            }
+            // Add the vertex where the side crosses the plane.
+            if (ha < 0.0 && hb > 0.0) || (ha > 0.0 && hb < 0.0) {
+                let vertex = self.crossing(a.min(b), a.max(b))?;
+                self.on[self.draft.loops.len() - begin] = true;
+                self.draft.loops.push(vertex);
+            }
+        }
+        Some(inside)
+    }
+
+    /// Returns the new vertex of an edge that the plane cuts, which both faces of the edge share.
+    #[inline(always)]
+    fn crossing(&mut self, low: u8, high: u8) -> Option<u8> {
+        let mut crossings = self.crossings.iter();
+        if let Some(known) = crossings.find(|c| (c.low, c.high) == (low, high)) {
+            return Some(known.vertex);
+        }
+        // Interpolate between the edge's vertices.
+        let (p, q) = (
+            self.whole.vertices[usize::from(low)],
+            self.whole.vertices[usize::from(high)],
+        );
+        let (hp, hq) = (
+            self.heights[usize::from(low)],
+            self.heights[usize::from(high)],
+        );
+        let vertex = self
+            .draft
+            .vertex(add_scaled(p, hp / (hp - hq), sub(q, p)))?;
+        self.crossings.push(Crossing { low, high, vertex });
+        Some(vertex)
+    }
+}
+
+/// The new face of a part, put together from the sides of the other faces that lie on the plane.
+struct Section {
+    /// Successor of each vertex in the loop, or [`NONE`].
+    next: [u8; VERTICES + 1],
+    /// Number of sides.
+    sides: usize,
+    /// A vertex of the loop.
+    first: u8,
+}
+
+impl Section {
+    /// Adds the sides of a face that lie on the plane, in the opposite direction; `on` as in [`Part`]. `None` if two
+    /// sides begin at one vertex.
+    #[inline(always)]
+    fn add(&mut self, ring: &[u8], on: &[bool; VERTICES + 1]) -> Option<()> {
+        for i in 0..ring.len() {
+            let j = if i + 1 < ring.len() { i + 1 } else { 0 };
+            if on[i] && on[j] {
+                let (x, y) = (ring[i], ring[j]);
+                if self.next[usize::from(y)] != NONE {
+                    return None;
+                }
+                self.next[usize::from(y)] = x;
+                self.first = y;
+                self.sides += 1;
+            }
+        }
+        Some(())
+    }
+
+    /// Appends the loop; `None` unless the sides form a single one.
+    #[inline(always)]
+    fn write(&self, loops: &mut Vec<u8>) -> Option<()> {
+        if self.sides < 3 {
             return None;
         }
-        let begin = draft.loops.len();
-        let mut vertex = first;
-        for _ in 0..sides {
-            draft.loops.push(vertex);
-            vertex = next[usize::from(vertex)];
+        let mut vertex = self.first;
+        for _ in 0..self.sides {
+            loops.push(vertex);
+            vertex = self.next[usize::from(vertex)];
             if vertex == NONE {
                 return None;
             }
         }
-        if vertex != first {
-            return None;
-        }
-        draft.close(normal, begin)?;
-        draft.finish(self.magnitude)
+        (vertex == self.first).then_some(())
     }
 }
 
@@ -215,8 +291,8 @@ impl Draft {
         let mut edges: Vec<Edge> = Vec::with_capacity(self.loops.len() / 2);
         // The latest edge from each vertex, and the edge before each: short lists, in which the second face of an
         // edge finds it quickly.
-        const NONE: u16 = u16::MAX;
-        let mut latest = [NONE; VERTICES];
+        const NO_EDGE: u16 = u16::MAX;
+        let mut latest = [NO_EDGE; VERTICES];
         let mut before: Vec<u16> = Vec::with_capacity(self.loops.len() / 2);
         let mut open = 0;
         // Match each side with the opposite side of another face.
@@ -236,7 +312,7 @@ impl Draft {
                     }
                     twin = before[usize::from(twin)];
                 }
-                if twin == NONE {
+                if twin == NO_EDGE {
                     before.push(latest[usize::from(a)]);
                     latest[usize::from(a)] = u16::try_from(edges.len()).ok()?;
                     open += 1;

@@ -81,6 +81,7 @@ struct Mean {
 }
 
 impl Mean {
+    /// The mean; `None` without any weight.
     fn value(self) -> Option<f64> {
         (self.weight > 0.0).then(|| self.sum / self.weight)
     }

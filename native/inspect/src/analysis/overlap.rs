@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! End-point overlap (Aila, Karras and Laine 2013, On quality metrics of bounding volume hierarchies): for each node,
 //! the surface inside its region of triangles that no leaf below it holds, over the whole surface, multiplied by the
-//! cost of the node. A ray that ends on such a surface visits the node in vain.
+//! cost of the node. A ray that ends on such a surface visits the node without need.
 //!
 //! Triangles are clipped to the region in f64. A region of a tree that partitions space is made smaller by [`INWARDS`]
 //! on each side, because a triangle may lie in the wall between two regions and the builder's heights are rounded; its
@@ -37,7 +37,7 @@ const SEED: u64 = 2013;
 /// End-point overlap of a tree.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Overlap {
-    /// Number of vain operations per ray that ends on a random point of the surface.
+    /// Number of needless operations per ray that ends on a random point of the surface.
     pub charges: Charges,
     /// Standard error of their cost, because the triangles are a sample; 0 if all were used.
     pub error: f64,
@@ -70,7 +70,7 @@ struct Triangle {
 pub struct Sample {
     triangles: Vec<Triangle>,
     /// Position in `triangles` of each triangle of the scene; `u32::MAX` if it is not in the sample.
-    places: Vec<u32>,
+    positions: Vec<u32>,
     /// Number of triangles that can be hit.
     live: usize,
 }
@@ -100,12 +100,12 @@ impl Sample {
         };
         // Convert their corners to the frame.
         let frame = structure.frame();
-        let mut places = vec![u32::MAX; scene.len()];
+        let mut positions = vec![u32::MAX; scene.len()];
         let mut triangles = Vec::with_capacity(chosen.len());
-        for (place, &position) in (0..).zip(&chosen) {
-            let id = live[position];
+        for (position, &index) in (0..).zip(&chosen) {
+            let id = live[index];
             let corners = scene.corners(id).map(|p| widen(frame.point(p)));
-            places[id as usize] = place;
+            positions[id as usize] = position;
             triangles.push(Triangle {
                 corners,
                 area: triangle_area(corners),
@@ -113,7 +113,7 @@ impl Sample {
         }
         Self {
             triangles,
-            places,
+            positions,
             live: live.len(),
         }
     }
@@ -139,9 +139,9 @@ impl Owners {
 
     /// Adds a leaf and its triangles.
     pub fn add(&mut self, sample: &Sample, ids: &[u32], leaf: u32) {
-        let places = ids.iter().map(|&id| sample.places[id as usize]);
-        let chosen = places.filter(|&place| place != u32::MAX);
-        self.pairs.extend(chosen.map(|place| [place, leaf]));
+        let positions = ids.iter().map(|&id| sample.positions[id as usize]);
+        let chosen = positions.filter(|&position| position != u32::MAX);
+        self.pairs.extend(chosen.map(|position| [position, leaf]));
     }
 
     /// Sorts the leaves by triangle.
@@ -150,11 +150,11 @@ impl Owners {
         let triangles = self
             .pairs
             .last()
-            .map_or(0, |&[place, _]| place as usize + 1);
+            .map_or(0, |&[position, _]| position as usize + 1);
         self.firsts = (0..=triangles)
             .map(|triangle| {
                 self.pairs
-                    .partition_point(|&[place, _]| (place as usize) < triangle)
+                    .partition_point(|&[position, _]| (position as usize) < triangle)
             })
             .collect();
         self
@@ -211,8 +211,8 @@ pub fn measure(
         walls: Vec::new(),
         clipper: Clipper::default(),
     };
-    // Per triangle, the operations in vain multiplied by the area where they are.
-    let mut vain = vec![Charges::default(); sample.triangles.len()];
+    // Per triangle, the needless operations multiplied by the area where they occur.
+    let mut needless = vec![Charges::default(); sample.triangles.len()];
     let (id, region) = tree.root(bounds);
     let everything: Vec<u32> = (0..).take(sample.triangles.len()).collect();
     let pieces = clip.pieces(&region, everything.into_iter());
@@ -229,7 +229,7 @@ pub fn measure(
         let size = sizes[node.index as usize];
         for piece in &node.pieces {
             if !owners.below(piece.triangle, node.index, size) {
-                vain[piece.triangle as usize].add(steps, tests, piece.area);
+                needless[piece.triangle as usize].add(steps, tests, piece.area);
             }
         }
         // Clip the triangles to the children. Those of a leaf need no clipping if the leaf holds them.
@@ -253,7 +253,7 @@ pub fn measure(
             index += size;
         }
     }
-    summed(sample, &vain)
+    summed(sample, &needless)
 }
 
 /// Clips triangles of a sample to regions.
@@ -280,7 +280,7 @@ impl Clip<'_> {
 }
 
 /// The overlap and its standard error as a ratio of two sums over the sample (Cochran 1977, section 2.11).
-fn summed(sample: &Sample, vain: &[Charges]) -> Overlap {
+fn summed(sample: &Sample, needless: &[Charges]) -> Overlap {
     let (count, live) = (sample.triangles.len(), sample.live);
     let surface: f64 = sample.triangles.iter().map(|triangle| triangle.area).sum();
     if surface <= 0.0 {
@@ -290,14 +290,14 @@ fn summed(sample: &Sample, vain: &[Charges]) -> Overlap {
             ..Overlap::default()
         };
     }
-    let mean = |get: fn(&Charges) -> f64| vain.iter().map(get).sum::<f64>() / surface;
+    let mean = |get: fn(&Charges) -> f64| needless.iter().map(get).sum::<f64>() / surface;
     let charges = Charges {
         axis: mean(|charges| charges.axis),
         oblique: mean(|charges| charges.oblique),
         tests: mean(|charges| charges.tests),
     };
     // The variance of the residuals, corrected for the part of all triangles that the sample holds.
-    let squares: f64 = (vain.iter().zip(&sample.triangles))
+    let squares: f64 = (needless.iter().zip(&sample.triangles))
         .map(|(one, triangle)| (one.cost() - charges.cost() * triangle.area).powi(2))
         .sum();
     let missing = 1.0 - count as f64 / live as f64;

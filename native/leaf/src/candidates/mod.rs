@@ -55,7 +55,7 @@ impl Errors {
         // The first branch is the second one without blur and drift, in fewer operations: they cost as much as
         // those on all triangles of the block. Ray streams compute the terms that depend on the block alone
         // once for all rays of a list.
-        let (det, uv, t, floor) = if ray.place.is_none() {
+        let (det, uv, t, floor) = if ray.instance.is_none() {
             // 0, or NaN if some product may have overflowed: NaN bounds reject nothing.
             let zero_or_nan = 0.0 * ((ray.span + size) * edges.overflow);
             let lever = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
@@ -195,7 +195,7 @@ fn largest<S: Simd>(v: [f32x8<S>; 3]) -> f32x8<S> {
 }
 
 impl<S: Simd> Candidates<S> {
-    /// Whether any candidate is left.
+    /// Returns whether any candidate is left.
     #[inline(always)]
     pub fn any(&self) -> bool {
         self.lanes != 0
@@ -257,7 +257,7 @@ impl<S: Simd> Candidates<S> {
         // Recompute the bound of a weight with the size and the offset of each triangle; the terms are those of
         // [`Errors::new`].
         let (size, span) = (edges.sizes, largest(s));
-        let uv_error = if ray.place.is_none() {
+        let uv_error = if ray.instance.is_none() {
             let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
             span.mul_add(size * splat(2.0 * UV_ERROR) + splat(UNDERFLOW), sides)
         } else {
@@ -291,7 +291,7 @@ impl<S: Simd> Candidates<S> {
         }
         // Mark proven hits, if the query can use them.
         let mut surely = Surely::NOTHING;
-        if (C::LATE || C::QUICK && Q::ANY) && ray.place.is_none() {
+        if (C::LATE || C::QUICK && Q::ANY) && ray.instance.is_none() {
             let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
             let sides = size * (size * splat(T_ERROR)) + splat(UNDERFLOW);
             let t_error = span.mul_add(sides, floor);

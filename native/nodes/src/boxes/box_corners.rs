@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// Children of a node.
 const CHILDREN: usize = 8;
 
-/// The child at stack position `child`, and, being its own inverse, the stack position of a child. Position 7
-/// is visited first.
+/// Returns the child at stack position `child`, or the stack position of a child: the map is its own inverse. Position
+/// 7 is visited first.
 #[inline(always)]
 pub const fn rank(octant: usize, child: usize) -> usize {
     (CHILDREN - 1) ^ child ^ octant
@@ -59,7 +59,7 @@ fn by_corners(node: &Wide<8>) -> Wide<8> {
         }
     }
     let (mut out, mut free) = (BoxTree::<8>::BLANK, (1_u32 << CHILDREN) - 1);
-    // The free corner that a child lies farthest towards.
+    // Find the free corner that a child lies farthest towards.
     let farthest = |lane: usize, free: u32| {
         let corners = (0..CHILDREN).filter(|corner| free >> corner & 1 == 1);
         let farther = |a: usize, b: usize| if far[lane][b] > far[lane][a] { b } else { a };
@@ -85,6 +85,7 @@ fn by_corners(node: &Wide<8>) -> Wide<8> {
             best[lane] = farthest(lane, free);
             continue;
         }
+        // Move the child to the slot of its corner.
         (open, free) = (open & !(1 << lane), free & !(1 << corner));
         for (to, from) in out.bounds.iter_mut().zip(&node.bounds) {
             to[corner] = from[lane];
@@ -100,7 +101,7 @@ mod tests {
     use super::*;
     use crate::box_tree::INNER;
 
-    /// A node whose children are the corners of a cube: `corner(lane)` says which.
+    /// Makes a node whose children are the corners of a cube; `corner(lane)` returns the corner of a child.
     fn node(corner: impl Fn(usize) -> usize) -> Wide<8> {
         let mut node = BoxTree::<8>::BLANK;
         for lane in 0..CHILDREN {
@@ -113,7 +114,7 @@ mod tests {
         node
     }
 
-    /// A wrong place would change no answer, only the time that rays take.
+    /// A wrong slot would change no answer, only the time that rays take.
     #[test]
     fn children_lie_at_the_corners_that_they_are_nearest_to() {
         for turn in 0..CHILDREN {
@@ -124,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn no_child_is_lost_where_several_want_one_corner() {
+    fn no_child_is_lost_if_several_are_nearest_to_one_corner() {
         let mut crowded = BoxTree::<8>::BLANK;
         for lane in 0..5 {
             for k in 0..3 {

@@ -7,8 +7,8 @@
 //! the products, of their difference and of the reciprocal. A box is therefore culled only if the ray provably
 //! misses it or enters it beyond the reach.
 
-use crate::nested::{Look, Nested, Place};
-use crate::object_tree::{Kind, ObjectTree};
+use crate::nested::{Content, Nested, NodeRef};
+use crate::object_tree::{ItemKind, ObjectTree};
 use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
 use halfspace_leaf::blocks::Blocks;
@@ -53,7 +53,7 @@ pub struct BoxTree<const W: usize> {
 }
 
 impl<const W: usize> BoxTree<W> {
-    /// A node without children: every box is empty.
+    /// Node without children: every box is empty.
     pub const BLANK: Wide<W> = Wide {
         bounds: [
             [f32::MAX; W],
@@ -79,8 +79,8 @@ impl<const W: usize> BoxTree<W> {
         let mut nodes = vec![Self::BLANK];
         // Nodes to fill, the next one last: the index of the node, and the indices of its children in `binary`.
         let mut open = vec![(0, Self::children(binary, 0))];
-        while let Some((place, children)) = open.pop() {
-            // Copy the boxes, and link each child: leaves to their data, inner children to nodes filled later.
+        while let Some((slot, children)) = open.pop() {
+            // Copy the boxes of the children.
             let mut node = Self::BLANK;
             let mut inner = Vec::with_capacity(W);
             for (lane, &child) in children.iter().enumerate() {
@@ -89,12 +89,13 @@ impl<const W: usize> BoxTree<W> {
                     node.bounds[k][lane] = bounds.min[k];
                     node.bounds[3 + k][lane] = bounds.max[k];
                 }
+                // Link the child: a leaf to its data, an inner node to a node that is filled later.
                 (node.link[lane], node.count[lane]) = match binary.kind(child) {
-                    Kind::Leaf { count } => {
+                    ItemKind::Leaf { count } => {
                         let number = u32::try_from(count).expect("bounded by the scene");
                         (leaves.push(firsts[child], count), number)
                     }
-                    Kind::Inner { .. } => {
+                    ItemKind::Inner { .. } => {
                         let own = nodes.len();
                         inner.push((own, Self::children(binary, child)));
                         nodes.push(Self::BLANK);
@@ -102,20 +103,20 @@ impl<const W: usize> BoxTree<W> {
                     }
                 };
             }
-            nodes[place] = node;
+            nodes[slot] = node;
             open.extend(inner.into_iter().rev());
         }
         nodes.shrink_to_fit();
         Ok(Self { nodes })
     }
 
-    /// The up to `W` descendants that become the children of the binary node at `place`.
-    fn children(binary: &ObjectTree, place: usize) -> Vec<usize> {
-        let mut children = vec![place];
+    /// Returns the at most `W` descendants that become the children of a binary node.
+    fn children(binary: &ObjectTree, root: usize) -> Vec<usize> {
+        let mut children = vec![root];
         while children.len() < W {
-            // Open the inner child of largest surface area, the one most likely to be hit.
+            // Replace the inner child of largest surface area, the one most likely to be hit.
             let inner = (children.iter().enumerate()).filter_map(|(i, &child)| {
-                let Kind::Inner { children, .. } = binary.kind(child) else {
+                let ItemKind::Inner { children, .. } = binary.kind(child) else {
                     return None;
                 };
                 Some((i, children, binary.items[child].bounds.area()))
@@ -132,7 +133,7 @@ impl<const W: usize> BoxTree<W> {
 
     /// Prefetches the node or the leaf that a link and a count refer to.
     #[inline(always)]
-    pub fn fetch_ahead(&self, (link, count): (u32, u32), blocks: &Blocks) {
+    pub fn fetch_ahead(&self, link: u32, count: u32, blocks: &Blocks) {
         if count == INNER {
             self.nodes[link as usize].fetch_ahead();
         } else {
@@ -142,15 +143,23 @@ impl<const W: usize> BoxTree<W> {
 }
 
 impl<const W: usize> Nested for BoxTree<W> {
-    fn top(&self) -> Place {
-        (0, INNER)
+    fn top(&self) -> NodeRef {
+        NodeRef {
+            link: 0,
+            count: INNER,
+        }
     }
 
-    /// A place is a link and its count, as stored in nodes.
-    fn look(&self, (link, count): Place, _: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
+    /// References are links and counts as nodes store them.
+    fn content(
+        &self,
+        NodeRef { link, count }: NodeRef,
+        _: &Aabb,
+        children: &mut Vec<(NodeRef, Aabb)>,
+    ) -> Content {
         if count != INNER {
             let count = count as usize;
-            return Look::Leaf { first: link, count };
+            return Content::Leaf { first: link, count };
         }
         let node = &self.nodes[link as usize];
         for lane in 0..W {
@@ -159,10 +168,11 @@ impl<const W: usize> Nested for BoxTree<W> {
                 max: [3, 4, 5].map(|k| node.bounds[k][lane]),
             };
             if !bounds.is_empty() {
-                children.push(((node.link[lane], node.count[lane]), bounds));
+                let (link, count) = (node.link[lane], node.count[lane]);
+                children.push((NodeRef { link, count }, bounds));
             }
         }
-        Look::Boxes
+        Content::Boxes
     }
 
     fn bytes(&self) -> usize {

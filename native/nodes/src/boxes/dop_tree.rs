@@ -9,12 +9,11 @@
 //! span: 9 for `n.o`, 9 for `n.d` over the way to any point of the scene, 12 for the products, the reciprocal
 //! and the sums.
 
-use crate::nested::{Look, Nested, Place};
+use crate::nested::{Content, Nested, NodeRef};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
 use halfspace_leaf::leaves::Leaves;
-use halfspace_ray::frame::Frame;
-use halfspace_scene::Triangles;
+use halfspace_ray::FramedScene;
 
 /// Normals of the slabs: the axes, the diagonals of the cube, the diagonals of its faces. Their components are
 /// 0 and ±1, so products with them are exact.
@@ -59,9 +58,9 @@ pub enum Child {
     Objects(usize),
 }
 
-/// A hierarchy of objects with any number of children per node, as a builder hands it over; node 0 is the root.
+/// A hierarchy of objects with any number of children per node, the result of a builder; node 0 is the root.
 pub trait Hierarchy {
-    /// The children of a node in order, each with the number of objects below it.
+    /// Returns the children of a node in order, each with the number of objects below it.
     fn children(&self, node: usize) -> impl Iterator<Item = (Child, usize)> + '_;
 
     /// Appends the indices of all objects below a child.
@@ -76,7 +75,7 @@ pub struct DopTree<const D: usize> {
 }
 
 impl<const D: usize> Node<D> {
-    /// A node that contains nothing.
+    /// Node that contains nothing.
     const EMPTY: Self = Self {
         low: [f32::INFINITY; D],
         high: [f32::NEG_INFINITY; D],
@@ -84,7 +83,7 @@ impl<const D: usize> Node<D> {
         count: 0,
     };
 
-    /// The axis-aligned bounding box, from the first three slabs.
+    /// Returns the axis-aligned bounding box, from the first three slabs.
     fn bounds(&self) -> Aabb {
         Aabb {
             min: [self.low[0], self.low[1], self.low[2]],
@@ -101,7 +100,7 @@ impl<const D: usize> Node<D> {
         }
     }
 
-    /// Extends the slabs to contain those of another node.
+    /// Extends the slabs to contain another node.
     fn join(&mut self, other: &Self) {
         for k in 0..D {
             self.low[k] = self.low[k].min(other.low[k]);
@@ -109,8 +108,8 @@ impl<const D: usize> Node<D> {
         }
     }
 
-    /// Whether the slabs of `other` lie inside these.
-    fn holds(&self, other: &Self) -> bool {
+    /// Returns whether the slabs of `other` lie inside these.
+    fn contains(&self, other: &Self) -> bool {
         (0..D).all(|k| {
             other.low[k] > other.high[k]
                 || (self.low[k] <= other.low[k] && other.high[k] <= self.high[k])
@@ -118,7 +117,7 @@ impl<const D: usize> Node<D> {
     }
 }
 
-/// A lower and an upper bound of `n . p`; for an axis both are the coordinate itself.
+/// Returns a lower and an upper bound of `n . p`; for an axis both are the coordinate itself.
 #[expect(clippy::cast_possible_truncation, reason = "moved outwards")]
 pub fn height(n: [f32; 3], p: [f32; 3]) -> (f32, f32) {
     // Products with 0 and ±1 are exact, so only the sum rounds.
@@ -137,16 +136,18 @@ pub fn height(n: [f32; 3], p: [f32; 3]) -> (f32, f32) {
 }
 
 impl<const D: usize> DopTree<D> {
-    /// Lays out a tree built by insertion, adds its leaves to `leaves` and their triangles' ids to `ids`.
-    /// Subtrees of at most `leaf_size` objects become leaves.
+    /// Lays out a tree built by insertion over the triangles `objects`, adds its leaves to `leaves` and their
+    /// triangles' ids to `ids`. Subtrees of at most `leaf_size` objects become leaves.
     ///
     /// # Errors
     /// [`Error::Memory`] if there are 2^28 objects or more, or more leaf data than links can address.
     pub fn new(
         grown: &impl Hierarchy,
-        (scene, frame, objects): (&Triangles, &Frame, &[u32]),
+        framed: FramedScene<'_>,
+        objects: &[u32],
         leaf_size: usize,
-        (leaves, ids): (&mut Leaves, &mut Vec<u32>),
+        leaves: &mut Leaves,
+        ids: &mut Vec<u32>,
     ) -> Result<Self> {
         if objects.len() >= 1 << 28 {
             return Err(Error::Memory(format!(
@@ -158,7 +159,7 @@ impl<const D: usize> DopTree<D> {
         let mut nodes = vec![Node::EMPTY];
         let mut open = vec![(0, Child::Node(0), objects.len())];
         let mut members = Vec::new();
-        while let Some((place, child, count)) = open.pop() {
+        while let Some((slot, child, count)) = open.pop() {
             match child {
                 Child::Node(from) if count > leaf_size => {
                     // Reserve the nodes of the children and fill them later, the first child first.
@@ -169,32 +170,32 @@ impl<const D: usize> DopTree<D> {
                         nodes.push(Node::EMPTY);
                     }
                     open[before..].reverse();
-                    nodes[place].link = low(link);
-                    nodes[place].count = INNER | low(nodes.len() - link);
+                    nodes[slot].link = narrow(link);
+                    nodes[slot].count = INNER | narrow(nodes.len() - link);
                 }
                 _ => {
                     // Make a leaf of all objects below, and bound their vertices.
                     members.clear();
                     grown.objects(child, &mut members);
-                    nodes[place].link = leaves.push(low(ids.len()), members.len());
-                    nodes[place].count = low(members.len());
+                    nodes[slot].link = leaves.push(narrow(ids.len()), members.len());
+                    nodes[slot].count = narrow(members.len());
                     for &member in &members {
                         let id = objects[member];
                         ids.push(id);
-                        for p in scene.corners(id) {
-                            nodes[place].grow(frame.point(p));
+                        for p in framed.scene.corners(id) {
+                            nodes[slot].grow(framed.frame.point(p));
                         }
                     }
                 }
             }
         }
         // Join the slabs of children into their parents, from the bottom up: children have larger indices.
-        for place in (0..nodes.len()).rev() {
-            let Node { link, count, .. } = nodes[place];
+        for slot in (0..nodes.len()).rev() {
+            let Node { link, count, .. } = nodes[slot];
             if count & INNER != 0 {
                 for child in link..link + (count & !INNER) {
                     let child = nodes[child as usize];
-                    nodes[place].join(&child);
+                    nodes[slot].join(&child);
                 }
             }
         }
@@ -203,35 +204,35 @@ impl<const D: usize> DopTree<D> {
     }
 }
 
-fn low(x: usize) -> u32 {
+/// Returns a number of nodes or objects as 32 bits.
+fn narrow(x: usize) -> u32 {
     u32::try_from(x).expect("fewer than 2^29 nodes")
 }
 
 impl<const D: usize> Nested for DopTree<D> {
-    fn top(&self) -> Place {
-        (0, 0)
+    fn top(&self) -> NodeRef {
+        NodeRef::index(0)
     }
 
-    /// The first word of a place is the index of the node.
-    fn look(&self, (place, _): Place, _: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
-        let Node { link, count, .. } = self.nodes[place as usize];
+    fn content(&self, node: NodeRef, _: &Aabb, children: &mut Vec<(NodeRef, Aabb)>) -> Content {
+        let Node { link, count, .. } = self.nodes[node.link as usize];
         if count & INNER == 0 {
-            return Look::Leaf {
+            return Content::Leaf {
                 first: link,
                 count: count as usize,
             };
         }
         let below = link..link + (count & !INNER);
-        children.extend(below.map(|i| ((i, 0), self.nodes[i as usize].bounds())));
-        Look::Boxes
+        children.extend(below.map(|i| (NodeRef::index(i), self.nodes[i as usize].bounds())));
+        Content::Boxes
     }
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
     }
 
-    fn nests(&self, (place, _): Place) -> bool {
-        let node = &self.nodes[place as usize];
+    fn encloses_children(&self, node: NodeRef) -> bool {
+        let node = &self.nodes[node.link as usize];
         let below = if node.count & INNER == 0 {
             0..0
         } else {
@@ -239,11 +240,11 @@ impl<const D: usize> Nested for DopTree<D> {
         };
         below
             .into_iter()
-            .all(|i| node.holds(&self.nodes[i as usize]))
+            .all(|i| node.contains(&self.nodes[i as usize]))
     }
 
-    fn holds(&self, (place, _): Place, corners: [[f32; 3]; 3]) -> bool {
-        let node = &self.nodes[place as usize];
+    fn encloses(&self, leaf: NodeRef, corners: [[f32; 3]; 3]) -> bool {
+        let node = &self.nodes[leaf.link as usize];
         corners.iter().all(|p| {
             NORMALS.iter().take(D).enumerate().all(|(k, n)| {
                 let height: f64 = (0..3).map(|k| f64::from(n[k]) * f64::from(p[k])).sum();
@@ -260,7 +261,7 @@ mod tests {
     use num_bigint::BigInt;
     use proptest::prelude::*;
 
-    /// A float as a whole number of the smallest float.
+    /// Returns a float as a multiple of the smallest float.
     fn whole(x: f32) -> BigInt {
         let bits = x.to_bits() & 0x7fff_ffff;
         let (exponent, mantissa) = (bits >> 23, bits & 0x007f_ffff);

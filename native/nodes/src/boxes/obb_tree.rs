@@ -16,7 +16,7 @@ use crate::plane_tree::MAX_DEPTH;
 use crate::shape::{Measure, Shape};
 use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
-use halfspace_geom::cell::{Direction, Plane};
+use halfspace_geom::cell::{Direction, Plane, PlaneSide};
 use halfspace_geom::region::Region;
 use halfspace_geom::vec3::{Vec3, dot, widen};
 use std::collections::{BTreeSet, HashMap};
@@ -44,7 +44,7 @@ impl Rotation {
     /// The rotation of axis-aligned nodes, number 0 in every tree.
     pub const AXES: Self = Self::new([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 
-    /// The rotation with these rows.
+    /// Makes the rotation with these rows.
     pub const fn new([a, b, c]: [[f32; 3]; 3]) -> Self {
         Self {
             columns: [
@@ -55,13 +55,13 @@ impl Rotation {
         }
     }
 
-    /// Row `k`: the direction of the boxes' edges number `k`.
+    /// Returns row `k`: the direction of the boxes' edges number `k`.
     pub fn row(&self, k: usize) -> [f32; 3] {
         [0, 1, 2].map(|i: usize| self.columns[i][k])
     }
 
-    /// Whether each row is short enough for the error bounds of heights. They need `|row| <= 1` with room for
-    /// `2^-20`, and nothing of the angles between rows.
+    /// Returns whether each row is short enough for the error bounds of heights. They need `|row| <= 1` with room for
+    /// `2^-20`, and are independent of the angles between rows.
     pub fn is_sound(&self) -> bool {
         (0..3).all(|k| {
             let row = widen(self.row(k));
@@ -69,6 +69,7 @@ impl Rotation {
         })
     }
 
+    /// Returns the bits of all entries, row by row.
     fn bits(&self) -> [u32; 9] {
         let rows = [self.row(0), self.row(1), self.row(2)];
         std::array::from_fn(|i| rows[i / 3][i % 3].to_bits())
@@ -93,7 +94,7 @@ pub struct ObbTree {
     pub nodes: Vec<Node>,
     /// All different rotations; the first is [`Rotation::AXES`].
     pub rotations: Vec<Rotation>,
-    /// The count of the link to node 0, which no node holds.
+    /// The count of the link to node 0, which no node stores.
     pub root: u32,
 }
 
@@ -144,17 +145,18 @@ impl ObbTree {
         }
     }
 
-    /// The rotation of the inner node with this count in its link.
+    /// Returns the rotation of the inner node with this count in its link.
     #[inline(always)]
     pub fn rotation(&self, count: u32) -> &Rotation {
         &self.rotations[(count & !INNER) as usize]
     }
 
-    /// Number of nodes of each kind, leaves, depths and expected cost. The share of a node is the surface of its box
-    /// along its parent's rows over that of the scene's box, at most 1.
+    /// Measures the tree. The share of a node is the surface of its box along its parent's rows divided by that of the
+    /// scene's box, at most 1.
     pub fn shape(&self, bounds: Aabb) -> Shape {
         let mut measure = Measure::default();
         let whole = bounds.area();
+        // Visit the nodes; the share of a child is known from its parent.
         let mut open = vec![(0, self.root, 0, 1.0)];
         while let Some((link, count, depth, share)) = open.pop() {
             if count & INNER == 0 {
@@ -166,33 +168,36 @@ impl ObbTree {
             } else {
                 measure.oblique(share);
             }
-            let children = self.children(link).map(|(lane, link, count)| {
-                let area = box_of(&self.nodes[..], lane).area();
+            // Weight each child by its surface area.
+            let children = self.children(link).map(|child| {
+                let area = self.box_of(child).area();
                 let share = if whole > 0.0 {
                     (area / whole).min(1.0)
                 } else {
                     0.0
                 };
-                (link, count, depth + 1, share)
+                (child.link, child.count, depth + 1, share)
             });
             open.extend(children);
         }
         measure.finish()
     }
 
-    /// The children of a node: node and lane of its box, link, count. Empty slots are left out.
-    fn children(
-        &self,
-        node: u32,
-    ) -> impl DoubleEndedIterator<Item = ((u32, usize), u32, u32)> + '_ {
+    /// Returns the children of a node, without empty slots.
+    fn children(&self, node: u32) -> impl DoubleEndedIterator<Item = Child> + '_ {
         let stored = &self.nodes[node as usize];
         (0..WIDTH)
             .filter(|&lane| stored.count[lane] != 0)
-            .map(move |lane| ((node, lane), stored.link[lane], stored.count[lane]))
+            .map(move |lane| Child {
+                node,
+                lane,
+                link: stored.link[lane],
+                count: stored.count[lane],
+            })
     }
 
-    /// The six planes of a child's box: direction, height, and whether the child lies above.
-    fn walls(&self, (node, lane): (u32, usize), rotation: &Rotation) -> [(Plane, bool); 6] {
+    /// Returns the sides of the six planes of a child's box.
+    fn walls(&self, child: Child, rotation: &Rotation) -> [PlaneSide; 6] {
         let aligned = *rotation == Rotation::AXES;
         std::array::from_fn(|row| {
             let k = row % 3;
@@ -201,23 +206,44 @@ impl ObbTree {
             } else {
                 Direction::Oblique(rotation.row(k))
             };
-            let offset = self.nodes[node as usize].bounds[row][lane];
-            (Plane { direction, offset }, row < 3)
+            let offset = self.nodes[child.node as usize].bounds[row][child.lane];
+            PlaneSide {
+                plane: Plane { direction, offset },
+                above: row < 3,
+            }
         })
     }
-}
 
-/// The box of a child along the rows of its node's rotation.
-fn box_of(nodes: &[Node], (node, lane): (u32, usize)) -> Aabb {
-    let bounds = &nodes[node as usize].bounds;
-    Aabb {
-        min: [0, 1, 2].map(|k: usize| bounds[k][lane]),
-        max: [3, 4, 5].map(|k: usize| bounds[k][lane]),
+    /// Returns the box of a child along the rows of its node's rotation.
+    fn box_of(&self, child: Child) -> Aabb {
+        let bounds = &self.nodes[child.node as usize].bounds;
+        Aabb {
+            min: [0, 1, 2].map(|k: usize| bounds[k][child.lane]),
+            max: [3, 4, 5].map(|k: usize| bounds[k][child.lane]),
+        }
     }
 }
 
-/// The part of a region on one side of a plane: all of it where the plane does not cut it.
-fn cut(region: &Region, (plane, above): (Plane, bool)) -> Region {
+/// A child of a node.
+#[derive(Debug, Clone, Copy)]
+struct Child {
+    /// The node that stores the child's box.
+    node: u32,
+    /// Lane of the child in that node.
+    lane: usize,
+    link: u32,
+    count: u32,
+}
+
+/// A box along the rows of a rotation.
+#[derive(Debug, Clone, Copy)]
+struct OrientedBox {
+    rotation: Rotation,
+    bounds: Aabb,
+}
+
+/// Returns the part of a region on one side of a plane: the whole region if the plane does not cut it.
+fn cut(region: &Region, PlaneSide { plane, above }: PlaneSide) -> Region {
     if let (Some(bounds), Direction::Axis(k)) = (region.bounds(), plane.direction)
         && !(bounds.min[k] <= plane.offset && plane.offset <= bounds.max[k])
     {
@@ -242,11 +268,8 @@ impl Tree for ObbTree {
             if count & INNER == 0 {
                 see(link, count as usize);
             } else {
-                open.extend(
-                    self.children(link)
-                        .rev()
-                        .map(|(_, link, count)| (link, count)),
-                );
+                let children = self.children(link).rev();
+                open.extend(children.map(|child| (child.link, child.count)));
             }
         }
     }
@@ -258,6 +281,7 @@ impl Tree for ObbTree {
                 broken.push(format!("a row of rotation {number} is too long"));
             }
         }
+        // Visit the nodes with the boxes on the path to each.
         let mut seen = BTreeSet::new();
         let (mut axis, mut oblique, mut leaves) = (0, 0, 0);
         let mut open = vec![((0, self.root), Vec::new())];
@@ -268,6 +292,7 @@ impl Tree for ObbTree {
                 ));
                 return;
             }
+            // Add the box of each child to its path.
             if count & INNER != 0 {
                 *(if count == INNER {
                     &mut axis
@@ -275,10 +300,13 @@ impl Tree for ObbTree {
                     &mut oblique
                 }) += 1;
                 let rotation = self.rotation(count);
-                for (lane, link, count) in self.children(link) {
+                for child in self.children(link) {
                     let mut path = path.clone();
-                    path.push((*rotation, box_of(&self.nodes, lane)));
-                    open.push(((link, count), path));
+                    path.push(OrientedBox {
+                        rotation: *rotation,
+                        bounds: self.box_of(child),
+                    });
+                    open.push(((child.link, child.count), path));
                 }
                 continue;
             }
@@ -289,13 +317,14 @@ impl Tree for ObbTree {
                     broken.push(format!("triangle {id} lies in two leaves"));
                 }
                 let corners = body.scene.corners(id).map(|p| widen(body.frame.point(p)));
-                if !path.iter().all(|step| holds(step, corners)) {
+                if !path.iter().all(|around| around.contains(corners)) {
                     broken.push(format!(
                         "triangle {id} lies partly outside a box on its path"
                     ));
                 }
             }
         }
+        // Compare the counts with the structure's statistics.
         let shape = body.shape;
         let counted = (axis, oblique, leaves, seen.len());
         let stated = (
@@ -306,7 +335,7 @@ impl Tree for ObbTree {
         );
         if counted != stated {
             broken.push(format!(
-                "axis-aligned nodes, turned nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+                "axis-aligned nodes, turned nodes, leaves and references are {counted:?}, the statistics are {stated:?}"
             ));
         }
     }
@@ -316,16 +345,18 @@ impl Tree for ObbTree {
     }
 }
 
-/// Whether a triangle lies inside a box along the rows of a rotation, in f64: its rounding is far less than the step
-/// by which turned boxes are larger than what they hold, and axis-aligned ones need none.
-fn holds((rotation, bounds): &(Rotation, Aabb), corners: [Vec3; 3]) -> bool {
-    (0..3).all(|k| {
-        let row = widen(rotation.row(k));
-        corners.iter().all(|&p| {
-            let height = dot(row, p);
-            f64::from(bounds.min[k]) <= height && height <= f64::from(bounds.max[k])
+impl OrientedBox {
+    /// Returns whether a triangle lies inside the box, in f64: its rounding is far less than the step by which turned
+    /// boxes are larger than their content, and axis-aligned boxes need no step.
+    fn contains(&self, corners: [Vec3; 3]) -> bool {
+        (0..3).all(|k| {
+            let row = widen(self.rotation.row(k));
+            corners.iter().all(|&p| {
+                let height = dot(row, p);
+                f64::from(self.bounds.min[k]) <= height && height <= f64::from(self.bounds.max[k])
+            })
         })
-    })
+    }
 }
 
 /// A node is named by its link and its count, as nodes store them.
@@ -345,15 +376,17 @@ impl Cells for ObbTree {
             ..NodeView::default()
         };
         let kind = if count == INNER { SLAB } else { OBLIQUE };
-        for (lane, link, count) in self.children(link) {
-            let walls = self.walls(lane, rotation);
+        // Cut the region of each child by the walls of its box.
+        for child in self.children(link) {
+            let walls = self.walls(child, rotation);
             if !view.boxes {
-                view.planes.extend(walls.map(|(plane, _)| (plane, kind)));
+                view.planes.extend(walls.map(|side| (side.plane, kind)));
             }
             let inside = walls
                 .iter()
                 .fold(region.clone(), |part, &wall| cut(&part, wall));
-            view.children.push(([link, count, 0, 0], inside));
+            view.children
+                .push(([child.link, child.count, 0, 0], inside));
         }
         view
     }
@@ -378,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_too_long_are_noticed() {
+    fn rows_that_are_too_long_are_detected() {
         assert!(Rotation::AXES.is_sound());
         let long = Rotation::new([[1.0, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         assert!(!long.is_sound());

@@ -16,9 +16,9 @@ pub struct Item {
     word: u32,
 }
 
-/// Kind of a node.
+/// A decoded item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ItemKind {
     /// An inner node.
     Inner {
         /// Axis along which it was partitioned.
@@ -69,23 +69,35 @@ pub struct ObjectTree {
     pub ids: Vec<u32>,
 }
 
+/// Lengths of the lists of an [`ObjectTree`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sizes {
+    /// Number of items.
+    pub items: usize,
+    /// Number of triangle numbers.
+    pub ids: usize,
+}
+
 impl ObjectTree {
-    /// Returns the number of items and of triangle numbers.
-    pub fn sizes(&self) -> (usize, usize) {
-        (self.items.len(), self.ids.len())
+    /// Returns the lengths of both lists.
+    pub fn sizes(&self) -> Sizes {
+        Sizes {
+            items: self.items.len(),
+            ids: self.ids.len(),
+        }
     }
 
-    /// Returns the kind of the node at `place`.
-    pub fn kind(&self, place: usize) -> Kind {
-        let item = &self.items[place];
+    /// Decodes an item.
+    pub fn kind(&self, index: usize) -> ItemKind {
+        let item = &self.items[index];
         if item.above == 0 {
-            Kind::Leaf {
+            ItemKind::Leaf {
                 count: item.word as usize,
             }
         } else {
-            Kind::Inner {
+            ItemKind::Inner {
                 axis: item.word as usize,
-                children: [place + 1, place + item.above as usize],
+                children: [index + 1, index + item.above as usize],
             }
         }
     }
@@ -106,13 +118,13 @@ impl ObjectTree {
     /// Returns the number of levels below each item.
     pub fn heights(&self) -> Vec<u8> {
         let mut heights = vec![0; self.items.len()];
-        for place in (0..self.items.len()).rev() {
-            if let Kind::Inner {
+        for index in (0..self.items.len()).rev() {
+            if let ItemKind::Inner {
                 children: [below, above],
                 ..
-            } = self.kind(place)
+            } = self.kind(index)
             {
-                heights[place] = 1 + u8::max(heights[below], heights[above]);
+                heights[index] = 1 + u8::max(heights[below], heights[above]);
             }
         }
         heights

@@ -3,19 +3,26 @@
 
 use crate::box_tree::BoxTree;
 use crate::check::objects::contains;
-use crate::nested::{Look, visit};
+use crate::nested::{Content, Visit, visit};
 use crate::plane_tree::MAX_DEPTH;
 use crate::tree::Body;
 
-/// Each triangle's corners lie in boxes of leaves that hold it, and boxes inside those above them.
+/// Checks that each vertex of a triangle lies in the box of a leaf with the triangle, and each box inside its parent's.
+/// Appends a description of each broken invariant.
 pub fn boxes(body: &Body<'_>, boxes: &BoxTree<8>, broken: &mut Vec<String>) {
     let (frame, scene) = (body.frame, body.scene);
-    // A bit for each corner that was found.
+    // One bit per vertex that a box contains.
     let mut found = vec![0_u8; scene.len()];
     visit(
         boxes,
         frame.bounds(),
-        |(_, region), depth, look, children| {
+        |Visit {
+             region,
+             depth,
+             content,
+             children,
+             ..
+         }| {
             if depth > MAX_DEPTH {
                 broken.push(format!("a box lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
@@ -23,11 +30,12 @@ pub fn boxes(body: &Body<'_>, boxes: &BoxTree<8>, broken: &mut Vec<String>) {
             for (_, child) in children {
                 if !contains(region, child) {
                     broken.push(format!(
-                        "the box {child:?} leaves that above it, {region:?}"
+                        "the box {child:?} extends beyond its parent {region:?}"
                     ));
                 }
             }
-            let Look::Leaf { first, count } = look else {
+            // Record the vertices inside the box of a leaf.
+            let Content::Leaf { first, count } = content else {
                 return;
             };
             for id in body.blocks.ids(first, count) {
@@ -44,7 +52,7 @@ pub fn boxes(body: &Body<'_>, boxes: &BoxTree<8>, broken: &mut Vec<String>) {
     for &id in scene.live() {
         if found[id as usize] != 0b111 {
             broken.push(format!(
-                "a corner of triangle {id} lies in no box of a leaf that holds it"
+                "a vertex of triangle {id} lies in no box of a leaf that holds it"
             ));
         }
     }

@@ -7,7 +7,7 @@ use crate::tree::Body;
 use halfspace_geom::Aabb;
 use halfspace_leaf::Leaf;
 
-/// Broken invariants, in words.
+/// Appends a description of each broken invariant.
 pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     let scene = body.scene;
     let bounds = body.frame.bounds();
@@ -24,19 +24,19 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     }
     let (mut cells, mut references) = (0, 0);
     // Each cell must hold each triangle once, in ascending order, and only triangles whose box touches it.
-    grid.visit(|place, Leaf { first, count }| {
+    grid.visit(|cell, Leaf { first, count }| {
         cells += 1;
         references += count;
         let ids = body.blocks.ids(first, count);
-        let cell = grid.bounds(place);
+        let bounds = grid.bounds(cell);
         if !ids.is_sorted_by(|a, b| a < b) {
             broken.push(format!(
-                "cell {place:?} holds a triangle twice, or out of order"
+                "cell {cell:?} holds a triangle twice, or out of order"
             ));
         }
         for id in ids {
-            if !touch(&cell, &Aabb::of_triangle(corners(id))) {
-                broken.push(format!("cell {place:?}: triangle {id} lies outside"));
+            if !touch(&bounds, &Aabb::of_triangle(corners(id))) {
+                broken.push(format!("cell {cell:?}: triangle {id} lies outside"));
             }
         }
     });
@@ -61,7 +61,7 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     let shape = body.shape;
     if (cells, references) != (shape.leaves, shape.references) {
         broken.push(format!(
-            "{cells} cells hold {references} references, the statistics say {} and {}",
+            "{cells} cells hold {references} references, the statistics are {} and {}",
             shape.leaves, shape.references
         ));
     }

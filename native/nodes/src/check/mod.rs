@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The invariants of each layout, checked from outside: what holds whatever built the tree.
+//! Checks of the invariants of each layout, for any builder.
 
 pub mod boxes;
 pub mod grid;

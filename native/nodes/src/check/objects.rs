@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Invariants of object trees: each triangle once, inside the bounds of every node above it.
+//! Checks object trees: each triangle is in one leaf, inside the bounds of every node above it.
 
-use crate::nested::{Look, Nested, visit};
+use crate::nested::{Content, Nested, Visit, visit};
 use crate::plane_tree::MAX_DEPTH;
 use crate::tree::Body;
 use halfspace_geom::Aabb;
 use std::collections::BTreeSet;
 
-/// Object trees hold each triangle once, inside every box and between all planes on its path.
+/// Appends a description of each broken invariant.
 pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>) {
     let scene = body.scene;
     let mut seen = BTreeSet::new();
@@ -15,13 +15,20 @@ pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>)
     visit(
         tree,
         body.frame.bounds(),
-        |(place, region), depth, look, children| {
+        |Visit {
+             node,
+             region,
+             depth,
+             content,
+             children,
+         }| {
             if depth > MAX_DEPTH {
                 broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
-            let Look::Leaf { first, count } = look else {
+            let Content::Leaf { first, count } = content else {
+                // Check that the bounds of an inner node enclose those of its children.
                 inner += 1;
-                if !tree.nests(place) {
+                if !tree.encloses_children(node) {
                     broken.push(format!(
                         "the bounds of {region:?} do not hold its children's"
                     ));
@@ -29,12 +36,13 @@ pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>)
                 for (_, child) in children {
                     if !contains(region, child) {
                         broken.push(format!(
-                            "the region {child:?} leaves its parent's {region:?}"
+                            "the region {child:?} extends beyond its parent's {region:?}"
                         ));
                     }
                 }
                 return;
             };
+            // Check that the bounds of a leaf enclose its triangles, which are in no other leaf.
             leaves += 1;
             references += count;
             for id in body.blocks.ids(first, count) {
@@ -42,8 +50,8 @@ pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>)
                     broken.push(format!("triangle {id} lies in two leaves"));
                 }
                 let corners = scene.corners(id).map(|p| body.frame.point(p));
-                let held = tree.holds(place, corners);
-                if !held || !contains(region, &Aabb::of_triangle(corners)) {
+                let enclosed = tree.encloses(node, corners);
+                if !enclosed || !contains(region, &Aabb::of_triangle(corners)) {
                     broken.push(format!(
                         "triangle {id} lies partly outside its leaf's region"
                     ));
@@ -51,17 +59,18 @@ pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>)
             }
         },
     );
+    // Compare the counts with the structure's statistics.
     let shape = body.shape;
     let counted = (inner, leaves, references);
     let stated = (shape.nodes_axis, shape.leaves, shape.references);
     if counted != stated {
         broken.push(format!(
-            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+            "inner nodes, leaves and references are {counted:?}, the statistics are {stated:?}"
         ));
     }
 }
 
-/// Whether the second box lies inside the first.
+/// Returns whether the second box lies inside the first.
 pub fn contains(outer: &Aabb, inner: &Aabb) -> bool {
     inner.is_empty() || (0..3).all(|k| outer.min[k] <= inner.min[k] && inner.max[k] <= outer.max[k])
 }

@@ -4,7 +4,7 @@
 
 use crate::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use crate::tree::Body;
-use halfspace_geom::cell::{Cell, ConvexCell, Direction, Plane};
+use halfspace_geom::cell::{Cell, ConvexCell, Direction, Plane, PlaneSide};
 use halfspace_geom::polytope::NEAR;
 use halfspace_geom::profile::Profile;
 use halfspace_ray::frame::U;
@@ -15,16 +15,16 @@ use std::collections::BTreeSet;
 /// height to f32 by sqrt(3) u M.
 const HEIGHT: f32 = 8.0 * U;
 
-/// Broken invariants of a tree of split planes.
+/// Appends a description of each broken invariant.
 pub fn planes(body: &Body<'_>, tree: &PlaneTree, broken: &mut Vec<String>) {
     let (frame, shape) = (body.frame, body.shape);
     let bounds = frame.bounds();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);
     let mut cells = vec![(
         ConvexCell::from_box(bounds, bounds.magnitude()),
-        None::<(Plane, bool)>,
+        None::<PlaneSide>,
     )];
-    let mut path: Vec<(Plane, bool)> = Vec::new();
+    let mut path: Vec<PlaneSide> = Vec::new();
     tree.visit(|index, node, depth| {
         let (cell, side) = cells.pop().expect("one cell per node");
         path.truncate(depth.saturating_sub(1));
@@ -58,7 +58,7 @@ pub fn planes(body: &Body<'_>, tree: &PlaneTree, broken: &mut Vec<String>) {
                     let corners = body.scene.corners(id).map(|p| frame.point(p));
                     if path
                         .iter()
-                        .any(|&step| beyond(corners, step, bounds.magnitude()))
+                        .any(|&side| beyond(corners, side, bounds.magnitude()))
                     {
                         broken.push(format!("leaf {index}: triangle {id} lies outside its cell"));
                     }
@@ -72,7 +72,8 @@ pub fn planes(body: &Body<'_>, tree: &PlaneTree, broken: &mut Vec<String>) {
         }
         // Push the cells of the children, the one below last because it is visited first.
         let (below, above) = cell.split(plane);
-        cells.extend([(above, Some((plane, true))), (below, Some((plane, false)))]);
+        let side = |above| Some(PlaneSide { plane, above });
+        cells.extend([(above, side(true)), (below, side(false))]);
     });
     // Compare the counts with the structure's statistics.
     let counted = (inner, leaves, references);
@@ -83,13 +84,14 @@ pub fn planes(body: &Body<'_>, tree: &PlaneTree, broken: &mut Vec<String>) {
     );
     if counted != stated {
         broken.push(format!(
-            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+            "inner nodes, leaves and references are {counted:?}, the statistics are {stated:?}"
         ));
     }
 }
 
-/// Returns whether a triangle lies wholly on the wrong side of a plane.
-fn beyond(corners: [[f32; 3]; 3], (plane, above): (Plane, bool), magnitude: f32) -> bool {
+/// Returns whether a triangle lies wholly on the other side of a plane.
+fn beyond(corners: [[f32; 3]; 3], side: PlaneSide, magnitude: f32) -> bool {
+    let PlaneSide { plane, above } = side;
     let heights = corners.map(|p| plane.direction.height(p));
     // Heights along an axis are exact, others are rounded.
     let slack = match plane.direction {
@@ -124,7 +126,7 @@ fn fault(cell: &ConvexCell, plane: Plane) -> Option<String> {
         let lost = part >= -HEIGHT * magnitude && part <= 8.0 * NEAR * magnitude;
         return (!lost).then(|| {
             format!(
-                "the plane {plane:?} does not part its cell, from {} to {}, in a scene of size {magnitude}",
+                "the plane {plane:?} does not split its cell, from {} to {}, in a scene of size {magnitude}",
                 profile.low, profile.high
             )
         });

@@ -2,18 +2,18 @@
 //! Checks ropes: the leaves behind each link touch the face, cover it, and link back.
 
 use crate::plane_tree::{Node, PlaneTree};
-use crate::ropes::{OUTSIDE, Ropes, Step};
+use crate::ropes::{Face, OUTSIDE, Ropes, Step};
 use crate::tree::Body;
 use halfspace_geom::Aabb;
 use std::collections::HashMap;
 
 /// Appends a description of each broken invariant.
-pub fn ropes(body: &Body<'_>, (tree, ropes): (&PlaneTree, &Ropes), broken: &mut Vec<String>) {
+pub fn ropes(body: &Body<'_>, tree: &PlaneTree, ropes: &Ropes, broken: &mut Vec<String>) {
     let bounds = body.frame.bounds();
     // Compute the boxes of the leaves from the split planes alone.
     let mut cells = HashMap::new();
-    let mut waiting = vec![(tree.root(), bounds)];
-    while let Some((node, cell)) = waiting.pop() {
+    let mut stack = vec![(tree.root(), bounds)];
+    while let Some((node, cell)) = stack.pop() {
         if let Node::Axis {
             axis,
             split,
@@ -24,11 +24,12 @@ pub fn ropes(body: &Body<'_>, (tree, ropes): (&PlaneTree, &Ropes), broken: &mut 
             let (mut below, mut above) = (cell, cell);
             below.max[axis] = split;
             above.min[axis] = split;
-            waiting.extend([(children, below), (children + 1, above)]);
+            stack.extend([(children, below), (children + 1, above)]);
         } else {
             cells.insert(node, cell);
         }
     }
+    // Check the links of each leaf.
     let mut links = 0;
     for (&leaf, cell) in &cells {
         for axis in 0..3 {
@@ -49,16 +50,21 @@ pub fn ropes(body: &Body<'_>, (tree, ropes): (&PlaneTree, &Ropes), broken: &mut 
                 if stored != wall {
                     broken.push(format!("leaf {leaf}: a wall at {stored}, not at {wall}"));
                 }
-                let face = (cell, axis, side);
+                // Check that each leaf behind the link touches the face and links back.
+                let face = Face { cell, axis, side };
                 let mut covered = 0.0;
-                for other in behind((tree, ropes), face, link) {
+                for other in behind(tree, ropes, face, link) {
                     let beyond = &cells[&other];
                     let touching = [beyond.max[axis], beyond.min[axis]][side] == wall;
                     let shared = common(cell, beyond, axis);
-                    let back = (beyond, axis, 1 - side);
+                    let back = Face {
+                        cell: beyond,
+                        axis,
+                        side: 1 - side,
+                    };
                     let returning = ropes.links(other)[axis][1 - side];
                     let returns = returning != OUTSIDE
-                        && behind((tree, ropes), back, returning).contains(&leaf);
+                        && behind(tree, ropes, back, returning).contains(&leaf);
                     // Flat cells may touch along lines only, which can belong to another link.
                     if !touching || shared > 0.0 && !returns {
                         broken.push(format!("leaf {leaf}: {other} is no neighbour along {axis}"));
@@ -77,21 +83,18 @@ pub fn ropes(body: &Body<'_>, (tree, ropes): (&PlaneTree, &Ropes), broken: &mut 
     }
     if links != body.shape.links {
         broken.push(format!(
-            "there are {links} links, the statistics say {}",
+            "there are {links} links, the statistics count {}",
             body.shape.links
         ));
     }
 }
 
 /// Returns the leaves behind a link that touch a face of a leaf, at least along an edge.
-fn behind(
-    (tree, ropes): (&PlaneTree, &Ropes),
-    (cell, across, side): (&Aabb, usize, usize),
-    link: u32,
-) -> Vec<u32> {
+fn behind(tree: &PlaneTree, ropes: &Ropes, face: Face<'_>, link: u32) -> Vec<u32> {
+    let cell = face.cell;
     let mut leaves = Vec::new();
-    let mut waiting = vec![link];
-    while let Some(link) = waiting.pop() {
+    let mut stack = vec![link];
+    while let Some(link) = stack.pop() {
         let Step::Plane {
             axis,
             split,
@@ -102,17 +105,17 @@ fn behind(
             continue;
         };
         // A plane parallel to the face: take the child next to the face.
-        if axis == across {
-            waiting.push(children[1 - side]);
+        if axis == face.axis {
+            stack.push(children[1 - face.side]);
             continue;
         }
         // A face without extent along this axis lies in at least one of the two children.
         let flat = cell.min[axis] == cell.max[axis];
         if cell.min[axis] < split || flat && cell.min[axis] <= split {
-            waiting.push(children[0]);
+            stack.push(children[0]);
         }
         if cell.max[axis] > split || flat && cell.max[axis] >= split {
-            waiting.push(children[1]);
+            stack.push(children[1]);
         }
     }
     leaves

@@ -3,28 +3,28 @@
 //! its path.
 
 use crate::plane_tree::MAX_DEPTH;
-use crate::slant_tree::{Kind, SlantTree, between};
+use crate::slant_tree::{SlantKind, SlantSide, SlantTree, between};
 use crate::tree::Body;
 use std::collections::BTreeSet;
 
-/// Checks a tree.
+/// Appends a description of each broken invariant.
 pub fn slanted(body: &Body<'_>, tree: &SlantTree, broken: &mut Vec<String>) {
     let scene = body.scene;
     let mut seen = BTreeSet::new();
     let (mut axis, mut oblique, mut leaves) = (0, 0, 0);
     // Nodes still to visit, and the planes on the path to each.
-    let mut waiting = vec![(0, Vec::new())];
-    while let Some((place, path)) = waiting.pop() {
+    let mut stack = vec![(0, Vec::new())];
+    while let Some((index, path)) = stack.pop() {
         // Stop if the links form a cycle.
         if path.len() > 2 * MAX_DEPTH || axis + oblique + leaves > tree.node_count() {
             broken.push(format!(
-                "node {place} lies too deep, or the links run in a circle"
+                "node {index} lies too deep, or the links run in a circle"
             ));
             return;
         }
-        match tree.kind(place) {
+        match tree.kind(index) {
             // Each triangle must be in one leaf, between all planes on the path.
-            Kind::Leaf { first, count } => {
+            SlantKind::Leaf { first, count } => {
                 leaves += 1;
                 for id in body.blocks.ids(first, count) {
                     if !seen.insert(id) {
@@ -36,7 +36,7 @@ pub fn slanted(body: &Body<'_>, tree: &SlantTree, broken: &mut Vec<String>) {
                     }
                 }
             }
-            Kind::Inner {
+            SlantKind::Inner {
                 direction,
                 alone,
                 planes,
@@ -48,21 +48,22 @@ pub fn slanted(body: &Body<'_>, tree: &SlantTree, broken: &mut Vec<String>) {
                     &mut oblique
                 }) += 1;
                 // Push a child with its parent's path and its own planes.
-                let mut child = |place: u32, more: &[(usize, f32, bool)]| {
+                let mut child = |index: u32, more: &[SlantSide]| {
                     let mut path = path.clone();
                     path.extend_from_slice(more);
-                    waiting.push((place, path));
+                    stack.push((index, path));
                 };
-                let (first, second) = (planes[0], planes[1]);
+                let side = |k: usize, above| SlantSide {
+                    direction,
+                    height: planes[k],
+                    above,
+                };
                 if alone {
-                    child(
-                        link,
-                        &[(direction, first, true), (direction, second, false)],
-                    );
+                    child(link, &[side(0, true), side(1, false)]);
                 } else {
                     // Push the child above first, so that the one below is visited first.
-                    child(link + 1, &[(direction, second, true)]);
-                    child(link, &[(direction, first, false)]);
+                    child(link + 1, &[side(1, true)]);
+                    child(link, &[side(0, false)]);
                 }
             }
         }
@@ -78,7 +79,7 @@ pub fn slanted(body: &Body<'_>, tree: &SlantTree, broken: &mut Vec<String>) {
     );
     if counted != stated {
         broken.push(format!(
-            "nodes along axes, oblique ones, leaves and references are {counted:?}, the statistics say {stated:?}"
+            "nodes along axes, oblique ones, leaves and references are {counted:?}, the statistics are {stated:?}"
         ));
     }
 }

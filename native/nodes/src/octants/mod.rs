@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The cells of an octree on their grid, and the octants that a builder hands over.
+//! The cells of an octree on their grid, and the result of its builder.
 
 pub mod octree_nodes;
 mod views;
@@ -86,11 +86,11 @@ impl Cube {
         self.side / (1_u32 << level) as f32
     }
 
-    /// Returns the lowest corner of the cell whose lowest smallest cell is `place`; exact.
+    /// Returns the lowest corner of the smallest cell with these coordinates on the grid; exact.
     #[inline(always)]
-    pub fn low(&self, place: [u32; 3]) -> [f32; 3] {
+    pub fn low(&self, cell: [u32; 3]) -> [f32; 3] {
         let unit = self.unit();
-        std::array::from_fn(|k| self.corner[k] + place[k] as f32 * unit)
+        std::array::from_fn(|k| self.corner[k] + cell[k] as f32 * unit)
     }
 
     /// Returns a bound, per axis, on the distance of a ray's point from the cell that a traversal from cell to

@@ -12,8 +12,8 @@ use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
-use halfspace_scene::Triangles;
 use prefetch_index::prefetch_index;
 
 /// Link across a face of the root.
@@ -58,7 +58,7 @@ impl Node {
 
     /// Returns a leaf's index among the leaves.
     #[inline(always)]
-    pub fn place(self) -> usize {
+    pub fn leaf_index(self) -> usize {
         self.0[3] as usize
     }
 
@@ -98,7 +98,7 @@ impl Octree {
     pub fn new(
         octants: &Octants,
         cube: Cube,
-        (scene, frame): (&Triangles, &Frame),
+        framed: FramedScene<'_>,
         blocks: &mut Blocks,
     ) -> Result<Self> {
         let (nodes, references) = (octants.items.len(), octants.ids.len());
@@ -117,40 +117,41 @@ impl Octree {
             nodes: Vec::with_capacity(nodes),
             links: Vec::new(),
             cube,
-            far: FAR * frame.bounds().magnitude(),
+            far: FAR * framed.frame.bounds().magnitude(),
         };
         tree.nodes.push(Node::default());
+        // Fill the nodes in preorder.
         let mut ids = octants.ids.as_slice();
         let mut leaves = 0;
         // Nodes still to fill, with parent and level; the next one last.
-        let mut waiting = vec![(0_usize, 0_usize, 0_u32)];
+        let mut stack = vec![(0_usize, 0_usize, 0_u32)];
         for item in &octants.items {
-            let (place, parent, level) = waiting.pop().expect("preorder: every node has a place");
+            let (slot, parent, level) = stack.pop().expect("preorder: every node has a slot");
             #[expect(clippy::cast_possible_truncation, reason = "checked above")]
             // Eight consecutive children follow the root, so the index gives the octant.
-            let (octant, up) = if place == 0 {
+            let (octant, up) = if slot == 0 {
                 (0, 0)
             } else {
-                ((place as u32 - 1) & 7, parent as u32)
+                ((slot as u32 - 1) & 7, parent as u32)
             };
             let head = level | octant << LEVEL_BITS;
             // Write the node; an inner node reserves its eight children, an empty leaf sets its bit in the parent.
-            tree.nodes[place] = Node(match *item {
+            tree.nodes[slot] = Node(match *item {
                 Item::Leaf(count) => {
-                    if count == 0 && place != 0 {
+                    if count == 0 && slot != 0 {
                         tree.nodes[parent].0[3] |= 1 << octant;
                     }
                     let (own, rest) = ids.split_at(count as usize);
                     ids = rest;
                     leaves += 1;
-                    let first = blocks.push_leaf(scene, frame, own);
+                    let first = blocks.push_leaf(framed.scene, framed.frame, own);
                     [first, up, head | count << COUNT_SHIFT, leaves - 1]
                 }
                 Item::Inner => {
                     // Reserve the children, and visit them in preorder.
                     let first = tree.nodes.len();
                     tree.nodes.resize(first + 8, Node::default());
-                    waiting.extend((0..8).rev().map(|o| (first + o, place, level + 1)));
+                    stack.extend((0..8).rev().map(|o| (first + o, slot, level + 1)));
                     #[expect(clippy::cast_possible_truncation, reason = "checked above")]
                     let first = first as u32;
                     [first, up, head | INNER << COUNT_SHIFT, 0]
@@ -192,7 +193,7 @@ impl Octree {
                 }
             }
             if !node.is_inner() {
-                leaves[node.place()] = all[index];
+                leaves[node.leaf_index()] = all[index];
             }
         }
         self.links = leaves;
@@ -214,10 +215,10 @@ impl Octree {
         }
     }
 
-    /// Returns the links of the leaf with index `place` among the leaves; see [`Self::with_links`].
+    /// Returns the links of the leaf with index `leaf` among the leaves; see [`Self::with_links`].
     #[inline(always)]
-    pub fn links(&self, place: usize) -> &[u32; 6] {
-        &self.links[place]
+    pub fn links(&self, leaf: usize) -> &[u32; 6] {
+        &self.links[leaf]
     }
 
     /// Returns whether leaves have links.
@@ -246,23 +247,23 @@ impl Octree {
     /// Calls `see` for all nodes, parents before children, each with its index and the position of its lowest
     /// corner on the grid of the smallest cells.
     pub fn visit(&self, mut see: impl FnMut(u32, Node, [u32; 3])) {
-        let mut waiting = vec![(0, [0; 3])];
-        while let Some((index, place)) = waiting.pop() {
+        let mut stack = vec![(0, [0; 3])];
+        while let Some((index, corner)) = stack.pop() {
             let node = self.node(index);
-            see(index, node, place);
+            see(index, node, corner);
             if node.is_inner() {
                 let half = 1 << (self.cube.depth - node.level() - 1);
-                waiting.extend((0..8).rev().map(|octant| {
-                    let place = std::array::from_fn(|k| place[k] + half * (octant >> k & 1));
-                    (node.children() + octant, place)
+                stack.extend((0..8).rev().map(|octant| {
+                    let corner = std::array::from_fn(|k| corner[k] + half * (octant >> k & 1));
+                    (node.children() + octant, corner)
                 }));
             }
         }
     }
 
-    /// Returns the cell of a node whose lowest corner is at `place`.
-    pub fn cell(&self, node: Node, place: [u32; 3]) -> Aabb {
-        let min = self.cube.low(place);
+    /// Returns the cell of a node whose lowest corner is `corner` on the grid of the smallest cells.
+    pub fn cell(&self, node: Node, corner: [u32; 3]) -> Aabb {
+        let min = self.cube.low(corner);
         let edge = self.cube.edge(node.level());
         Aabb {
             min,
@@ -275,8 +276,8 @@ impl Octree {
         let bounds = frame.bounds();
         let whole = bounds.area().max(f64::MIN_POSITIVE);
         let mut measure = Measure::default();
-        self.visit(|_, node, place| {
-            let mut cell = self.cell(node, place);
+        self.visit(|_, node, corner| {
+            let mut cell = self.cell(node, corner);
             // Clip the cell to the scene's box: the cost model has no rays outside it.
             for k in 0..3 {
                 cell.min[k] = cell.min[k].max(bounds.min[k]);

@@ -50,6 +50,7 @@ impl Cells for Octree {
             let Leaf { first, count } = node.blocks();
             return NodeView::leaf(first, count);
         }
+        // Compute the cell of each octant.
         let half = 1 << (self.cube().depth - node.level() - 1);
         let children = (0..8).map(|octant| {
             let [x, y, z] = std::array::from_fn(|k| corner[k] + half * (octant >> k & 1));
@@ -57,6 +58,7 @@ impl Cells for Octree {
             let cell = self.cell(Octree::node(self, index), [x, y, z]);
             ([index, x, y, z], region.part(cell))
         });
+        // The three middle planes separate the octants.
         let bounds = self.cell(node, corner);
         let planes = (0..3).map(|k| {
             let plane = Plane {

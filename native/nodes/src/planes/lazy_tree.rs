@@ -169,7 +169,7 @@ impl Part {
                     sum.built += 1;
                     open.push(part);
                 } else {
-                    sum.waiting += 1;
+                    sum.unbuilt += 1;
                     sum.bytes += below.bytes;
                 }
             }
@@ -232,7 +232,7 @@ pub struct Progress {
     /// Number of subtrees built since.
     pub built: usize,
     /// Number of unbuilt subtrees below the built part.
-    pub waiting: usize,
+    pub unbuilt: usize,
     /// Bytes of both.
     pub bytes: usize,
 }

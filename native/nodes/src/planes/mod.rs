@@ -30,13 +30,13 @@ pub trait Planes: Copy + Sync {
     /// Whether the blocks of a leaf depend on its part of the tree.
     const PARTS: bool;
 
-    /// The root.
+    /// Returns the root.
     fn root(self) -> Self::At;
 
     /// Returns the decoded node.
     fn node(self, at: Self::At) -> Node;
 
-    /// The node with number `index` in the same part of the tree.
+    /// Returns the node with number `index` in the same part of the tree.
     fn sibling(self, at: Self::At, index: u32) -> Self::At;
 
     /// Returns the contents of the leaf at `at`. The blocks of `job` are those of a tree in one piece.

@@ -126,34 +126,34 @@ impl PlaneTree {
         let mut ids = preorder.ids.as_slice();
         let mut parts = 0;
         // Nodes still to fill, with their parent; the next one last, because preorder visits below before above.
-        let mut places = vec![(0_usize, None)];
+        let mut stack = vec![(0_usize, None)];
         for item in &preorder.items {
-            let (place, parent) = places.pop().expect("preorder: every node has a place");
+            let (slot, parent) = stack.pop().expect("preorder: every node has a slot");
             match *item {
                 Item::Leaf { count, .. } => {
                     // Mark an empty leaf in its parent, so that rays can skip it.
                     if let (0, Some(parent)) = (count, parent) {
                         let parent: &mut [u32; 2] = &mut tree.nodes[parent];
-                        parent[1] |= EMPTY << (place & 1);
+                        parent[1] |= EMPTY << (slot & 1);
                     }
                     // Write the triangles of the leaf.
                     let (own, rest) = ids.split_at(count as usize);
                     ids = rest;
                     let first = blocks.push_leaf(scene, frame, own);
-                    tree.nodes[place] = [first, count << LOW_BITS | LEAF];
+                    tree.nodes[slot] = [first, count << LOW_BITS | LEAF];
                 }
                 Item::Later => {
-                    tree.nodes[place] = [parts, (ENTRANCE as u32) << LOW_BITS | LEAF];
+                    tree.nodes[slot] = [parts, (ENTRANCE as u32) << LOW_BITS | LEAF];
                     parts += 1;
                 }
                 Item::Inner { plane, .. } => {
                     // Reserve a pair for the children.
                     let children = tree.nodes.len();
                     tree.nodes.extend([[0; 2]; 2]);
-                    places.extend([(children + 1, Some(place)), (children, Some(place))]);
+                    stack.extend([(children + 1, Some(slot)), (children, Some(slot))]);
                     let link = u32::try_from(children).expect("bounded by the budget") << LOW_BITS;
                     // Store an axis-aligned plane in the node, an oblique one in a separate list.
-                    tree.nodes[place] = match plane.direction {
+                    tree.nodes[slot] = match plane.direction {
                         Direction::Axis(axis) => [plane.offset.to_bits(), link | axis as u32],
                         Direction::Oblique([x, y, z]) => {
                             tree.planes.push([x, y, z, plane.offset]);
@@ -233,7 +233,7 @@ impl PlaneTree {
     }
 
     /// Returns the number of node slots; the one next to the root is unused.
-    pub fn places(&self) -> usize {
+    pub fn slots(&self) -> usize {
         self.nodes.len()
     }
 
@@ -244,12 +244,12 @@ impl PlaneTree {
 
     /// Calls `see` for all nodes, the child below first, with index, node and depth.
     pub fn visit(&self, mut see: impl FnMut(u32, Node, usize)) {
-        let mut waiting = vec![(self.root(), 0)];
-        while let Some((index, depth)) = waiting.pop() {
+        let mut stack = vec![(self.root(), 0)];
+        while let Some((index, depth)) = stack.pop() {
             let node = self.node(index);
             see(index, node, depth);
             if let Node::Axis { children, .. } | Node::Oblique { children, .. } = node {
-                waiting.extend([(children + 1, depth + 1), (children, depth + 1)]);
+                stack.extend([(children + 1, depth + 1), (children, depth + 1)]);
             }
         }
     }

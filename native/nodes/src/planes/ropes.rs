@@ -15,11 +15,11 @@ use halfspace_geom::Aabb;
 pub const OUTSIDE: u32 = u32::MAX;
 
 /// Flag of a link to a node of a rope tree; other links lead to a node of the tree.
-const PARTED: u32 = 1 << 31;
+const ROPE_NODE: u32 = 1 << 31;
 
 /// Kind of the links across a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum LinkKind {
     /// To the smallest node that covers the face.
     Ropes,
     /// To a tree of the leaves that touch the face.
@@ -28,7 +28,7 @@ pub enum Kind {
 
 /// A node of a rope tree.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Part {
+struct RopeNode {
     axis: u32,
     split: f32,
     /// Links below and above.
@@ -59,31 +59,52 @@ pub enum Step {
 /// Links and walls of all leaves of a tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ropes {
-    /// Index among the leaves of each node of the tree that is a leaf.
-    places: Vec<u32>,
+    /// Index among the leaves of each node that is a leaf, [`OUTSIDE`] for other nodes.
+    leaf_of: Vec<u32>,
     /// Per leaf and axis the wall below and the wall above; infinite at the border of the scene.
     walls: Vec<[[f32; 2]; 3]>,
     /// Per leaf and axis the links below and above.
     links: Vec<[[u32; 2]; 3]>,
-    parts: Vec<Part>,
+    /// Nodes of all rope trees.
+    nodes: Vec<RopeNode>,
 }
 
 /// A node still to visit: its box, and the nodes across its faces.
 #[derive(Clone, Copy)]
-struct Pending {
+struct OpenNode {
     node: u32,
     cell: Aabb,
     across: [[u32; 2]; 3],
 }
 
+impl OpenNode {
+    /// Returns the child on one side of the split plane, 0 below and 1 above. The other child lies across the plane.
+    fn child(&self, axis: usize, split: f32, children: u32, side: u32) -> Self {
+        let (mut cell, mut across) = (self.cell, self.across);
+        across[axis][1 - side as usize] = children + (1 - side);
+        if side == 0 {
+            cell.max[axis] = split;
+        } else {
+            cell.min[axis] = split;
+        }
+        Self {
+            node: children + side,
+            cell,
+            across,
+        }
+    }
+}
+
 /// A face of a leaf. A leaf at the border of the scene extends to infinity: no ray is certain to have crossed the
 /// border, so a plane in the border must still be evaluated.
 #[derive(Clone, Copy)]
-struct Face<'a> {
-    cell: &'a Aabb,
-    axis: usize,
+pub struct Face<'a> {
+    /// Box of the leaf.
+    pub cell: &'a Aabb,
+    /// Axis perpendicular to the face.
+    pub axis: usize,
     /// 0 for the lower face, 1 for the upper.
-    side: usize,
+    pub side: usize,
 }
 
 impl Face<'_> {
@@ -109,98 +130,90 @@ impl Ropes {
     /// # Errors
     /// [`Error::Cancelled`] and [`Error::Memory`] as the monitor returns them; [`Error::Memory`] also for rope
     /// trees with more nodes than links can address.
-    pub fn new(tree: &PlaneTree, bounds: Aabb, kind: Kind, monitor: &Monitor) -> Result<Self> {
-        let nodes = tree.places();
+    pub fn new(tree: &PlaneTree, bounds: Aabb, kind: LinkKind, monitor: &Monitor) -> Result<Self> {
+        let nodes = tree.slots();
         let leaves = nodes / 2;
         monitor.take(nodes * size_of::<u32>() + leaves * 2 * size_of::<[[f32; 2]; 3]>())?;
         let mut ropes = Self {
-            places: vec![OUTSIDE; nodes],
+            leaf_of: vec![OUTSIDE; nodes],
             walls: Vec::with_capacity(leaves),
             links: Vec::with_capacity(leaves),
-            parts: Vec::new(),
+            nodes: Vec::new(),
         };
         let mut gathered = 0;
-        let mut waiting = vec![Pending {
+        let mut stack = vec![OpenNode {
             node: tree.root(),
             cell: bounds,
             across: [[OUTSIDE; 2]; 3],
         }];
         // Visit the tree with the box of each node and the nodes across its faces.
-        while let Some(Pending { node, cell, across }) = waiting.pop() {
-            let (axis, split, children) = match tree.node(node) {
+        while let Some(open) = stack.pop() {
+            match tree.node(open.node) {
                 Node::Axis {
                     axis,
                     split,
                     children,
                     ..
-                } => (axis, split, children),
+                } => stack.extend([1, 0].map(|side| open.child(axis, split, children, side))),
                 Node::Oblique { .. } => unreachable!("ropes are for axis-aligned trees"),
                 Node::Leaf { .. } => {
                     monitor.check()?;
-                    #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^27 nodes")]
-                    let place = ropes.links.len() as u32;
-                    // Number the leaves in the order of the visit.
-                    ropes.places[node as usize] = place;
-                    // Extend leaves at the border to infinity, and replace the links by narrower ones.
-                    let mut cell = cell;
-                    for (k, [below, above]) in across.into_iter().enumerate() {
-                        if below == OUTSIDE {
-                            cell.min[k] = f32::NEG_INFINITY;
-                        }
-                        if above == OUTSIDE {
-                            cell.max[k] = f32::INFINITY;
-                        }
-                    }
-                    let mut links = across;
-                    for (axis, ends) in links.iter_mut().enumerate() {
-                        for (side, link) in ends.iter_mut().enumerate() {
-                            if *link == OUTSIDE {
-                                continue;
-                            }
-                            let cell = &cell;
-                            let face = Face { cell, axis, side };
-                            // Narrow the link to what the face touches.
-                            *link = match kind {
-                                Kind::Ropes => covering(tree, face, *link),
-                                Kind::RopeTrees => {
-                                    let before = ropes.parts.len();
-                                    let link = ropes.part(tree, face, *link)?;
-                                    let more = ropes.parts.len() - before;
-                                    // A growing vector reserves room in advance, and copies its contents.
-                                    monitor.charge(&mut gathered, more * 3 * size_of::<Part>())?;
-                                    link
-                                }
-                            };
-                        }
-                    }
-                    ropes
-                        .walls
-                        .push([0, 1, 2].map(|k| [cell.min[k], cell.max[k]]));
-                    ropes.links.push(links);
-                    continue;
+                    let before = ropes.nodes.len();
+                    ropes.leaf(tree, open, kind)?;
+                    // A growing vector reserves room in advance, and copies its contents.
+                    let more = ropes.nodes.len() - before;
+                    monitor.charge(&mut gathered, more * 3 * size_of::<RopeNode>())?;
                 }
-            };
-            // Each child lies across the split plane from the other.
-            let half = |side: usize| {
-                let (mut cell, mut across) = (cell, across);
-                across[axis][1 - side] = children + u32::from(side == 0);
-                if side == 0 {
-                    cell.max[axis] = split;
-                } else {
-                    cell.min[axis] = split;
-                }
-                let node = children + u32::from(side == 1);
-                Pending { node, cell, across }
-            };
-            waiting.extend([half(1), half(0)]);
+            }
         }
         monitor.take(gathered)?;
-        ropes.parts.shrink_to_fit();
+        ropes.nodes.shrink_to_fit();
         Ok(ropes)
     }
 
+    /// Appends the walls and the links of a leaf.
+    fn leaf(&mut self, tree: &PlaneTree, leaf: OpenNode, kind: LinkKind) -> Result<()> {
+        let OpenNode {
+            node,
+            mut cell,
+            across,
+        } = leaf;
+        #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^27 nodes")]
+        let index = self.links.len() as u32;
+        // Number the leaves in the order of the visit.
+        self.leaf_of[node as usize] = index;
+        // Extend leaves at the border to infinity.
+        for (k, [below, above]) in across.into_iter().enumerate() {
+            if below == OUTSIDE {
+                cell.min[k] = f32::NEG_INFINITY;
+            }
+            if above == OUTSIDE {
+                cell.max[k] = f32::INFINITY;
+            }
+        }
+        // Narrow the links to the nodes that touch the face.
+        let mut links = across;
+        for (axis, ends) in links.iter_mut().enumerate() {
+            for (side, link) in ends.iter_mut().enumerate() {
+                if *link == OUTSIDE {
+                    continue;
+                }
+                let cell = &cell;
+                let face = Face { cell, axis, side };
+                *link = match kind {
+                    LinkKind::Ropes => covering(tree, face, *link),
+                    LinkKind::RopeTrees => self.rope_tree(tree, face, *link)?,
+                };
+            }
+        }
+        self.walls
+            .push([0, 1, 2].map(|k| [cell.min[k], cell.max[k]]));
+        self.links.push(links);
+        Ok(())
+    }
+
     /// Appends the rope tree of the part of a face that `node` covers, and returns the link to it.
-    fn part(&mut self, tree: &PlaneTree, face: Face<'_>, node: u32) -> Result<u32> {
+    fn rope_tree(&mut self, tree: &PlaneTree, face: Face<'_>, node: u32) -> Result<u32> {
         let Node::Axis {
             axis,
             split,
@@ -213,19 +226,23 @@ impl Ropes {
         // Skip planes that do not cut the face.
         let [below, above] = face.touched(axis, split, children);
         if below == above {
-            return self.part(tree, face, below);
+            return self.rope_tree(tree, face, below);
         }
         // Build the children first, so that the node can store their links.
-        let children = [self.part(tree, face, below)?, self.part(tree, face, above)?];
-        let place = self.parts.len();
-        if place >= (PARTED - 1) as usize {
+        let children = [
+            self.rope_tree(tree, face, below)?,
+            self.rope_tree(tree, face, above)?,
+        ];
+        // Append the node.
+        let index = self.nodes.len();
+        if index >= (ROPE_NODE - 1) as usize {
             return Err(Error::Memory(
                 "the rope trees would have more than 2^31 nodes".to_owned(),
             ));
         }
         #[expect(clippy::cast_possible_truncation, reason = "checked and an axis")]
-        let (link, axis) = (place as u32 | PARTED, axis as u32);
-        self.parts.push(Part {
+        let (link, axis) = (index as u32 | ROPE_NODE, axis as u32);
+        self.nodes.push(RopeNode {
             axis,
             split,
             children,
@@ -237,12 +254,12 @@ impl Ropes {
     #[inline(always)]
     pub fn step(&self, tree: &PlaneTree, link: u32) -> Step {
         // A node of a rope tree.
-        if link & PARTED != 0 {
-            let part = self.parts[(link & !PARTED) as usize];
+        if link & ROPE_NODE != 0 {
+            let node = self.nodes[(link & !ROPE_NODE) as usize];
             return Step::Plane {
-                axis: part.axis as usize % 3,
-                split: part.split,
-                children: part.children,
+                axis: node.axis as usize % 3,
+                split: node.split,
+                children: node.children,
             };
         }
         // A node of the tree itself: the face may be smaller than the node.
@@ -266,14 +283,14 @@ impl Ropes {
     /// scene.
     #[inline(always)]
     pub fn walls(&self, leaf: u32) -> &[[f32; 2]; 3] {
-        &self.walls[self.places[leaf as usize] as usize]
+        &self.walls[self.leaf_of[leaf as usize] as usize]
     }
 
     /// Returns the links of a leaf, given by its node: per axis below and above, [`OUTSIDE`] at the border of the
     /// scene.
     #[inline(always)]
     pub fn links(&self, leaf: u32) -> &[[u32; 2]; 3] {
-        &self.links[self.places[leaf as usize] as usize]
+        &self.links[self.leaf_of[leaf as usize] as usize]
     }
 
     /// Returns the number of links, without those out of the scene.
@@ -284,10 +301,10 @@ impl Ropes {
 
     /// Returns the size in bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.places)
+        size_of_val(&*self.leaf_of)
             + size_of_val(&*self.walls)
             + size_of_val(&*self.links)
-            + size_of_val(&*self.parts)
+            + size_of_val(&*self.nodes)
     }
 }
 

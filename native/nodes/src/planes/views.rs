@@ -60,6 +60,7 @@ impl Cells for PlaneTree {
                 ..
             } => (Direction::Oblique(normal), offset, children, OBLIQUE),
         };
+        // Split the region by the plane.
         let plane = Plane { direction, offset };
         let [below, above] = region.split(plane);
         NodeView {
@@ -118,7 +119,7 @@ impl Tree for Linked {
     fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
 
     fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
-        check::ropes::ropes(body, (&self.tree, &self.ropes), broken);
+        check::ropes::ropes(body, &self.tree, &self.ropes, broken);
     }
 
     fn same(&self, other: &dyn Tree) -> bool {

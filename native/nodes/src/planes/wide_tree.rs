@@ -3,7 +3,7 @@
 //! node that is processed at once without branches.
 //!
 //! A node whose planes are all axis-aligned occupies one cache line: seven heights, a word with the planes'
-//! axes and a mask of the children that hold anything, and eight children. Other nodes have two more lines with
+//! axes and a mask of the children that contain triangles, and eight children. Other nodes have two more lines with
 //! normals; since all planes are processed at once, an oblique plane costs little more than another. Leaves are
 //! those of the binary tree.
 
@@ -21,7 +21,7 @@ const LEAF: u32 = Next::LEAF.word();
 /// Flag of a child with oblique planes; the other bits are its first line.
 const OBLIQUE: u32 = Next::GENERAL.word();
 
-/// Stands for the end of the traversal in place of a child.
+/// Marks the end of the traversal, in place of a child.
 pub const OVER: u32 = Next::OVER.word();
 
 /// A cache line. Children and other words are stored as bits of floats, because they pass through the same
@@ -36,6 +36,7 @@ pub struct Line {
 }
 
 impl Line {
+    /// Line of zeros.
     const BLANK: Self = Self {
         first: [0.0; 8],
         second: [0.0; 8],
@@ -47,19 +48,19 @@ impl Line {
 pub struct Info(pub u32);
 
 impl Info {
-    /// Mask of the planes across y.
+    /// Returns the mask of the planes across y.
     #[inline(always)]
     pub fn along_y(self) -> u32 {
         self.0 & 0x7f
     }
 
-    /// Mask of the planes across z.
+    /// Returns the mask of the planes across z.
     #[inline(always)]
     pub fn along_z(self) -> u32 {
         self.0 >> 8 & 0x7f
     }
 
-    /// Mask of the children that hold anything.
+    /// Returns the mask of the children that contain triangles.
     #[inline(always)]
     pub fn used(self) -> u32 {
         self.0 >> 16 & 0xff
@@ -76,25 +77,25 @@ pub struct WideTree {
     root: u32,
 }
 
-/// The three levels below a node in heap order: seven planes and eight children. A leaf at a higher level moves
+/// Returns the three levels below a node in heap order: seven planes and eight children. A leaf at a higher level moves
 /// down along the children below, past missing planes that no ray reaches.
 fn levels(tree: &PlaneTree, root: u32) -> ([Option<Node>; PLANES], [Option<u32>; 8]) {
-    let mut places = [None; 2 * PLANES + 1];
+    let mut heap = [None; 2 * PLANES + 1];
     let mut planes = [None; PLANES];
-    places[0] = Some(root);
+    heap[0] = Some(root);
     // Copy each inner node's children to the heap; a leaf becomes its own child below.
     for i in 0..PLANES {
-        let Some(place) = places[i] else { continue };
-        let node = tree.node(place);
+        let Some(index) = heap[i] else { continue };
+        let node = tree.node(index);
         if let Node::Axis { children, .. } | Node::Oblique { children, .. } = node {
             planes[i] = Some(node);
-            places[2 * i + 1] = Some(children);
-            places[2 * i + 2] = Some(children + 1);
+            heap[2 * i + 1] = Some(children);
+            heap[2 * i + 2] = Some(children + 1);
         } else {
-            places[2 * i + 1] = Some(place);
+            heap[2 * i + 1] = Some(index);
         }
     }
-    (planes, std::array::from_fn(|lane| places[PLANES + lane]))
+    (planes, std::array::from_fn(|lane| heap[PLANES + lane]))
 }
 
 impl WideTree {
@@ -104,8 +105,8 @@ impl WideTree {
         // Nodes to lay out: their number in `tree`, and the line and lane that refer to them.
         let mut open = Vec::new();
         wide.root = wide.link(tree, tree.root(), None, &mut open);
-        while let Some((place, parent)) = open.pop() {
-            let (planes, children) = levels(tree, place);
+        while let Some((node, parent)) = open.pop() {
+            let (planes, children) = levels(tree, node);
             let at = wide.lines.len();
             // Write heights and axes, and normals if one of the planes is oblique.
             let oblique = planes
@@ -133,7 +134,7 @@ impl WideTree {
                     wide.lines[at + 2].first[i] = normal[2];
                 }
             }
-            // Link the children that hold anything.
+            // Link the children that contain triangles.
             for (lane, &child) in children.iter().enumerate() {
                 let Some(child) = child else { continue };
                 if matches!(tree.node(child), Node::Leaf { count: 0, .. }) {
@@ -157,17 +158,17 @@ impl WideTree {
         wide
     }
 
-    /// The word of a leaf. For an inner node returns 0 and appends it to `open`; its word is written when it is
-    /// laid out.
+    /// Returns the word of a leaf. For an inner node returns 0 and appends it to `open`; its word is written when it
+    /// is laid out.
     fn link(
         &mut self,
         tree: &PlaneTree,
-        place: u32,
+        node: u32,
         parent: Option<(usize, usize)>,
         open: &mut Vec<(u32, Option<(usize, usize)>)>,
     ) -> u32 {
-        let Node::Leaf { first, count } = tree.node(place) else {
-            open.push((place, parent));
+        let Node::Leaf { first, count } = tree.node(node) else {
+            open.push((node, parent));
             return 0;
         };
         let count = u32::try_from(count).expect("bounded by the budget");
@@ -175,19 +176,19 @@ impl WideTree {
         LEAF | u32::try_from(self.leaves.len() - 1).expect("bounded by the budget")
     }
 
-    /// The root's word.
+    /// Returns the root's word.
     #[inline(always)]
     pub fn root(&self) -> u32 {
         self.root
     }
 
-    /// A node's first line.
+    /// Returns a node's first line.
     #[inline(always)]
     pub fn line(&self, child: u32) -> &Line {
         &self.lines[(child & !OBLIQUE) as usize]
     }
 
-    /// All lines of a node with oblique planes.
+    /// Returns all lines of a node with oblique planes.
     #[inline(always)]
     pub fn lines(&self, child: u32) -> &[Line; 3] {
         self.lines[(child & !OBLIQUE) as usize..]
@@ -203,7 +204,7 @@ impl WideTree {
         }
     }
 
-    /// First block and number of triangles of a leaf.
+    /// Returns a leaf.
     #[inline(always)]
     pub fn leaf(&self, child: u32) -> Leaf {
         let [first, count] = self.leaves[(child & !LEAF) as usize];
@@ -213,7 +214,7 @@ impl WideTree {
         }
     }
 
-    /// Whether the other tree has the same nodes and leaves, bit for bit.
+    /// Returns whether the other tree has the same nodes and leaves, bit for bit.
     pub fn is_same(&self, other: &Self) -> bool {
         let bits = |line: &Line| [line.first, line.second].map(|row| row.map(f32::to_bits));
         self.root == other.root
@@ -221,7 +222,7 @@ impl WideTree {
             && self.lines.iter().map(bits).eq(other.lines.iter().map(bits))
     }
 
-    /// Size in bytes.
+    /// Returns the size in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.lines) + size_of_val(&*self.leaves)
     }

@@ -4,7 +4,7 @@
 use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::tighten::{Cut, Sides};
-use halfspace_ray::FrameRay;
+use halfspace_ray::{FrameRay, Interval};
 
 /// Stands in place of the axis in leaves.
 const LEAF: u32 = 3;
@@ -24,7 +24,7 @@ pub const MOST: usize = 1 << (32 - LOW_BITS);
 
 /// A decoded node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum SlabKind {
     /// A leaf.
     Leaf {
         /// First block of its triangles.
@@ -67,14 +67,14 @@ pub trait SlabNode: Copy + PartialEq + Sync + std::fmt::Debug {
     fn only(link: usize, cut: &Cut) -> Self;
 
     /// Returns the decoded node.
-    fn kind(&self) -> Kind;
+    fn kind(&self) -> SlabKind;
 
-    /// The boxes of the children below and above, or of an only child, inside the node's region.
+    /// Returns the boxes of the children below and above, or of an only child, inside the node's region.
     fn parts(&self, axis: usize, region: &Aabb) -> [Aabb; 2];
 
-    /// Distances at which the ray leaves the near child and enters the far one, with error bounds; for an only
-    /// child, at which it leaves and enters that. NaN distances keep the ends of `whole`.
-    fn intervals(&self, axis: usize, frame: &FrameRay, whole: (f32, f32)) -> (f32, f32);
+    /// Returns the distances at which the ray leaves the near child and enters the far one, with error bounds; for an
+    /// only child, those at which it leaves and enters that child. NaN distances keep the ends of `whole`.
+    fn intervals(&self, axis: usize, frame: &FrameRay, whole: Interval) -> (f32, f32);
 }
 
 /// Two planes: the end of the child below and the start of the child above; for an only child, its start and
@@ -94,32 +94,34 @@ pub struct Single {
     plane: u32,
 }
 
+/// Packs a link and the bits below it.
 fn word(link: usize, low: u32) -> u32 {
     u32::try_from(link).expect("checked by the layout") << LOW_BITS | low
 }
 
+/// Returns the bits of an axis.
 fn axis_bits(axis: usize) -> u32 {
     u32::try_from(axis).expect("an axis")
 }
 
 /// Decodes a node's word; `first` is the word after it, a leaf's first block.
 #[inline(always)]
-fn kind(word: u32, first: u32) -> Kind {
+fn kind(word: u32, first: u32) -> SlabKind {
     let link = word >> LOW_BITS;
     let axis = (word & LEAF) as usize;
     if axis == 3 {
-        Kind::Leaf {
+        SlabKind::Leaf {
             first,
             count: link as usize,
         }
     } else if word & ALONE == 0 {
-        Kind::Pair { axis, link }
+        SlabKind::Pair { axis, link }
     } else {
-        Kind::Only { axis, link }
+        SlabKind::Only { axis, link }
     }
 }
 
-/// Distance along the ray to a plane of this axis.
+/// Returns the distance along the ray to a plane of this axis.
 #[inline(always)]
 fn distance(plane: u32, axis: usize, frame: &FrameRay) -> f32 {
     (f32::from_bits(plane) - frame.o[axis]) * frame.inv[axis]
@@ -154,7 +156,7 @@ impl SlabNode for Double {
     }
 
     #[inline(always)]
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> SlabKind {
         kind(self.word, self.planes[0])
     }
 
@@ -173,7 +175,8 @@ impl SlabNode for Double {
     }
 
     #[inline(always)]
-    fn intervals(&self, axis: usize, frame: &FrameRay, (enter, leave): (f32, f32)) -> (f32, f32) {
+    fn intervals(&self, axis: usize, frame: &FrameRay, whole: Interval) -> (f32, f32) {
+        let Interval { enter, leave } = whole;
         // An only child is entered through the plane where the near one of two children would be left.
         let alone = u32::from(self.word & ALONE != 0);
         let side = frame.negative[axis] ^ alone;
@@ -231,7 +234,7 @@ impl SlabNode for Single {
     }
 
     #[inline(always)]
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> SlabKind {
         kind(self.word, self.plane)
     }
 
@@ -254,7 +257,8 @@ impl SlabNode for Single {
     }
 
     #[inline(always)]
-    fn intervals(&self, axis: usize, frame: &FrameRay, (enter, leave): (f32, f32)) -> (f32, f32) {
+    fn intervals(&self, axis: usize, frame: &FrameRay, whole: Interval) -> (f32, f32) {
+        let Interval { enter, leave } = whole;
         let at = distance(self.plane, axis, frame);
         let slack = frame.slack[axis];
         let above = u32::from(self.word & ABOVE != 0);

@@ -7,10 +7,10 @@
 //! are coordinates of triangles and therefore exact; each distance is moved outwards by the frame's `slack`, so
 //! no child is skipped in which the ray might hit.
 
-use crate::nested::{Look, Nested, Place};
-use crate::object_tree::{self, ObjectTree};
+use crate::nested::{Content, Nested, NodeRef};
+use crate::object_tree::{ItemKind, ObjectTree};
 use crate::plane_tree::MAX_DEPTH;
-use crate::slab_node::{Kind, MOST, SlabNode};
+use crate::slab_node::{MOST, SlabKind, SlabNode};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
 use halfspace_geom::tighten::{Sides, Tighten};
@@ -33,7 +33,8 @@ impl<N: SlabNode> SlabTree<N> {
     pub fn new(
         binary: &ObjectTree,
         bounds: Aabb,
-        (tighten, only): (Tighten, bool),
+        tighten: Tighten,
+        only: bool,
         leaves: &mut Leaves,
     ) -> Result<Self> {
         binary.check_size()?;
@@ -44,7 +45,7 @@ impl<N: SlabNode> SlabTree<N> {
         nodes.push(N::EMPTY);
         // Nodes to fill: number, index in `binary`, end of its triangles, region and depth.
         let mut open = vec![(0, 0, binary.ids.len(), bounds, 0)];
-        while let Some((place, from, end, region, depth)) = open.pop() {
+        while let Some((slot, from, end, region, depth)) = open.pop() {
             let link = nodes.len();
             if link + 2 > MOST {
                 return Err(Error::Memory(format!("the tree would have {MOST} nodes")));
@@ -58,7 +59,7 @@ impl<N: SlabNode> SlabTree<N> {
             // Cut off empty space first, and lay the same item out again inside.
             if let Some(cut) = cut {
                 let (axis, child) = (cut.axis, (from, end, cut.inside, depth + 1));
-                nodes[place] = if only {
+                nodes[slot] = if only {
                     nodes.push(N::EMPTY);
                     open.push((link, child.0, child.1, child.2, child.3));
                     N::only(link, &cut)
@@ -66,7 +67,7 @@ impl<N: SlabNode> SlabTree<N> {
                     nodes.extend([N::EMPTY; 2]);
                     open.push((link + cut.full, child.0, child.1, child.2, child.3));
                     let mut children = [(*item, 0); 2];
-                    // Place the empty side's plane where no ray comes.
+                    // Put the empty side's plane where no ray reaches it.
                     (children[0].0.max[axis], children[1].0.min[axis]) = if cut.full == 0 {
                         (cut.inside.max[axis], f32::MAX)
                     } else {
@@ -77,11 +78,9 @@ impl<N: SlabNode> SlabTree<N> {
                 continue;
             }
             // Lay out the item itself.
-            nodes[place] = match binary.kind(from) {
-                object_tree::Kind::Leaf { count } => {
-                    N::leaf(leaves.push(firsts[from], count), count)
-                }
-                object_tree::Kind::Inner {
+            nodes[slot] = match binary.kind(from) {
+                ItemKind::Leaf { count } => N::leaf(leaves.push(firsts[from], count), count),
+                ItemKind::Inner {
                     axis,
                     children: [below, above],
                 } => {
@@ -106,23 +105,28 @@ impl<N: SlabNode> SlabTree<N> {
 }
 
 impl<N: SlabNode> Nested for SlabTree<N> {
-    fn top(&self) -> Place {
-        (0, 0)
+    fn top(&self) -> NodeRef {
+        NodeRef::index(0)
     }
 
-    /// A place is the node's number.
-    fn look(&self, (place, _): Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
-        let node = self.nodes[place as usize];
+    fn content(
+        &self,
+        node: NodeRef,
+        region: &Aabb,
+        children: &mut Vec<(NodeRef, Aabb)>,
+    ) -> Content {
+        let node = self.nodes[node.link as usize];
         match node.kind() {
-            Kind::Leaf { first, count } => Look::Leaf { first, count },
-            Kind::Only { axis, link } => {
-                children.push(((link, 0), node.parts(axis, region)[0]));
-                Look::Slabs { axis }
+            SlabKind::Leaf { first, count } => Content::Leaf { first, count },
+            SlabKind::Only { axis, link } => {
+                children.push((NodeRef::index(link), node.parts(axis, region)[0]));
+                Content::Slabs { axis }
             }
-            Kind::Pair { axis, link } => {
+            SlabKind::Pair { axis, link } => {
                 let [below, above] = node.parts(axis, region);
-                children.extend([((link, 0), below), ((link + 1, 0), above)]);
-                Look::Slabs { axis }
+                let [first, second] = [link, link + 1].map(NodeRef::index);
+                children.extend([(first, below), (second, above)]);
+                Content::Slabs { axis }
             }
         }
     }

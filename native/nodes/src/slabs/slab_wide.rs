@@ -2,8 +2,8 @@
 //! Interval hierarchies with `W` children per node: along one axis, each child lies between two planes of its
 //! own. For two children these are four planes in twenty bytes.
 
-use crate::nested::{Look, Nested, Place};
-use crate::object_tree::{Kind, ObjectTree};
+use crate::nested::{Content, Nested, NodeRef};
+use crate::object_tree::{ItemKind, ObjectTree};
 use crate::plane_tree::MAX_DEPTH;
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
@@ -41,7 +41,7 @@ pub struct WideSlabs<const W: usize> {
 }
 
 impl<const W: usize> PartialEq for WideSlabs<W> {
-    /// Bitwise: a leaf's first block is stored as a float and may read as NaN.
+    /// Compares bit patterns: a leaf's first block is stored as a float and may read as NaN.
     fn eq(&self, other: &Self) -> bool {
         let same = |(a, b): (&Node<W>, &Node<W>)| {
             a.word == b.word
@@ -53,6 +53,7 @@ impl<const W: usize> PartialEq for WideSlabs<W> {
 }
 
 impl<const W: usize> Node<W> {
+    /// Node without children: every interval is empty.
     const BLANK: Self = Self {
         word: LEAF,
         planes: [[f32::MAX; W], [f32::MIN; W]],
@@ -67,13 +68,13 @@ impl<const W: usize> Node<W> {
         }
     }
 
-    /// The first child, or a leaf's number of triangles.
+    /// Returns the first child, or a leaf's number of triangles.
     #[inline(always)]
     pub fn link(&self) -> u32 {
         self.word >> LOW_BITS
     }
 
-    /// The box of a child inside the node's region.
+    /// Returns the box of a child inside the node's region.
     fn part(&self, lane: usize, axis: usize, region: &Aabb) -> Aabb {
         let mut part = *region;
         part.min[axis] = self.planes[0][lane];
@@ -81,7 +82,7 @@ impl<const W: usize> Node<W> {
         part
     }
 
-    /// Number of children.
+    /// Returns the number of children.
     #[inline(always)]
     pub fn children(&self) -> u32 {
         (self.word >> 2 & 7) + 1
@@ -108,7 +109,7 @@ impl<const W: usize> WideSlabs<W> {
         nodes.push(Node::BLANK);
         // Nodes to fill: number, index in `binary`, region and depth.
         let mut open = vec![(0, 0, bounds, 0)];
-        while let Some((place, from, region, depth)) = open.pop() {
+        while let Some((slot, from, region, depth)) = open.pop() {
             let link = nodes.len();
             if link + W > MOST || binary.ids.len() >= MOST {
                 return Err(Error::Memory(format!(
@@ -123,18 +124,18 @@ impl<const W: usize> WideSlabs<W> {
                 node.planes[0][0] = cut.inside.min[cut.axis];
                 node.planes[1][0] = cut.inside.max[cut.axis];
                 nodes.push(Node::BLANK);
-                nodes[place] = node;
+                nodes[slot] = node;
                 open.push((link, from, cut.inside, depth + 1));
                 continue;
             }
             // Lay out the item itself.
-            nodes[place] = match binary.kind(from) {
-                Kind::Leaf { count } => {
+            nodes[slot] = match binary.kind(from) {
+                ItemKind::Leaf { count } => {
                     let mut node = Node::new(count, 1, LEAF as usize);
                     node.planes[0][0] = f32::from_bits(leaves.push(firsts[from], count));
                     node
                 }
-                Kind::Inner { axis, .. } => {
+                ItemKind::Inner { axis, .. } => {
                     let children = Self::children(binary, from, axis);
                     let mut node = Node::new(link, children.len(), axis);
                     // Write the bounds of the children, and lay them out later.
@@ -157,15 +158,14 @@ impl<const W: usize> WideSlabs<W> {
         Ok(Self { nodes })
     }
 
-    /// The at most `W` descendants, all separated along `axis`, that become the children of the item at
-    /// `place`.
-    fn children(binary: &ObjectTree, place: usize, axis: usize) -> Vec<usize> {
-        let mut children = vec![place];
+    /// Returns the at most `W` descendants of an item, all separated along `axis`, that become its children.
+    fn children(binary: &ObjectTree, root: usize, axis: usize) -> Vec<usize> {
+        let mut children = vec![root];
         while children.len() < W {
-            // Open the largest child that is split along the same axis.
+            // Replace the largest child that is split along the same axis.
             let largest = (0..children.len())
                 .filter_map(|i| match binary.kind(children[i]) {
-                    Kind::Inner {
+                    ItemKind::Inner {
                         axis: own,
                         children: below,
                     } if own == axis => Some((i, below, binary.items[children[i]].bounds.area())),
@@ -183,25 +183,29 @@ impl<const W: usize> WideSlabs<W> {
 }
 
 impl<const W: usize> Nested for WideSlabs<W> {
-    fn top(&self) -> Place {
-        (0, 0)
+    fn top(&self) -> NodeRef {
+        NodeRef::index(0)
     }
 
-    /// A place is the node's number.
-    fn look(&self, (place, _): Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
-        let node = &self.nodes[place as usize];
+    fn content(
+        &self,
+        node: NodeRef,
+        region: &Aabb,
+        children: &mut Vec<(NodeRef, Aabb)>,
+    ) -> Content {
+        let node = &self.nodes[node.link as usize];
         let axis = (node.word & LEAF) as usize;
         if axis == 3 {
-            return Look::Leaf {
+            return Content::Leaf {
                 first: node.planes[0][0].to_bits(),
                 count: node.link() as usize,
             };
         }
         for lane in 0..node.children() {
             let part = node.part(lane as usize, axis, region);
-            children.push(((node.link() + lane, 0), part));
+            children.push((NodeRef::index(node.link() + lane), part));
         }
-        Look::Slabs { axis }
+        Content::Slabs { axis }
     }
 
     fn bytes(&self) -> usize {

@@ -8,7 +8,7 @@
 //! lost; oblique planes affect speed only.
 
 use crate::dop_tree::NORMALS;
-use crate::slanted_tree::{self, SlantedTree};
+use crate::slanted_tree::{ItemKind, SlantedTree};
 use halfspace_base::error::{Error, Result};
 use halfspace_leaf::leaves::Leaves;
 
@@ -36,7 +36,7 @@ pub struct Node {
 
 /// A decoded node.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum SlantKind {
     /// A leaf.
     Leaf {
         /// First block of its triangles.
@@ -59,11 +59,13 @@ pub enum Kind {
 }
 
 impl Node {
+    /// An empty leaf.
     const EMPTY: Self = Self {
         word: LEAF,
         planes: [0; 2],
     };
 
+    /// Makes an inner node.
     fn inner(direction: usize, alone: bool, link: usize, planes: [f32; 2]) -> Self {
         let low = u32::try_from(direction).expect("one of thirteen");
         let alone = if alone { ALONE } else { 0 };
@@ -73,17 +75,17 @@ impl Node {
         }
     }
 
-    /// The node, unpacked.
+    /// Decodes the node.
     #[inline(always)]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> SlantKind {
         let link = self.word >> LOW_BITS;
         if self.word & LEAF == LEAF {
-            return Kind::Leaf {
+            return SlantKind::Leaf {
                 first: self.planes[0],
                 count: link as usize,
             };
         }
-        Kind::Inner {
+        SlantKind::Inner {
             direction: (self.word & LEAF) as usize,
             alone: self.word & ALONE != 0,
             planes: self.planes.map(f32::from_bits),
@@ -116,11 +118,11 @@ impl SlantTree {
         nodes.push(Node::EMPTY);
         let mut open = vec![(0, 0)];
         let mut next = 0;
-        // Items are in preorder, and so are the triangles of their leaves.
-        while let Some((place, from)) = open.pop() {
+        // Fill the nodes in preorder, the order of the items and of the triangles of their leaves.
+        while let Some((slot, from)) = open.pop() {
             let link = nodes.len();
-            nodes[place] = match tree.items[from].kind {
-                slanted_tree::Kind::Leaf { count } => {
+            nodes[slot] = match tree.items[from].kind {
+                ItemKind::Leaf { count } => {
                     let first = leaves.push(next, count);
                     let count = u32::try_from(count).expect("checked above");
                     next += count;
@@ -129,16 +131,18 @@ impl SlantTree {
                         planes: [first, 0],
                     }
                 }
-                slanted_tree::Kind::Only { direction, planes } => {
+                ItemKind::Only { direction, planes } => {
+                    // Reserve the only child.
                     nodes.push(Node::EMPTY);
                     open.push((link, from + 1));
                     Node::inner(direction, true, link, planes)
                 }
-                slanted_tree::Kind::Pair {
+                ItemKind::Pair {
                     direction,
                     planes,
                     above,
                 } => {
+                    // Reserve both children; the child below is laid out first.
                     nodes.extend([Node::EMPTY; 2]);
                     open.push((link + 1, from + above));
                     open.push((link, from + 1));
@@ -149,33 +153,43 @@ impl SlantTree {
         Ok(Self { nodes })
     }
 
-    /// The node with this number; the root is 0.
-    pub fn kind(&self, place: u32) -> Kind {
-        self.nodes[place as usize].kind()
+    /// Decodes the node with this index; the root is 0.
+    pub fn kind(&self, index: u32) -> SlantKind {
+        self.nodes[index as usize].kind()
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn node_count(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Size of the nodes in bytes.
+    /// Returns the size of the nodes in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
     }
 }
 
-/// Whether a triangle lies between all planes, given as index of the normal, height, and whether the triangle
-/// must lie above.
-pub fn between(planes: &[(usize, f32, bool)], corners: [[f32; 3]; 3]) -> bool {
-    planes.iter().all(|&(k, plane, above)| {
+/// One side of a plane of a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlantSide {
+    /// Index of the plane's normal in [`NORMALS`].
+    pub direction: usize,
+    /// Height of the plane.
+    pub height: f32,
+    /// Whether the side lies above the plane.
+    pub above: bool,
+}
+
+/// Returns whether a triangle lies on these sides of all planes.
+pub fn between(sides: &[SlantSide], corners: [[f32; 3]; 3]) -> bool {
+    sides.iter().all(|side| {
         corners.iter().all(|p| {
-            let n = NORMALS[k];
+            let n = NORMALS[side.direction];
             let height: f64 = (0..3).map(|i| f64::from(n[i]) * f64::from(p[i])).sum();
-            if above {
-                height >= f64::from(plane)
+            if side.above {
+                height >= f64::from(side.height)
             } else {
-                height <= f64::from(plane)
+                height <= f64::from(side.height)
             }
         })
     })

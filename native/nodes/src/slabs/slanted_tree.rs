@@ -17,9 +17,9 @@ pub fn direction(k: usize) -> Direction {
     }
 }
 
-/// Kind of a node.
+/// Kind of an item.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum ItemKind {
     /// A leaf.
     Leaf {
         /// Number of triangles.
@@ -46,8 +46,8 @@ pub enum Kind {
 /// A node in preorder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Item {
-    /// Kind of the node.
-    pub kind: Kind,
+    /// Kind of the item.
+    pub kind: ItemKind,
     /// Surface area of its region.
     pub area: f64,
 }
@@ -69,16 +69,16 @@ impl SlantedTree {
         // Depths of the nodes still to come, the next one last.
         let mut depths = vec![0];
         for item in &self.items {
-            let depth = depths.pop().expect("every item has its place");
+            let depth = depths.pop().expect("every item has a depth");
             let share = if whole > 0.0 { item.area / whole } else { 0.0 };
             // A node with one child has two planes, but counts as one step.
             let (direction, children) = match item.kind {
-                Kind::Leaf { count } => {
+                ItemKind::Leaf { count } => {
                     measure.leaf(count, depth, share);
                     continue;
                 }
-                Kind::Only { direction, .. } => (direction, 1),
-                Kind::Pair { direction, .. } => (direction, 2),
+                ItemKind::Only { direction, .. } => (direction, 1),
+                ItemKind::Pair { direction, .. } => (direction, 2),
             };
             if direction < 3 {
                 measure.axis(share);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! An interval hierarchy of oblique planes as [`Tree`] and as [`Cells`].
 
-use super::slant_tree::{Kind, SlantTree};
+use super::slant_tree::{SlantKind, SlantTree};
 use super::slanted_tree::direction;
 use crate::cells::{Cells, NodeId, NodeView, OBLIQUE, SLAB};
 use crate::check;
@@ -23,7 +23,7 @@ impl Tree for SlantTree {
         let nodes = (0..u32::try_from(self.node_count()).expect("links are 32 bits wide"))
             .map(|index| self.kind(index));
         for kind in nodes {
-            if let Kind::Leaf { first, count } = kind {
+            if let SlantKind::Leaf { first, count } = kind {
                 see(first, count);
             }
         }
@@ -46,8 +46,8 @@ impl Cells for SlantTree {
 
     fn node(&self, [index, ..]: NodeId, region: &Region) -> NodeView {
         let (k, alone, planes, link) = match self.kind(index) {
-            Kind::Leaf { first, count } => return NodeView::leaf(first, count),
-            Kind::Inner {
+            SlantKind::Leaf { first, count } => return NodeView::leaf(first, count),
+            SlantKind::Inner {
                 direction,
                 alone,
                 planes,
@@ -58,6 +58,7 @@ impl Cells for SlantTree {
             direction: direction(k),
             offset,
         });
+        // Cut the region of each child.
         let children = if alone {
             let [_, above] = region.split(planes[0]);
             let [inside, _] = above.split(planes[1]);

@@ -143,7 +143,7 @@ impl Attributes {
             (instance, local) = instances.locate(id);
             triangle = local as usize;
             let place = instances.place(instance);
-            (mesh, mirrored) = place.map_or((0, false), |p| (p.mesh as usize, p.in_mesh.mirrored));
+            (mesh, mirrored) = place.map_or((0, false), |p| (p.mesh as usize, p.to_scene.mirrored));
         }
         At {
             all: self,

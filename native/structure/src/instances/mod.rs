@@ -23,7 +23,7 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_ray::Tracer;
 use halfspace_ray::frame::Frame;
-use halfspace_scene::Place;
+use halfspace_scene::MeshInstance;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -44,7 +44,7 @@ const COSTS: Costs = Costs {
 pub struct Instances {
     meshes: Vec<Arc<Structure>>,
     /// Instances that were not dropped.
-    places: Vec<Place>,
+    places: Vec<MeshInstance>,
     /// Number of the first triangle of each instance, then the number of all triangles.
     firsts: Vec<u32>,
     /// Index into `places` of each instance, or [`NOWHERE`].
@@ -107,11 +107,11 @@ impl Instances {
         }
         firsts.push(u32::try_from(count).expect("checked above"));
         // Bound each instance in the scene's space, and drop those that cannot be placed.
-        let placed: Vec<Option<Place>> = (instances.par_iter().zip(&firsts))
+        let placed: Vec<Option<MeshInstance>> = (instances.par_iter().zip(&firsts))
             .map(|(instance, &first)| {
                 let boxes = &meshes[instance.mesh as usize].outline().boxes;
                 let mirrored = instance.transform.is_mirrored();
-                Place::new(instance.transform, boxes, (instance.mesh, first), mirrored)
+                MeshInstance::new(instance.transform, boxes, instance.mesh, first, mirrored)
             })
             .collect();
         // Compact the placed instances, and map every instance to its index.
@@ -124,7 +124,7 @@ impl Instances {
             }
         }
         // Build a box tree over the instances with any triangle that can be hit.
-        let seen = |place: &Place| !place.bounds.is_empty();
+        let seen = |place: &MeshInstance| !place.bounds.is_empty();
         let bounds = (places.iter().filter(|place| seen(place)))
             .fold(Aabb::EMPTY, |all, place| all.union(&place.bounds));
         let frame = Frame::new(bounds);
@@ -164,7 +164,7 @@ impl Instances {
     }
 
     /// Returns the instances that were not dropped.
-    pub fn places(&self) -> &[Place] {
+    pub fn places(&self) -> &[MeshInstance] {
         &self.places
     }
 
@@ -214,7 +214,7 @@ impl Instances {
 
     /// Returns the placed instance, or `None` if it was dropped.
     #[inline]
-    pub fn place(&self, instance: usize) -> Option<&Place> {
+    pub fn place(&self, instance: usize) -> Option<&MeshInstance> {
         self.places.get(self.place_of[instance] as usize)
     }
 
@@ -241,9 +241,9 @@ impl Instances {
             let place = self.place(instance);
             // Transform and round the vertices as [`Tracer::corners`] does.
             let point =
-                |p: &[f32; 3]| place.map_or([f32::NAN; 3], |x| x.in_mesh.transform.point(*p));
+                |p: &[f32; 3]| place.map_or([f32::NAN; 3], |x| x.to_scene.transform.point(*p));
             vertices.extend(scene.vertices().iter().map(point));
-            let mirrored = place.is_some_and(|place| place.in_mesh.mirrored);
+            let mirrored = place.is_some_and(|place| place.to_scene.mirrored);
             triangles.extend(scene.indices().iter().map(|&[a, b, c]| {
                 let [b, c] = if mirrored { [c, b] } else { [b, c] };
                 [first + a, first + b, first + c]

@@ -10,11 +10,11 @@ use crate::outline::Outline;
 use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_geom::Aabb;
-use halfspace_nodes::object_tree::Kind;
+use halfspace_nodes::object_tree::ItemKind;
 use halfspace_ray::frame::Placed;
 use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
-use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, Tracer};
-use halfspace_scene::{Place, Triangles};
+use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef, Tracer};
+use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
 /// Number of rays that advance together.
@@ -23,11 +23,28 @@ const TOGETHER: usize = 256;
 /// Flag of a stack entry that is a node of the upper tree, not an instance.
 const NODE: u32 = 1 << 31;
 
-/// Stack of nodes and instances still to visit with the ray's entry distance into each; the next one last.
-type Stack = Vec<(u32, f32)>;
+/// A node of the upper tree or an instance that a ray still has to visit.
+#[derive(Clone, Copy)]
+struct Entry {
+    /// The index of the instance, or that of the node with the flag [`NODE`].
+    code: u32,
+    /// Distance where the ray enters it.
+    enter: f32,
+}
+
+/// The entries of a ray; the next one last.
+type Stack = Vec<Entry>;
+
+/// The rays of a group that are not done, with their stacks.
+struct Group<'g, 'a> {
+    states: &'g mut [RayState<'a>],
+    stacks: &'g mut [Stack],
+    /// Indices of the states of rays that are not done.
+    active: &'g [usize],
+}
 
 /// The state of a ray in the upper tree.
-struct Walker<'a> {
+struct RayState<'a> {
     ray: &'a Ray,
     /// Index of the ray in its group.
     index: usize,
@@ -36,11 +53,19 @@ struct Walker<'a> {
     best: Best,
 }
 
-/// Rays that wait to traverse a mesh, and reused buffers for the batch.
+/// A ray that is to traverse the mesh of an instance.
+struct Call<'a> {
+    mesh: u32,
+    /// Index of the ray's state.
+    state: usize,
+    /// The ray in the instance's space.
+    ray: FrameRay<'a>,
+}
+
+/// The calls of a round, and reused buffers for the batch of a mesh.
 #[derive(Default)]
 struct Calls<'a> {
-    /// Mesh, index of the ray's state, and the ray in the instance's space.
-    waiting: Vec<(u32, usize, FrameRay<'a>)>,
+    queued: Vec<Call<'a>>,
     rays: Vec<Ray>,
     framed: Vec<FrameRay<'a>>,
     counts: Vec<RayCounters>,
@@ -63,13 +88,13 @@ impl Instances {
         mut write: impl FnMut(usize, Hit),
         mut counters: Option<&mut [RayCounters]>,
     ) {
-        let mut walkers = Vec::with_capacity(TOGETHER);
+        let mut states = Vec::with_capacity(TOGETHER);
         let mut stacks = vec![Vec::new(); TOGETHER.min(rays.len())];
         let mut active = Vec::with_capacity(TOGETHER);
         let mut calls = Calls::default();
         for (group, rays) in rays.chunks(TOGETHER).enumerate() {
             let first = group * TOGETHER;
-            walkers.clear();
+            states.clear();
             // Start each ray at the root; rays that miss the scene's frame are done.
             for (i, ray) in rays.iter().enumerate() {
                 let Some(frame) = self.frame.ray(ray) else {
@@ -77,12 +102,15 @@ impl Instances {
                     continue;
                 };
                 // Stacks are reused from group to group.
-                let stack: &mut Stack = &mut stacks[walkers.len()];
+                let stack: &mut Stack = &mut stacks[states.len()];
                 stack.clear();
                 if !self.tree.ids.is_empty() {
-                    stack.push((NODE, frame.t_min));
+                    stack.push(Entry {
+                        code: NODE,
+                        enter: frame.t_min,
+                    });
                 }
-                walkers.push(Walker {
+                states.push(RayState {
                     ray,
                     index: i,
                     slabs: Slabs::new(&frame),
@@ -91,20 +119,24 @@ impl Instances {
                 });
             }
             active.clear();
-            active.extend(0..walkers.len());
+            active.extend(0..states.len());
             // Advance all unfinished rays by one instance per round.
             while !active.is_empty() {
                 let counters = counters.as_deref_mut();
                 let counters = counters.map(|all| &mut all[first..first + rays.len()]);
-                let rays = (&mut walkers[..], &mut stacks[..], &active[..]);
-                self.round::<Q>(level, rays, counters, &mut calls);
+                let group = Group {
+                    states: &mut states,
+                    stacks: &mut stacks,
+                    active: &active,
+                };
+                self.round::<Q>(level, group, counters, &mut calls);
                 active.retain(|&i| {
-                    let walker: &Walker<'_> = &walkers[i];
-                    let found = walker.best.hit();
+                    let state: &RayState<'_> = &states[i];
+                    let found = state.best.hit();
                     // An any-hit ray is done at its first hit, others when their stack is empty.
                     let done = stacks[i].is_empty() || (Q::ANY && found.is_hit());
                     if done {
-                        write(first + walker.index, found);
+                        write(first + state.index, found);
                     }
                     !done
                 });
@@ -116,38 +148,46 @@ impl Instances {
     fn round<'a, Q: Query>(
         &'a self,
         level: Level,
-        (walkers, stacks, active): (&mut [Walker<'_>], &mut [Stack], &[usize]),
+        group: Group<'_, '_>,
         mut counters: Option<&mut [RayCounters]>,
         calls: &mut Calls<'a>,
     ) {
-        calls.waiting.clear();
+        let Group {
+            states,
+            stacks,
+            active,
+        } = group;
+        calls.queued.clear();
         for &i in active {
-            let walker = &mut walkers[i];
+            let state = &mut states[i];
             let mut unused = RayCounters::default();
             let counters = counters
                 .as_deref_mut()
-                .map_or(&mut unused, |all| &mut all[walker.index]);
-            if let Some((mesh, ray)) = self.advance::<Q>(walker, &mut stacks[i], counters) {
-                calls.waiting.push((mesh, i, ray));
+                .map_or(&mut unused, |all| &mut all[state.index]);
+            if let Some((mesh, ray)) = self.advance::<Q>(state, &mut stacks[i], counters) {
+                calls.queued.push(Call {
+                    mesh,
+                    state: i,
+                    ray,
+                });
             }
         }
         // Trace the rays of each mesh as one batch.
-        calls.waiting.sort_by_key(|call| call.0);
-        for call in calls.waiting.chunk_by(|a, b| a.0 == b.0) {
+        calls.queued.sort_by_key(|call| call.mesh);
+        for batch in calls.queued.chunk_by(|a, b| a.mesh == b.mesh) {
             calls.rays.clear();
-            calls
-                .rays
-                .extend(call.iter().map(|(_, i, _)| *walkers[*i].ray));
+            let rays = batch.iter().map(|call| *states[call.state].ray);
+            calls.rays.extend(rays);
             calls.framed.clear();
-            calls.framed.extend(call.iter().map(|(.., ray)| *ray));
+            calls.framed.extend(batch.iter().map(|call| call.ray));
             calls.counts.clear();
             if counters.is_some() {
-                calls.counts.resize(call.len(), RayCounters::default());
+                calls.counts.resize(batch.len(), RayCounters::default());
             }
             let counted = counters.is_some().then_some(&mut calls.counts[..]);
             // A hit shortens the interval of its ray.
-            let mut found = |place: usize, hit: Hit| walkers[call[place].1].found(hit);
-            self.meshes[call[0].0 as usize].cast_placed::<Q>(
+            let mut found = |index: usize, hit: Hit| states[batch[index].state].found(hit);
+            self.meshes[batch[0].mesh as usize].cast_placed::<Q>(
                 level,
                 &calls.rays,
                 &calls.framed,
@@ -156,8 +196,8 @@ impl Instances {
             );
             // Add the mesh's counters to those of each ray.
             if let Some(all) = counters.as_deref_mut() {
-                for ((_, i, _), count) in call.iter().zip(&calls.counts) {
-                    all[walkers[*i].index].add(count);
+                for (call, count) in batch.iter().zip(&calls.counts) {
+                    all[states[call.state].index].add(count);
                 }
             }
         }
@@ -167,67 +207,68 @@ impl Instances {
     /// ray in the instance's space; `None` if the stack is empty or an any-hit ray is done.
     fn advance<'a, Q: Query>(
         &'a self,
-        walker: &mut Walker<'_>,
+        state: &mut RayState<'_>,
         stack: &mut Stack,
         counters: &mut RayCounters,
     ) -> Option<(u32, FrameRay<'a>)> {
-        while let Some((code, enter)) = stack.pop() {
+        while let Some(Entry { code, enter }) = stack.pop() {
             // Skip entries beyond the nearest hit, which may have changed since they were pushed.
-            if enter > walker.best.reach {
+            if enter > state.best.reach {
                 continue;
             }
             if code & NODE == 0 {
                 // Transform the ray to the instance's space, or handle the instance here.
-                let place = &self.places[code as usize];
-                let met = self.enter::<Q>(place, walker, counters);
-                if Q::ANY && walker.best.hit().is_hit() {
+                let instance = &self.places[code as usize];
+                let met = self.enter::<Q>(instance, state, counters);
+                if Q::ANY && state.best.hit().is_hit() {
                     stack.clear();
                     return None;
                 }
                 if let Some(ray) = met {
-                    return Some((place.mesh, ray));
+                    return Some((instance.mesh, ray));
                 }
                 continue;
             }
             // Intersect the children of an inner node with the ray interval.
             let node = (code & !NODE) as usize;
-            let range = (walker.frame.t_min, walker.best.reach);
-            let meet = |bounds: &Aabb| walker.slabs.meet(bounds, range);
+            let range = Interval::new(state.frame.t_min, state.best.reach);
+            let meet = |bounds: &Aabb| state.slabs.meet(bounds, range);
             counters.steps_boxes += 1;
             match self.tree.kind(node) {
-                Kind::Inner { children, .. } => {
+                ItemKind::Inner { children, .. } => {
                     let [below, above] = children.map(|child| {
                         let enter = meet(&self.tree.items[child].bounds)?;
-                        Some((self.code(child), enter))
+                        Some(Entry {
+                            code: self.code(child),
+                            enter,
+                        })
                     });
                     match (below, above) {
                         // Push the nearer child last, so that it is visited first.
-                        (Some(a), Some(b)) if a.1 <= b.1 => stack.extend([b, a]),
+                        (Some(a), Some(b)) if a.enter <= b.enter => stack.extend([b, a]),
                         (Some(a), Some(b)) => stack.extend([a, b]),
                         (a, b) => stack.extend(a.or(b)),
                     }
                 }
                 // Several instances whose boxes share one centre.
-                Kind::Leaf { count } => {
+                ItemKind::Leaf { count } => {
                     let first = self.tree_firsts[node] as usize;
                     let enter = meet(&self.tree.items[node].bounds);
                     // Visit the instances in any order: they have the same box.
                     let ids = &self.tree.ids[first..first + count];
-                    stack.extend(
-                        enter
-                            .into_iter()
-                            .flat_map(|at| ids.iter().map(move |&id| (id, at))),
-                    );
+                    if let Some(enter) = enter {
+                        stack.extend(ids.iter().map(|&code| Entry { code, enter }));
+                    }
                 }
             }
         }
         None
     }
 
-    /// Returns the stack entry of a node: the instance itself if the node is a leaf with a single instance.
+    /// Returns the code of a node on the stack: the instance itself if the node is a leaf with a single instance.
     fn code(&self, node: usize) -> u32 {
         match self.tree.kind(node) {
-            Kind::Leaf { count: 1 } => self.tree.ids[self.tree_firsts[node] as usize],
+            ItemKind::Leaf { count: 1 } => self.tree.ids[self.tree_firsts[node] as usize],
             #[expect(clippy::cast_possible_truncation, reason = "fewer nodes than 2^31")]
             _ => NODE | node as u32,
         }
@@ -237,23 +278,23 @@ impl Instances {
     /// tree holds them; tests all triangles if the transformed ray has no usable error bound.
     fn enter<'a, Q: Query>(
         &self,
-        place: &'a Place,
-        walker: &mut Walker<'_>,
+        instance: &'a MeshInstance,
+        state: &mut RayState<'_>,
         counters: &mut RayCounters,
     ) -> Option<FrameRay<'a>> {
-        let mesh = &self.meshes[place.mesh as usize];
+        let mesh = &self.meshes[instance.mesh as usize];
         let outline = mesh.outline();
-        if !outline.flat.is_empty() && enter_flat::<Q>(mesh, place, walker, counters) {
+        if !outline.flat.is_empty() && enter_flat::<Q>(mesh, instance, state, counters) {
             return None;
         }
         // Transform the ray with error bounds.
-        match mesh.frame().placed(walker.ray, place, walker.best.hit()) {
+        match mesh.frame().placed(state.ray, instance, state.best.hit()) {
             Placed::Miss => None,
-            Placed::Walk(framed) => Some(framed),
+            Placed::Traverse(framed) => Some(framed),
             Placed::Blind => {
                 // Without a usable error bound, test all triangles of the mesh.
-                let framed = FrameRay::blind(place, walker.best.hit());
-                walker.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
+                let framed = FrameRay::blind(instance, state.best.hit());
+                state.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
                 None
             }
         }
@@ -263,18 +304,18 @@ impl Instances {
 /// Tests the triangles without area of a mesh; returns whether the traversal may end.
 fn enter_flat<Q: Query>(
     mesh: &Structure,
-    place: &Place,
-    walker: &mut Walker<'_>,
+    instance: &MeshInstance,
+    state: &mut RayState<'_>,
     counters: &mut RayCounters,
 ) -> bool {
     let Outline {
         flat, flat_frame, ..
     } = mesh.outline();
     // Transform the ray with the frame of these triangles.
-    let (framed, blind) = match flat_frame.placed(walker.ray, place, walker.best.hit()) {
+    let (framed, blind) = match flat_frame.placed(state.ray, instance, state.best.hit()) {
         Placed::Miss => return false,
-        Placed::Walk(framed) => (framed, false),
-        Placed::Blind => (FrameRay::blind(place, walker.best.hit()), true),
+        Placed::Traverse(framed) => (framed, false),
+        Placed::Blind => (FrameRay::blind(instance, state.best.hit()), true),
     };
     let slabs = Slabs::new(&framed);
     // Test the groups whose box the ray meets.
@@ -284,12 +325,13 @@ fn enter_flat<Q: Query>(
             max: flat_frame.point(bounds.max),
         };
         // Without finite error bounds every group must be tested.
-        let near = blind || slabs.meet(&bounds, (framed.t_min, framed.t_max)).is_some();
-        near && walker.offer::<Q>(&framed, mesh.scene(), ids, counters)
+        let range = Interval::new(framed.t_min, framed.t_max);
+        let near = blind || slabs.meet(&bounds, range).is_some();
+        near && state.offer::<Q>(&framed, mesh.scene(), ids, counters)
     })
 }
 
-impl Walker<'_> {
+impl RayState<'_> {
     /// Applies the exact verdict to triangles of a mesh; returns whether the traversal may end.
     fn offer<Q: Query>(
         &mut self,
@@ -367,7 +409,7 @@ impl Tracer for Instances {
             .corners(local);
         let placed = self
             .place(instance)
-            .and_then(|place| place.in_mesh.corners(corners));
+            .and_then(|place| place.to_scene.corners(corners));
         placed.unwrap_or([[f32::NAN; 3]; 3])
     }
 

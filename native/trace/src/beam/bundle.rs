@@ -112,12 +112,13 @@ pub trait Bundle {
     /// The directions of the eight rays from index `row` on.
     fn directions<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3];
 
-    /// The mask of the rays, of the eight from an index on, that may hit the triangle no farther than `reach`.
+    /// The mask of the rays, of the eight from index `row` on, that may hit the triangle no farther than `reach`.
     fn candidates<S: Simd>(
         &self,
         simd: S,
         seen: &Self::Seen,
-        rays: (&Rows, usize),
+        rays: &Rows,
+        row: usize,
         reach: f32x8<S>,
     ) -> u64;
 }
@@ -148,7 +149,8 @@ impl Bundle for Common {
         &self,
         simd: S,
         seen: &Seen,
-        (rays, row): (&Rows, usize),
+        rays: &Rows,
+        row: usize,
         reach: f32x8<S>,
     ) -> u64 {
         seen.candidates(simd, all(simd, &rays.d, row), reach)
@@ -181,7 +183,8 @@ impl Bundle for Parallel {
         &self,
         simd: S,
         seen: &Along,
-        (rays, row): (&Rows, usize),
+        rays: &Rows,
+        row: usize,
         reach: f32x8<S>,
     ) -> u64 {
         seen.candidates(simd, all(simd, &rays.o, row), reach)

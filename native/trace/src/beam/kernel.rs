@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kernels of beams: tiles of camera rays that go down a tree as one, and shadow rays of one light.
+//! The kernels of beams: tiles of camera rays that descend a tree as one, and shadow rays of one light.
 
-use super::{octants, planes};
-use crate::batch::{Batch, TileWalk};
+use super::octants::OctantBeams;
+use super::planes::PlaneBeams;
+use crate::batch::{Batch, TileTraversal};
 use crate::kernel::{Kernel, store};
 use crate::single::octants::glassner::Location;
 use crate::single::octants::net::Links;
+use crate::single::octants::param::OctreeTraversal;
 use crate::single::octants::samet::Ascent;
-use crate::single::octants::{param, step};
-use crate::single::planes::dir;
+use crate::single::octants::step::NeighbourTraversal;
+use crate::single::planes::dir::PlaneTraversal;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_nodes::plane_tree::PlaneTree;
@@ -22,14 +24,14 @@ use std::sync::Arc;
 struct CameraBeams<T> {
     tree: Arc<T>,
     leaves: Arc<Blocks>,
-    /// Rays go on singly when fewer than this are left together.
+    /// Rays continue singly when fewer than this are left together.
     least: u32,
 }
 
 /// A tree with beams of camera rays.
 trait BeamTree: Debug + Send + Sync + 'static {
     /// The beams over the borrowed tree.
-    type Beams<'a>: TileWalk
+    type Beams<'a>: TileTraversal
     where
         Self: 'a;
 
@@ -38,18 +40,18 @@ trait BeamTree: Debug + Send + Sync + 'static {
 }
 
 impl BeamTree for Octree {
-    type Beams<'a> = octants::Walk<'a>;
+    type Beams<'a> = OctantBeams<'a>;
 
-    fn beams(&self, least: u32) -> octants::Walk<'_> {
-        octants::Walk(self, least)
+    fn beams(&self, least: u32) -> OctantBeams<'_> {
+        OctantBeams { tree: self, least }
     }
 }
 
 impl BeamTree for PlaneTree {
-    type Beams<'a> = planes::Walk<'a>;
+    type Beams<'a> = PlaneBeams<'a>;
 
-    fn beams(&self, least: u32) -> planes::Walk<'_> {
-        planes::Walk(self, least)
+    fn beams(&self, least: u32) -> PlaneBeams<'_> {
+        PlaneBeams { tree: self, least }
     }
 }
 
@@ -70,7 +72,7 @@ impl<T: BeamTree> Kernel<Closest> for CameraBeams<T> {
     }
 }
 
-/// Camera rays as beams through octants; below `least` rays they go on singly.
+/// Camera rays as beams through octants; below `least` rays they continue singly.
 pub fn octants(tree: &Arc<Octree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn Kernel<Closest>> {
     Arc::new(CameraBeams {
         tree: tree.clone(),
@@ -79,7 +81,7 @@ pub fn octants(tree: &Arc<Octree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn 
     })
 }
 
-/// Camera rays as beams through split planes; below `least` rays they go on singly.
+/// Camera rays as beams through split planes; below `least` rays they continue singly.
 pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn Kernel<Closest>> {
     Arc::new(CameraBeams {
         tree: tree.clone(),
@@ -88,7 +90,7 @@ pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dy
     })
 }
 
-/// Defines a function that makes the kernel of shadow beams through a tree whose remaining rays go singly.
+/// Defines a function that makes the kernel of shadow beams through a tree whose remaining rays are traced singly.
 macro_rules! shadow_beams {
     ($(#[$doc:meta])* fn $constructor:ident($tree:ty) { |$kernel:ident| $single:expr }) => {
         $(#[$doc])*
@@ -102,7 +104,7 @@ macro_rules! shadow_beams {
                 fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
                     let $kernel = self;
                     let launch = batch.on(&self.leaves);
-                    launch.shadow_beams((&*self.tree, &$single), store::<Any>(answers), None);
+                    launch.shadow_beams(&*self.tree, &$single, store::<Any>(answers), None);
                 }
 
                 fn count(
@@ -114,7 +116,7 @@ macro_rules! shadow_beams {
                     let $kernel = self;
                     let (single, write) = ($single, store::<Any>(answers));
                     let launch = batch.on(&self.leaves);
-                    launch.shadow_beams((&*self.tree, &single), write, Some(counters));
+                    launch.shadow_beams(&*self.tree, &single, write, Some(counters));
                     true
                 }
 
@@ -132,25 +134,25 @@ macro_rules! shadow_beams {
 
 shadow_beams! {
     /// Shadow rays as beams through split planes.
-    fn shadow_planes(PlaneTree) { |kernel| dir::Walk(&*kernel.tree) }
+    fn shadow_planes(PlaneTree) { |kernel| PlaneTraversal(&*kernel.tree) }
 }
 
 shadow_beams! {
     /// Shadow rays as beams through octants, single rays from the root.
-    fn shadow_param(Octree) { |kernel| param::Walk(&kernel.tree) }
+    fn shadow_param(Octree) { |kernel| OctreeTraversal(&kernel.tree) }
 }
 
 shadow_beams! {
     /// Shadow rays as beams through octants, single rays by links.
-    fn shadow_net(Octree) { |kernel| step::Walk(&kernel.tree, Links) }
+    fn shadow_net(Octree) { |kernel| NeighbourTraversal(&kernel.tree, Links) }
 }
 
 shadow_beams! {
     /// Shadow rays as beams through octants, single rays by the common ancestor.
-    fn shadow_samet(Octree) { |kernel| step::Walk(&kernel.tree, Ascent) }
+    fn shadow_samet(Octree) { |kernel| NeighbourTraversal(&kernel.tree, Ascent) }
 }
 
 shadow_beams! {
     /// Shadow rays as beams through octants, single rays that locate each leaf from the root.
-    fn shadow_glassner(Octree) { |kernel| step::Walk(&kernel.tree, Location) }
+    fn shadow_glassner(Octree) { |kernel| NeighbourTraversal(&kernel.tree, Location) }
 }

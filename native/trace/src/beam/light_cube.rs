@@ -8,7 +8,7 @@ use halfspace_geom::vec3::map;
 use halfspace_ray::Ray;
 
 /// Bits of a position on a face, per axis.
-const PLACE_BITS: u32 = 10;
+const POSITION_BITS: u32 = 10;
 
 /// Bits of the ray's index, below the position in a key.
 const NUMBER_BITS: u32 = 32;
@@ -22,8 +22,8 @@ pub fn sorted(rays: &[Ray], bounds: Aabb) -> Vec<u64> {
         .zip(rays)
         .map(|(i, ray)| {
             let light = lights.entry(ray) as u64;
-            let face = (light << 3 | face(ray)) << (2 * PLACE_BITS + NUMBER_BITS);
-            face | place(ray, size) << NUMBER_BITS | i
+            let face = (light << 3 | face(ray)) << (2 * POSITION_BITS + NUMBER_BITS);
+            face | position(ray, size) << NUMBER_BITS | i
         })
         .collect();
     radsort::sort(&mut keys);
@@ -32,7 +32,7 @@ pub fn sorted(rays: &[Ray], bounds: Aabb) -> Vec<u64> {
 
 /// Whether two keys belong to the same light and face.
 pub fn same_face(a: u64, b: u64) -> bool {
-    (a ^ b) >> (2 * PLACE_BITS + NUMBER_BITS) == 0
+    (a ^ b) >> (2 * POSITION_BITS + NUMBER_BITS) == 0
 }
 
 /// The face of the cube around the light through which a ray reaches it: twice the dominant axis, plus its
@@ -56,7 +56,7 @@ fn dominant(d: [f32; 3]) -> usize {
 
 /// The Morton code (Morton 1966) of the position on that face. For a ray that does not end, the face is a plane
 /// across the direction, as large as the scene.
-fn place(ray: &Ray, size: f32) -> u64 {
+fn position(ray: &Ray, size: f32) -> u64 {
     let k = dominant(ray.d);
     let slope = 1.0 / ray.d[k];
     let [u, v] = [(k + 1) % 3, (k + 2) % 3].map(|a| {
@@ -67,14 +67,14 @@ fn place(ray: &Ray, size: f32) -> u64 {
         } else {
             0.5 * (ray.o[a] - tangent * ray.o[k]) / size
         };
-        let cells = (1_u32 << PLACE_BITS) as f32;
+        let cells = (1_u32 << POSITION_BITS) as f32;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "saturates, which is as good as any other order"
         )]
         let cell = ((0.5 + 0.5 * x) * cells).clamp(0.0, cells - 1.0) as u64;
-        (0..PLACE_BITS).fold(0, |m, bit| m | (cell >> bit & 1) << (2 * bit))
+        (0..POSITION_BITS).fold(0, |m, bit| m | (cell >> bit & 1) << (2 * bit))
     });
     u | v << 1
 }

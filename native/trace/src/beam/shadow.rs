@@ -12,14 +12,13 @@
 //! blocker is tested first. The rays of a beam that meets many cells or triangles are traced singly. No result
 //! changes.
 
-use crate::batch::{Launch, Walk, baseline};
+use crate::batch::{Launch, SingleTraversal, baseline};
 use crate::beam::bundle::{LANES, RAYS, Row, Rows, all, lanes, load};
 use crate::beam::light_cube;
 use crate::beam::shaft::{Extent, Shaft};
 use crate::beam::shaft_tree::ShaftTree;
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::{Simd, dispatch};
-use halfspace_leaf::Job;
 use halfspace_leaf::block_boxes::BlockBoxes;
 use halfspace_leaf::lanes::{Free, Plane};
 use halfspace_ray::query::{Any, Best, Count, Counters, NoCount};
@@ -45,13 +44,16 @@ struct Beam {
     open: u64,
     /// Error bound of the start and end points.
     pad: f32,
+    /// The hit of the ray that was blocked last.
+    blocker: Hit,
 }
 
 impl Launch<'_> {
-    /// Finds any hit of each ray by beams through a spatial subdivision; `walk` traces rays singly.
-    pub fn shadow_beams<T: ShaftTree, W: Walk>(
+    /// Finds any hit of each ray by beams through a spatial subdivision; `single` traces the remaining rays.
+    pub fn shadow_beams<T: ShaftTree, R: SingleTraversal>(
         &self,
-        (tree, walk): (&T, &W),
+        tree: &T,
+        single: &R,
         mut write: impl FnMut(usize, Hit),
         counters: Option<&mut [RayCounters]>,
     ) {
@@ -60,13 +62,13 @@ impl Launch<'_> {
             None => {
                 let mut none = vec![NoCount; self.rays.len()];
                 dispatch!(self.level, simd => {
-                    self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut none);
+                    self.each_beam(simd, tree, single, &sorted, &mut write, &mut none);
                 });
             }
             Some(counters) => {
                 let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
                 baseline!(simd => {
-                    self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut counters);
+                    self.each_beam(simd, tree, single, &sorted, &mut write, &mut counters);
                 });
             }
         }
@@ -74,17 +76,18 @@ impl Launch<'_> {
 
     /// Traces the sorted rays beam by beam.
     #[inline(always)]
-    fn each_beam<S: Simd, T: ShaftTree, W: Walk, C: Counters>(
+    fn each_beam<S: Simd, T: ShaftTree, R: SingleTraversal, C: Counters>(
         &self,
         simd: S,
-        (tree, walk): (&T, &W),
+        tree: &T,
+        single: &R,
         sorted: &[u64],
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let mut scratch = walk.scratch();
+        let mut scratch = single.scratch();
         let mut beam = Beam::new();
-        let mut waiting = Vec::with_capacity(64);
+        let mut stack = Vec::with_capacity(64);
         let mut cache = ShadowCache::new(self.scene.bounds());
         for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
             for keys in run.chunks(RAYS) {
@@ -94,19 +97,17 @@ impl Launch<'_> {
                 };
                 let entry = cache.entry(&self.rays[first]);
                 // Test the last blocker of this light first, then trace the beam.
-                let mut blocker = Hit::MISS;
                 if beam.open.count_ones() >= LEAST {
                     let id = cache.blocker(entry);
                     if id != Hit::NONE {
-                        let known = (id, self.scene.corners(id).map(|p| self.frame.point(p)));
-                        self.put(simd, &mut beam, known, &mut blocker, write, counters);
+                        let corners = self.scene.corners(id).map(|p| self.frame.point(p));
+                        self.test(simd, &mut beam, id, corners, write, counters);
                         for i in lanes(beam.everyone() & !beam.open) {
                             counters[beam.ids[i]].spared();
                         }
                     }
                     if beam.open.count_ones() >= LEAST {
-                        let tree = (tree, &mut waiting);
-                        self.follow(simd, tree, &mut beam, &mut blocker, write, counters);
+                        self.follow(simd, tree, &mut stack, &mut beam, write, counters);
                     }
                 }
                 // Trace the undecided rays singly, with the latest blocker first.
@@ -116,20 +117,16 @@ impl Launch<'_> {
                         ray: &self.rays[id],
                         frame: &beam.framed[i],
                     };
-                    if let Some(hit) = self.blocked(blocker.triangle, ray, &mut counters[id]) {
+                    let count = &mut counters[id];
+                    if let Some(hit) = self.blocked(beam.blocker.triangle, ray, count) {
                         write(id, hit);
                         continue;
                     }
-                    let triangles = Job {
-                        scene: self.scene,
-                        blocks: self.blocks,
-                    };
-                    let count = &mut counters[id];
-                    let hit = walk.cast::<S, Any, C>(simd, triangles, ray, &mut scratch, count);
-                    blocker = hit;
+                    let hit = single.cast::<S, Any, C>(simd, self.job(), ray, &mut scratch, count);
+                    beam.blocker = hit;
                     write(id, hit);
                 }
-                cache.remember(entry, &blocker);
+                cache.remember(entry, &beam.blocker);
             }
         }
     }
@@ -139,9 +136,9 @@ impl Launch<'_> {
     fn follow<S: Simd, T: ShaftTree, C: Counters>(
         &self,
         simd: S,
-        (tree, waiting): (&T, &mut Vec<T::Place>),
+        tree: &T,
+        stack: &mut Vec<T::Cell>,
         beam: &mut Beam,
-        blocker: &mut Hit,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
@@ -152,12 +149,12 @@ impl Launch<'_> {
         // Count the work of the beam for its first ray.
         let charged = beam.ids[beam.open.trailing_zeros() as usize];
         let mut empty = true;
-        waiting.clear();
-        waiting.push(tree.top(self.frame.bounds()));
+        stack.clear();
+        stack.push(tree.root_cell(self.frame.bounds()));
         // Visit the cells that the shaft meets, until a budget is used up.
-        while let Some(place) = waiting.pop() {
+        while let Some(cell) = stack.pop() {
             // A leaf: test the triangles that may block the beam.
-            if let Some(leaf) = tree.step(simd, place, &shaft, waiting) {
+            if let Some(leaf) = tree.step(simd, cell, &shaft, stack) {
                 counters[charged].leaf(leaf.count);
                 beam.join(counters);
                 let (mut at, mut left) = (leaf.first as usize, leaf.count);
@@ -167,8 +164,8 @@ impl Launch<'_> {
                     counters[charged].tests(block.n);
                     let met = shaft.meets(simd, &block.low, &block.high);
                     for lane in lanes(met & ((1 << block.n) - 1)) {
-                        let triangle = block.triangle(lane);
-                        if beam.is_beside(simd, triangle.1) {
+                        let (id, corners) = block.triangle(lane);
+                        if beam.is_beside(simd, corners) {
                             continue;
                         }
                         if triangles == 0 {
@@ -176,7 +173,7 @@ impl Launch<'_> {
                         }
                         triangles -= 1;
                         empty = false;
-                        self.put(simd, beam, triangle, blocker, write, counters);
+                        self.test(simd, beam, id, corners, write, counters);
                         if beam.open == 0 {
                             return;
                         }
@@ -209,17 +206,17 @@ impl Launch<'_> {
 
     /// Tests a triangle against the open rays; blocked rays are written and closed.
     #[inline(always)]
-    fn put<S: Simd, C: Counters>(
+    fn test<S: Simd, C: Counters>(
         &self,
         simd: S,
         beam: &mut Beam,
-        (id, corners): (u32, [[f32; 3]; 3]),
-        blocker: &mut Hit,
+        id: u32,
+        corners: [[f32; 3]; 3],
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let free = Free::new(corners);
-        // Test eight rays at a time in f32, then put the candidates to the exact verdict.
+        // Test eight rays at a time in f32, then apply the exact verdict to the candidates.
         for row in (0..beam.ids.len()).step_by(LANES) {
             let bits = beam.open >> row & 0xff;
             if bits == 0 {
@@ -246,7 +243,7 @@ impl Launch<'_> {
                 );
                 if blocked {
                     beam.open &= !(1 << i);
-                    *blocker = best.hit();
+                    beam.blocker = best.hit();
                     write(own, best.hit());
                 }
             }
@@ -266,6 +263,7 @@ impl Beam {
             reach: [0.0; RAYS],
             open: 0,
             pad: 0.0,
+            blocker: Hit::MISS,
         }
     }
 
@@ -275,6 +273,7 @@ impl Beam {
         self.ids.clear();
         self.framed.clear();
         self.pad = 0.0;
+        self.blocker = Hit::MISS;
         for key in keys {
             #[expect(clippy::cast_possible_truncation, reason = "the low half")]
             let id = *key as u32 as usize;

@@ -11,44 +11,54 @@ use halfspace_nodes::plane_tree::{Node, PlaneTree};
 /// A tree whose nodes have bounding boxes.
 pub trait ShaftTree: Sync {
     /// A node and its box.
-    type Place: Copy;
+    type Cell: Copy;
 
     /// Number of inner nodes and triangle blocks that a beam may visit per ray; beyond it, its rays are traced
     /// singly.
     const STEPS_PER_RAY: u32;
 
     /// The root, for a scene with these bounds.
-    fn top(&self, bounds: Aabb) -> Self::Place;
+    fn root_cell(&self, bounds: Aabb) -> Self::Cell;
 
-    /// Visits a node. A leaf returns its first block and number of triangles; an inner node returns `None` and
-    /// appends to `waiting` those children whose boxes the shaft meets.
+    /// Visits a node. Returns a leaf; pushes those children of an inner node whose boxes the shaft meets.
     fn step<S: Simd>(
         &self,
         simd: S,
-        place: Self::Place,
+        cell: Self::Cell,
         shaft: &Shaft,
-        waiting: &mut Vec<Self::Place>,
+        stack: &mut Vec<Self::Cell>,
     ) -> Option<Leaf>;
 }
 
+/// A node of an octree.
+#[derive(Clone, Copy)]
+pub struct OctantCell {
+    /// Number of the node.
+    node: u32,
+    /// Smallest corner of its cube.
+    low: [f32; 3],
+}
+
 impl ShaftTree for Octree {
-    /// The node's number, and the smallest corner of its cube.
-    type Place = (u32, [f32; 3]);
+    type Cell = OctantCell;
 
     /// Measured on rooms and on leaves: half and twice this value both save less.
     const STEPS_PER_RAY: u32 = 2;
 
-    fn top(&self, _: Aabb) -> Self::Place {
-        (0, self.cube().corner)
+    fn root_cell(&self, _: Aabb) -> OctantCell {
+        OctantCell {
+            node: 0,
+            low: self.cube().corner,
+        }
     }
 
     #[inline(always)]
     fn step<S: Simd>(
         &self,
         simd: S,
-        (index, low): Self::Place,
+        OctantCell { node: index, low }: OctantCell,
         shaft: &Shaft,
-        waiting: &mut Vec<Self::Place>,
+        stack: &mut Vec<Self::Cell>,
     ) -> Option<Leaf> {
         let node = self.node(index);
         if !node.is_inner() {
@@ -64,7 +74,7 @@ impl ShaftTree for Octree {
         let edge = f32x8::splat(simd, half);
         let highs = [lows[0] + edge, lows[1] + edge, lows[2] + edge];
         let met = shaft.meets(simd, &lows, &highs) & !u64::from(node.empty_octants());
-        // Append the octants that the shaft meets.
+        // Push the octants that the shaft meets.
         for octant in 0..8_u32 {
             if met >> octant & 1 == 0 {
                 continue;
@@ -75,7 +85,10 @@ impl ShaftTree for Octree {
                     *x += half;
                 }
             }
-            waiting.push((node.children() + octant, child));
+            stack.push(OctantCell {
+                node: node.children() + octant,
+                low: child,
+            });
         }
         None
     }
@@ -93,15 +106,26 @@ fn octants<S: Simd>(simd: S, low: f32, half: f32, bit: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &lows)
 }
 
+/// A node of a tree of split planes.
+#[derive(Clone, Copy)]
+pub struct PlaneCell {
+    /// Number of the node.
+    node: u32,
+    /// A box around its cell; oblique planes do not shrink the box.
+    bounds: Aabb,
+}
+
 impl ShaftTree for PlaneTree {
-    /// The node's number, and a box around its cell; oblique planes do not shrink the box.
-    type Place = (u32, Aabb);
+    type Cell = PlaneCell;
 
     /// Derived: three times the value of octrees, since an octant corresponds to three planes.
     const STEPS_PER_RAY: u32 = 6;
 
-    fn top(&self, bounds: Aabb) -> Self::Place {
-        (self.root(), bounds)
+    fn root_cell(&self, bounds: Aabb) -> PlaneCell {
+        PlaneCell {
+            node: self.root(),
+            bounds,
+        }
     }
 
     /// Tests the boxes of both children. They occupy eight lanes, of which two are needed; the box of the node
@@ -110,11 +134,11 @@ impl ShaftTree for PlaneTree {
     fn step<S: Simd>(
         &self,
         simd: S,
-        (index, cell): Self::Place,
+        cell: PlaneCell,
         shaft: &Shaft,
-        waiting: &mut Vec<Self::Place>,
+        stack: &mut Vec<Self::Cell>,
     ) -> Option<Leaf> {
-        let (children, empty, parts) = match self.node(index) {
+        let (children, empty, parts) = match self.node(cell.node) {
             Node::Leaf { first, count } => return Some(Leaf { first, count }),
             Node::Axis {
                 axis,
@@ -123,14 +147,14 @@ impl ShaftTree for PlaneTree {
                 empty,
                 ..
             } => {
-                let mut parts = [cell; 2];
+                let mut parts = [cell.bounds; 2];
                 parts[0].max[axis] = split;
                 parts[1].min[axis] = split;
                 (children, empty, parts)
             }
             Node::Oblique {
                 children, empty, ..
-            } => (children, empty, [cell; 2]),
+            } => (children, empty, [cell.bounds; 2]),
         };
         // Repeat the two boxes over the lanes and test them.
         let row = |side: usize, k: usize, high: bool| {
@@ -145,9 +169,10 @@ impl ShaftTree for PlaneTree {
         let lows = [spread(0, false), spread(1, false), spread(2, false)];
         let highs = [spread(0, true), spread(1, true), spread(2, true)];
         let met = shaft.meets(simd, &lows, &highs) & !u64::from(empty);
-        for (side, part) in (0..2_u32).zip(parts) {
+        for (side, bounds) in (0..2_u32).zip(parts) {
             if met >> side & 1 == 1 {
-                waiting.push((children + side, part));
+                let node = children + side;
+                stack.push(PlaneCell { node, bounds });
             }
         }
         None

@@ -18,7 +18,7 @@ use halfspace_nodes::nested::Nested;
 use halfspace_nodes::next::Next;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 
 /// Children per node.
 const CHILDREN: usize = 8;
@@ -49,44 +49,58 @@ const fn order() -> [[u8; 4 * CHILDREN]; 8] {
     table
 }
 
+/// A child as its parent stores it.
+#[derive(Clone, Copy)]
+struct Child {
+    link: u32,
+    count: u32,
+}
+
 /// The traversal state of one ray.
-pub struct Course {
+pub struct State {
     slabs: Slabs,
     /// The octant of its direction: bit `k` is set if component `k` has its sign bit set.
     octant: usize,
     start: f32,
-    /// The child to visit next: its link and its count.
-    next: (u32, u32),
-    waiting: usize,
-    /// Children still to visit and their entry distances, above a sentinel that ends the traversal.
+    /// The child to visit next.
+    next: Child,
+    /// Number of stack entries in use.
+    size: usize,
+    /// The stack: children still to visit and their entry distances, above a sentinel that ends the traversal.
     link: [f32; STACK],
     count: [f32; STACK],
     enter: [f32; STACK],
 }
 
-impl Course {
+impl State {
     /// Pops entries until one starts within `reach`, and makes it the next child.
     #[inline(always)]
     fn pop(&mut self, reach: f32) {
-        let top = topmost(&self.enter, self.waiting, reach);
-        self.waiting = top;
-        self.next = (self.link[top].to_bits(), self.count[top].to_bits());
+        let top = topmost(&self.enter, self.size, reach);
+        self.size = top;
+        self.next = Child {
+            link: self.link[top].to_bits(),
+            count: self.count[top].to_bits(),
+        };
     }
 }
 
 /// The traversal of one tree whose children are in the slots of [`BoxTree::by_corners`].
-pub struct Walk<'a>(pub &'a BoxTree<8>);
+pub struct BoxSteps<'a>(pub &'a BoxTree<8>);
 
-impl Steps for Walk<'_> {
-    type Course = Course;
+impl Steps for BoxSteps<'_> {
+    type State = State;
 
-    fn course(&self) -> Course {
-        Course {
+    fn blank(&self) -> State {
+        State {
             slabs: Slabs::new(&FrameRay::NOTHING),
             octant: 0,
             start: 0.0,
-            next: (0, OVER),
-            waiting: 0,
+            next: Child {
+                link: 0,
+                count: OVER,
+            },
+            size: 0,
             link: [0.0; STACK],
             count: [f32::from_bits(OVER); STACK],
             enter: [f32::NEG_INFINITY; STACK],
@@ -94,12 +108,15 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn begin(&self, ray: &FrameRay, course: &mut Course) {
-        course.slabs = Slabs::new(ray);
-        course.octant = ray.signs as usize & 7;
-        course.start = ray.t_min;
-        course.next = (0, INNER);
-        course.waiting = 1;
+    fn start(&self, ray: &FrameRay, state: &mut State) {
+        state.slabs = Slabs::new(ray);
+        state.octant = ray.signs as usize & 7;
+        state.start = ray.t_min;
+        state.next = Child {
+            link: 0,
+            count: INNER,
+        };
+        state.size = 1;
     }
 
     #[inline(always)]
@@ -108,8 +125,8 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn next(&self, course: &Course) -> Next {
-        match course.next.1 {
+    fn next(&self, state: &State) -> Next {
+        match state.next.count {
             INNER => Next::PLAIN,
             OVER => Next::OVER,
             _ => Next::LEAF,
@@ -117,13 +134,13 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn plain<S: Simd>(&self, simd: S, course: &mut Course, reach: f32) {
-        let node = &self.0.nodes[course.next.0 as usize];
+    fn plain<S: Simd>(&self, simd: S, state: &mut State, reach: f32) {
+        let node = &self.0.nodes[state.next.link as usize];
         // Intersect the ray with all eight boxes.
-        let (enter, leave) =
-            (course.slabs).meet_all::<S, f32x8<S>, 8>(simd, &node.bounds, (course.start, reach));
+        let range = Interval::new(state.start, reach);
+        let (enter, leave) = (state.slabs).meet_all::<S, f32x8<S>, 8>(simd, &node.bounds, range);
         // Permute children and distances into stack order, the nearest corner last.
-        let places = u8x32::from_slice(simd, &ORDER[course.octant & 7]);
+        let places = u8x32::from_slice(simd, &ORDER[state.octant & 7]);
         let ordered = |bits: &[u32; CHILDREN]| {
             let all: f32x8<S> = u32x8::from_slice(simd, bits).bitcast();
             all.swizzle_dyn(places)
@@ -132,17 +149,17 @@ impl Steps for Walk<'_> {
         // Push the boxes that are hit with one compressed store per row; the lanes behind them are overwritten
         // later.
         let live = enter.simd_le(leave);
-        let at = course.waiting;
+        let at = state.size;
         let row = at..at + CHILDREN;
         let (link, count) = (ordered(&node.link), ordered(&node.count));
         link.compress(live)
-            .store_slice(&mut course.link[row.clone()]);
+            .store_slice(&mut state.link[row.clone()]);
         count
             .compress(live)
-            .store_slice(&mut course.count[row.clone()]);
-        enter.compress(live).store_slice(&mut course.enter[row]);
-        course.waiting = at + live.to_bitmask().count_ones() as usize;
-        course.pop(reach);
+            .store_slice(&mut state.count[row.clone()]);
+        enter.compress(live).store_slice(&mut state.enter[row]);
+        state.size = at + live.to_bitmask().count_ones() as usize;
+        state.pop(reach);
     }
 
     fn bytes(&self) -> usize {
@@ -150,13 +167,13 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn fetch_plain(&self, course: &Course) {
-        self.0.nodes[course.next.0 as usize].fetch_ahead();
+    fn fetch_plain(&self, state: &State) {
+        self.0.nodes[state.next.link as usize].fetch_ahead();
     }
 
     #[inline(always)]
-    fn fetch_leaf(&self, blocks: &Blocks, course: &Course) {
-        blocks.fetch_ahead(course.next.0);
+    fn fetch_leaf(&self, blocks: &Blocks, state: &State) {
+        blocks.fetch_ahead(state.next.link);
     }
 
     #[inline(always)]
@@ -164,27 +181,20 @@ impl Steps for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        (course, best): (&mut Course, &mut Best),
+        ray: RayRef<'_>,
+        state: &mut State,
+        best: &mut Best,
         counters: &mut C,
     ) {
-        let (link, count) = course.next;
         let leaf = Leaf {
-            first: link,
-            count: count as usize,
+            first: state.next.link,
+            count: state.next.count as usize,
         };
         counters.leaf(leaf.count);
-        if job.test::<S, Q, C>(
-            simd,
-            leaf,
-            RayRef { ray, frame },
-            frame.t_max,
-            best,
-            counters,
-        ) {
-            course.next.1 = OVER;
+        if job.test::<S, Q, C>(simd, leaf, ray, ray.frame.t_max, best, counters) {
+            state.next.count = OVER;
         } else {
-            course.pop(best.reach);
+            state.pop(best.reach);
         }
     }
 }

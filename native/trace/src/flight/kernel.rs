@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kernels of rays in flight: sixteen rays take turns, so that the memory of each is fetched while others step.
+//! The kernels of rays in flight: sixteen rays alternate, so that the memory of each is fetched while others step.
 
-use super::{Alone, Steps, boxes, planes};
+use super::boxes::BoxSteps;
+use super::planes::PlaneSteps;
+use super::{SingleSteps, Steps};
 use crate::batch::Batch;
 use crate::kernel::{Kernel, store};
 use crate::single::single_rays;
@@ -28,10 +30,10 @@ trait Steppable: Debug + Send + Sync + 'static {
 }
 
 impl Steppable for WideTree {
-    type Steps<'a> = planes::Walk<'a>;
+    type Steps<'a> = PlaneSteps<'a>;
 
-    fn steps(&self) -> planes::Walk<'_> {
-        planes::Walk(self)
+    fn steps(&self) -> PlaneSteps<'_> {
+        PlaneSteps(self)
     }
 
     fn bytes(&self) -> usize {
@@ -40,10 +42,10 @@ impl Steppable for WideTree {
 }
 
 impl Steppable for BoxTree<8> {
-    type Steps<'a> = boxes::Walk<'a>;
+    type Steps<'a> = BoxSteps<'a>;
 
-    fn steps(&self) -> boxes::Walk<'_> {
-        boxes::Walk(self)
+    fn steps(&self) -> BoxSteps<'_> {
+        BoxSteps(self)
     }
 
     fn bytes(&self) -> usize {
@@ -61,7 +63,7 @@ struct InFlight<T> {
 impl<Q: Query, T: Steppable> Kernel<Q> for InFlight<T> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         let launch = batch.on(&self.leaves);
-        launch.fly::<_, Q>(&self.tree.steps(), store::<Q>(answers));
+        launch.in_flight::<_, Q>(&self.tree.steps(), store::<Q>(answers));
     }
 
     /// A ray in flight takes the steps that it takes alone; only their order among those of other rays differs.
@@ -73,7 +75,7 @@ impl<Q: Query, T: Steppable> Kernel<Q> for InFlight<T> {
     ) -> bool {
         let launch = batch.on(&self.leaves);
         let mut write = store::<Q>(answers);
-        launch.walk::<_, Q>(&Alone(self.tree.steps()), &mut write, Some(counters));
+        launch.trace::<_, Q>(&SingleSteps(self.tree.steps()), &mut write, Some(counters));
         true
     }
 
@@ -120,7 +122,7 @@ pub fn shadow_wide_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dy
 
 single_rays! {
     /// Single rays through wide nodes of planes.
-    fn single_wide_planes(WideTree) -> Alone<planes::Walk<'a>> {
-        |kernel| Alone(planes::Walk(&kernel.tree))
+    fn single_wide_planes(WideTree) -> SingleSteps<PlaneSteps<'a>> {
+        |kernel| SingleSteps(PlaneSteps(&kernel.tree))
     }
 }

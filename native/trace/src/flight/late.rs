@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Deferred exact tests: rays of a batch whose traversals have ended, each with one triangle it provably hits,
-//! wait here and get the exact distances and weights sixteen at a time.
+//! are collected here and get the exact distances and weights sixteen at a time.
 
 use crate::tile::{LANES, Row, verdict as tile_verdict};
 use fearless_simd::Simd;
@@ -8,49 +8,50 @@ use halfspace_geom::verdict::verdict_within;
 use halfspace_ray::query::Deferred;
 use halfspace_ray::{FrameRay, Hit, Ray};
 
-/// The waiting rays, one per lane.
+/// The collected rays, one per lane.
 pub struct Late {
-    /// Number of waiting rays.
-    waiting: usize,
+    /// Number of lanes in use.
+    used: usize,
     o: [Row; 3],
     d: [Row; 3],
     /// Factors from frame to scene distances.
     to_scene: [f64; LANES],
     corners: [[Row; 3]; 3],
     triangles: [u32; LANES],
-    /// Their indices in the batch.
-    places: [usize; LANES],
+    /// Indices of the rays in the batch.
+    indices: [usize; LANES],
 }
 
 impl Default for Late {
-    /// No waiting rays.
+    /// No rays.
     fn default() -> Self {
         Self {
-            waiting: 0,
+            used: 0,
             o: [[0.0; LANES]; 3],
             d: [[0.0; LANES]; 3],
             to_scene: [1.0; LANES],
             corners: [[[0.0; LANES]; 3]; 3],
             triangles: [0; LANES],
-            places: [0; LANES],
+            indices: [0; LANES],
         }
     }
 }
 
 impl Late {
-    /// Adds the ray with index `place` in the batch; answers all if every lane is taken. The ray must be in the
-    /// scene's own frame, and `held` must be the only triangle that it is known to hit.
+    /// Adds ray `index` of the batch `rays`; answers all if every lane is taken. The ray must be in the scene's own
+    /// frame, and `held` must be the only triangle that it is known to hit.
     #[inline(always)]
     pub fn push<S: Simd>(
         &mut self,
         simd: S,
-        (place, rays): (usize, &[Ray]),
+        index: usize,
+        rays: &[Ray],
         frame: &FrameRay,
         held: &Deferred,
         write: &mut impl FnMut(usize, Hit),
     ) {
         // Copy the ray and the triangle's vertices to the next free lane.
-        let lane = self.waiting;
+        let lane = self.used;
         for k in 0..3 {
             self.o[k][lane] = frame.o[k];
             self.d[k][lane] = frame.d[k];
@@ -60,24 +61,24 @@ impl Late {
         }
         self.to_scene[lane] = frame.to_scene();
         self.triangles[lane] = held.triangle;
-        self.places[lane] = place;
-        self.waiting += 1;
-        if self.waiting == LANES {
+        self.indices[lane] = index;
+        self.used += 1;
+        if self.used == LANES {
             self.settle(simd, rays, write);
         }
     }
 
-    /// Answers all waiting rays: calls `write` with the index and the hit of each.
+    /// Answers all collected rays: calls `write` with the index and the hit of each.
     #[inline(always)]
     pub fn settle<S: Simd>(&mut self, simd: S, rays: &[Ray], write: &mut impl FnMut(usize, Hit)) {
-        if self.waiting == 0 {
+        if self.used == 0 {
             return;
         }
         // Compute all answers in f64 vectors; lanes that are too close to call get the scalar exact test.
         let (certain, [t, u, v]) =
             tile_verdict::apart(simd, &self.o, &self.d, &self.to_scene, &self.corners);
-        for lane in 0..std::mem::take(&mut self.waiting).min(LANES) {
-            let (place, triangle) = (self.places[lane], self.triangles[lane]);
+        for lane in 0..std::mem::take(&mut self.used).min(LANES) {
+            let (index, triangle) = (self.indices[lane], self.triangles[lane]);
             let hit = if certain >> lane & 1 == 1 {
                 Hit {
                     t: t[lane],
@@ -91,7 +92,7 @@ impl Late {
                     let [x, y, z] = &self.corners[i];
                     [x[lane], y[lane], z[lane]]
                 };
-                let ray = &rays[place];
+                let ray = &rays[index];
                 let corners = [corner(0), corner(1), corner(2)];
                 let found = verdict_within(ray.o, ray.d, corners, [ray.t_min, ray.t_max]);
                 debug_assert!(found.is_some(), "the ray certainly hits it");
@@ -102,7 +103,7 @@ impl Late {
                     v: found.v,
                 })
             };
-            write(place, hit);
+            write(index, hit);
         }
     }
 }
@@ -156,12 +157,12 @@ mod tests {
             let mut answers = vec![None; rays.len()];
             dispatch!(Level::new(), simd => {
                 let mut late = Late::default();
-                let mut write = |place: usize, hit: Hit| {
-                    assert!(answers[place].is_none(), "answered twice");
-                    answers[place] = Some([hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]);
+                let mut write = |index: usize, hit: Hit| {
+                    assert!(answers[index].is_none(), "answered twice");
+                    answers[index] = Some([hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]);
                 };
-                for place in 0..rays.len() {
-                    late.push(simd, (place, &rays), &framed[place], &held[place], &mut write);
+                for index in 0..rays.len() {
+                    late.push(simd, index, &rays, &framed[index], &held[index], &mut write);
                 }
                 late.settle(simd, &rays, &mut write);
             });

@@ -13,7 +13,7 @@ pub mod kernel;
 pub mod late;
 pub mod planes;
 
-use crate::batch::{self, Launch};
+use crate::batch::{Launch, SingleTraversal};
 use crate::flight::late::Late;
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::{Simd, dispatch};
@@ -34,13 +34,13 @@ const LEAVES: usize = 8;
 /// prefetching them in a small tree made diffuse rays 2 to 6 % slower.
 const CLOSE: usize = 4 << 20;
 
-/// The index of the topmost stack entry that starts within `reach`; entries above it are dropped.
+/// The index of the topmost of `size` stack entries that starts within `reach`; entries above it are dropped.
 ///
 /// Entry 0 is a sentinel that starts at negative infinity and ends the traversal, so the loop needs no check
 /// for an empty stack.
 #[inline(always)]
-pub fn topmost(enter: &[f32], waiting: usize, reach: f32) -> usize {
-    let mut top = waiting - 1;
+pub fn topmost(enter: &[f32], size: usize, reach: f32) -> usize {
+    let mut top = size - 1;
     while enter[top] > reach {
         top -= 1;
     }
@@ -50,16 +50,16 @@ pub fn topmost(enter: &[f32], waiting: usize, reach: f32) -> usize {
 /// A traversal that can be interrupted after each step.
 pub trait Steps: Sync {
     /// The traversal state of one ray.
-    type Course;
+    type State;
 
     /// The state of no ray, for allocation.
-    fn course(&self) -> Self::Course;
+    fn blank(&self) -> Self::State;
 
     /// Starts the traversal of a ray at the root.
-    fn begin(&self, ray: &FrameRay, course: &mut Self::Course);
+    fn start(&self, ray: &FrameRay, state: &mut Self::State);
 
     /// The kind of the ray's next step.
-    fn next(&self, course: &Self::Course) -> Next;
+    fn next(&self, state: &Self::State) -> Next;
 
     /// Counts a step through a plain node.
     #[inline(always)]
@@ -68,75 +68,76 @@ pub trait Steps: Sync {
     }
 
     /// Steps through a plain node and selects the next child that starts within `reach`.
-    fn plain<S: Simd>(&self, simd: S, course: &mut Self::Course, reach: f32);
+    fn plain<S: Simd>(&self, simd: S, state: &mut Self::State, reach: f32);
 
     /// Steps through a node of the second kind; does nothing in trees of one kind.
     #[inline(always)]
-    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Self::Course, reach: f32) {
-        let _ = (simd, ray, course, reach);
+    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, state: &mut Self::State, reach: f32) {
+        let _ = (simd, ray, state, reach);
     }
 
     /// Size of the nodes in bytes.
     fn bytes(&self) -> usize;
 
     /// Prefetches the plain node of the ray's next step.
-    fn fetch_plain(&self, course: &Self::Course);
+    fn fetch_plain(&self, state: &Self::State);
 
     /// Prefetches the node, of the second kind, of the ray's next step.
     #[inline(always)]
-    fn fetch_general(&self, course: &Self::Course) {
-        let _ = course;
+    fn fetch_general(&self, state: &Self::State) {
+        let _ = state;
     }
 
     /// Prefetches the leaf that the ray is to test next.
-    fn fetch_leaf(&self, blocks: &Blocks, course: &Self::Course);
+    fn fetch_leaf(&self, blocks: &Blocks, state: &Self::State);
 
     /// Tests the triangles of the ray's next leaf, and selects the next child or ends the traversal.
     fn leaf<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: Job<'_>,
+        job: Job<'_>,
         ray: RayRef<'_>,
-        course: (&mut Self::Course, &mut Best),
+        state: &mut Self::State,
+        best: &mut Best,
         counters: &mut C,
     );
 }
 
 /// A traversal by steps, run to its end for one ray at a time.
-pub struct Alone<W>(pub W);
+pub struct SingleSteps<T>(pub T);
 
-impl<W: Steps> batch::Walk for Alone<W> {
-    type Scratch = W::Course;
+impl<T: Steps> SingleTraversal for SingleSteps<T> {
+    type Scratch = T::State;
 
     fn scratch(&self) -> Self::Scratch {
-        self.0.course()
+        self.0.blank()
     }
 
     #[inline(always)]
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: Job<'_>,
+        job: Job<'_>,
         ray: RayRef<'_>,
-        course: &mut Self::Scratch,
+        state: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let walk = &self.0;
+        let steps = &self.0;
         let mut best = Best::new(ray.frame);
-        walk.begin(ray.frame, course);
+        steps.start(ray.frame, state);
         loop {
             // Take the steps one after another; nothing is sorted for a single ray.
-            match walk.next(course) {
+            match steps.next(state) {
                 Next::PLAIN => {
-                    walk.count_plain(counters);
-                    walk.plain(simd, course, best.reach);
+                    steps.count_plain(counters);
+                    steps.plain(simd, state, best.reach);
                 }
                 Next::GENERAL => {
                     counters.step_oblique();
-                    walk.general(simd, ray.frame, course, best.reach);
+                    steps.general(simd, ray.frame, state, best.reach);
                 }
                 Next::LEAF => {
-                    walk.leaf::<S, Q, C>(simd, triangles, ray, (course, &mut best), counters);
+                    steps.leaf::<S, Q, C>(simd, job, ray, state, &mut best, counters);
                 }
                 _ => return best.hit(),
             }
@@ -145,12 +146,12 @@ impl<W: Steps> batch::Walk for Alone<W> {
 }
 
 /// A ray in flight.
-struct Flight<'a, W: Steps> {
+struct Flight<'a, T: Steps> {
     /// Index of the ray in the batch; `usize::MAX` for none.
-    place: usize,
+    index: usize,
     frame: FrameRay<'a>,
     best: Best,
-    course: W::Course,
+    state: T::State,
 }
 
 /// Queues of rays in flight, one for each kind of next step.
@@ -188,30 +189,59 @@ impl Queues {
     }
 }
 
+/// Steps the rays of the queue of plain nodes, or of the second kind if `GENERAL`. Prefetches their nodes first if they
+/// are far from the processor.
+#[inline(always)]
+fn step_queue<const GENERAL: bool, S: Simd, T: Steps>(
+    simd: S,
+    steps: &T,
+    far: bool,
+    flights: &mut [Flight<'_, T>],
+    queues: &mut Queues,
+) {
+    let kind = if GENERAL { Next::GENERAL } else { Next::PLAIN };
+    let count = queues.take(kind);
+    for i in 0..if far { count } else { 0 } {
+        let state = &flights[queues.ray(kind, i) as usize].state;
+        if GENERAL {
+            steps.fetch_general(state);
+        } else {
+            steps.fetch_plain(state);
+        }
+    }
+    for i in 0..count {
+        let ray = queues.ray(kind, i);
+        let flight = &mut flights[ray as usize];
+        let reach = flight.best.reach;
+        if GENERAL {
+            steps.general(simd, &flight.frame, &mut flight.state, reach);
+        } else {
+            steps.plain(simd, &mut flight.state, reach);
+        }
+        queues.push(steps.next(&flight.state), ray);
+    }
+}
+
 impl<'a> Launch<'a> {
     /// Finds the nearest hits (or any hits) of the rays, several at a time, and passes each with the ray's
     /// index to `write`, in no particular order.
-    pub fn fly<W: Steps, Q: Query>(&self, walk: &W, mut write: impl FnMut(usize, Hit)) {
-        dispatch!(self.level, simd => self.flying::<_, _, Q>(simd, walk, &mut write));
+    pub fn in_flight<T: Steps, Q: Query>(&self, steps: &T, mut write: impl FnMut(usize, Hit)) {
+        dispatch!(self.level, simd => self.flying::<_, _, Q>(simd, steps, &mut write));
     }
 
-    /// [`Self::fly`] for one instruction set.
+    /// [`Self::in_flight`] for one instruction set.
     #[inline(always)]
-    fn flying<S: Simd, W: Steps, Q: Query>(
+    fn flying<S: Simd, T: Steps, Q: Query>(
         &self,
         simd: S,
-        walk: &W,
+        steps: &T,
         write: &mut impl FnMut(usize, Hit),
     ) {
-        let triangles = Job {
-            scene: self.scene,
-            blocks: self.blocks,
-        };
         let mut cache = self.cache::<Q>();
         let mut late = Late::default();
-        let far = walk.bytes() > CLOSE;
+        let far = steps.bytes() > CLOSE;
         let mut following = 0;
-        let mut flights: Vec<Flight<'a, W>> = Vec::with_capacity(FLIGHT);
+        let mut flights: Vec<Flight<'a, T>> = Vec::with_capacity(FLIGHT);
         let mut queues = Queues {
             rays: [0; KINDS * FLIGHT],
             count: [0; KINDS],
@@ -219,10 +249,10 @@ impl<'a> Launch<'a> {
         // At first all slots are free: their rays count as ended.
         for i in 0..FLIGHT.min(self.rays.len()) {
             flights.push(Flight {
-                place: usize::MAX,
+                index: usize::MAX,
                 frame: FrameRay::NOTHING,
                 best: Best::blank(),
-                course: walk.course(),
+                state: steps.blank(),
             });
             #[expect(clippy::cast_possible_truncation, reason = "a few")]
             queues.push(Next::OVER, i as u8);
@@ -232,61 +262,20 @@ impl<'a> Launch<'a> {
             for i in 0..queues.take(Next::OVER) {
                 let ray = queues.ray(Next::OVER, i);
                 let flight = &mut flights[ray as usize];
-                if let Some(own) = self.rays.get(flight.place) {
-                    // Batch the exact tests of proven hits; answer all other rays at once.
-                    match flight.best.held() {
-                        Some(held) if self.frame.is_scene() => {
-                            let ray = (flight.place, self.rays);
-                            late.push(simd, ray, &flight.frame, held, write);
-                        }
-                        _ => {
-                            let hit = flight.best.answer(RayRef {
-                                ray: own,
-                                frame: &flight.frame,
-                            });
-                            if Q::ANY
-                                && let Some(cache) = &mut cache
-                            {
-                                cache.remember(cache.entry(own), &hit);
-                            }
-                            write(flight.place, hit);
-                        }
-                    }
-                }
-                if self.embark::<W, Q>(walk, &mut following, flight, &cache, write) {
-                    queues.push(walk.next(&flight.course), ray);
+                self.report::<S, T, Q>(simd, flight, &mut late, &mut cache, write);
+                if self.start_next::<T, Q>(steps, &mut following, flight, &cache, write) {
+                    queues.push(steps.next(&flight.state), ray);
                 }
             }
-            // Step rays through inner nodes, kind by kind, until enough of them wait at leaves.
+            // Step rays through inner nodes, kind by kind, until enough of them have come to leaves.
             let mut fetched = 0;
             loop {
-                let plain = queues.take(Next::PLAIN);
-                for i in 0..if far { plain } else { 0 } {
-                    let ray = queues.ray(Next::PLAIN, i);
-                    walk.fetch_plain(&flights[ray as usize].course);
-                }
-                for i in 0..plain {
-                    let ray = queues.ray(Next::PLAIN, i);
-                    let flight = &mut flights[ray as usize];
-                    walk.plain(simd, &mut flight.course, flight.best.reach);
-                    queues.push(walk.next(&flight.course), ray);
-                }
-                let general = queues.take(Next::GENERAL);
-                for i in 0..if far { general } else { 0 } {
-                    let ray = queues.ray(Next::GENERAL, i);
-                    walk.fetch_general(&flights[ray as usize].course);
-                }
-                for i in 0..general {
-                    let ray = queues.ray(Next::GENERAL, i);
-                    let flight = &mut flights[ray as usize];
-                    let reach = flight.best.reach;
-                    walk.general(simd, &flight.frame, &mut flight.course, reach);
-                    queues.push(walk.next(&flight.course), ray);
-                }
+                step_queue::<false, S, T>(simd, steps, far, &mut flights, &mut queues);
+                step_queue::<true, S, T>(simd, steps, far, &mut flights, &mut queues);
                 // Prefetch leaves as soon as they are known, so that steps of other rays cover the latency.
                 for i in fetched..queues.count(Next::LEAF) {
                     let ray = queues.ray(Next::LEAF, i);
-                    walk.fetch_leaf(self.blocks, &flights[ray as usize].course);
+                    steps.fetch_leaf(self.blocks, &flights[ray as usize].state);
                 }
                 fetched = queues.count(Next::LEAF);
                 let inner = queues.count(Next::PLAIN) + queues.count(Next::GENERAL);
@@ -295,19 +284,7 @@ impl<'a> Launch<'a> {
                     break;
                 }
             }
-            // Test the leaves of all rays that wait at one.
-            let leaves = queues.take(Next::LEAF);
-            for i in 0..leaves {
-                let ray = queues.ray(Next::LEAF, i);
-                let flight = &mut flights[ray as usize];
-                let own = RayRef {
-                    ray: &self.rays[flight.place],
-                    frame: &flight.frame,
-                };
-                let course = (&mut flight.course, &mut flight.best);
-                walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCountLate);
-                queues.push(walk.next(&flight.course), ray);
-            }
+            self.test_leaves::<S, T, Q>(simd, steps, &mut flights, &mut queues);
             // End once no ray is in flight.
             if queues.count == [0; KINDS] {
                 late.settle(simd, self.rays, write);
@@ -316,44 +293,94 @@ impl<'a> Launch<'a> {
         }
     }
 
+    /// Tests the leaves of all rays that have come to one.
+    #[inline(always)]
+    fn test_leaves<S: Simd, T: Steps, Q: Query>(
+        &self,
+        simd: S,
+        steps: &T,
+        flights: &mut [Flight<'a, T>],
+        queues: &mut Queues,
+    ) {
+        let leaves = queues.take(Next::LEAF);
+        for i in 0..leaves {
+            let ray = queues.ray(Next::LEAF, i);
+            let flight = &mut flights[ray as usize];
+            let own = RayRef {
+                ray: &self.rays[flight.index],
+                frame: &flight.frame,
+            };
+            let (state, best) = (&mut flight.state, &mut flight.best);
+            steps.leaf::<S, Q, _>(simd, self.job(), own, state, best, &mut NoCountLate);
+            queues.push(steps.next(&flight.state), ray);
+        }
+    }
+
+    /// Reports the answer of a ray that has ended, or collects it in `late`.
+    #[inline(always)]
+    fn report<S: Simd, T: Steps, Q: Query>(
+        &self,
+        simd: S,
+        flight: &mut Flight<'a, T>,
+        late: &mut Late,
+        cache: &mut Option<ShadowCache>,
+        write: &mut impl FnMut(usize, Hit),
+    ) {
+        let Some(own) = self.rays.get(flight.index) else {
+            return;
+        };
+        // Batch the exact tests of proven hits; answer all other rays at once.
+        match flight.best.held() {
+            Some(held) if self.frame.is_scene() => {
+                late.push(simd, flight.index, self.rays, &flight.frame, held, write);
+            }
+            _ => {
+                let hit = flight.best.answer(RayRef {
+                    ray: own,
+                    frame: &flight.frame,
+                });
+                if Q::ANY
+                    && let Some(cache) = cache
+                {
+                    cache.remember(cache.entry(own), &hit);
+                }
+                write(flight.index, hit);
+            }
+        }
+    }
+
     /// Starts the next ray that needs a traversal, and answers the rays before it that do not. Returns whether
     /// there was one.
     #[inline(always)]
-    fn embark<W: Steps, Q: Query>(
+    fn start_next<T: Steps, Q: Query>(
         &self,
-        walk: &W,
+        steps: &T,
         following: &mut usize,
-        flight: &mut Flight<'a, W>,
+        flight: &mut Flight<'a, T>,
         cache: &Option<ShadowCache>,
         write: &mut impl FnMut(usize, Hit),
     ) -> bool {
         while let Some(ray) = self.rays.get(*following) {
             // Answer rays that miss the scene's box.
-            let place = *following;
+            let index = *following;
             *following += 1;
-            let Some(framed) = self.framed(place) else {
-                write(place, Hit::MISS);
+            let Some(frame) = self.framed(index) else {
+                write(index, Hit::MISS);
                 continue;
             };
             // Answer shadow rays that the cached blocker stops.
+            let own = RayRef { ray, frame: &frame };
             if Q::ANY
-                && let Some(hit) = self.cached(
-                    cache,
-                    RayRef {
-                        ray,
-                        frame: &framed,
-                    },
-                    &mut NoCount,
-                )
+                && let Some(hit) = self.cached(cache, own, &mut NoCount)
             {
-                write(place, hit);
+                write(index, hit);
                 continue;
             }
             // Start the traversal.
-            flight.place = place;
-            flight.best = Best::new(&framed);
-            walk.begin(&framed, &mut flight.course);
-            flight.frame = framed;
+            flight.index = index;
+            flight.best = Best::new(&frame);
+            steps.start(&frame, &mut flight.state);
+            flight.frame = frame;
             return true;
         }
         false

@@ -10,6 +10,7 @@
 
 use crate::flight::{Steps, topmost};
 use crate::slabs::Slabs;
+use crate::stack::NodeEntry;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8, u8x32};
 use halfspace_geom::bound::{keep_max_each, keep_min, keep_min_each};
 use halfspace_leaf::Job;
@@ -18,7 +19,7 @@ use halfspace_nodes::next::Next;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::wide_tree::{Info, Line, OVER, PLANES, WideTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 
 /// Number of children of a node.
 const CHILDREN: usize = 8;
@@ -40,6 +41,7 @@ struct Signs {
 /// The orders for all combinations of signs; bit `i` of the index is set if the ray descends through plane `i`.
 static SIGNS: [Signs; 1 << PLANES] = signs();
 
+/// Computes [`SIGNS`].
 const fn signs() -> [Signs; 1 << PLANES] {
     let mut table = [Signs {
         order: [0; 4 * CHILDREN],
@@ -90,7 +92,7 @@ const fn spread(first: u8, children: u8) -> [u8; 32] {
 static SPREAD: [[u8; 32]; 3] = [spread(0, 8), spread(1, 4), spread(3, 2)];
 
 /// The state of one ray's traversal.
-pub struct Course {
+pub struct State {
     /// Per axis the coefficients of plane crossings: factor, and the addends of lower and upper bound.
     inv: [f32; 3],
     near: [f32; 3],
@@ -98,40 +100,42 @@ pub struct Course {
     /// Per axis a mask of all seven planes if the ray descends along it, else 0.
     down: [u32; 3],
     /// The node to visit next, and the ray's interval in it.
-    next: (u32, f32, f32),
+    next: NodeEntry,
     /// Number of stack entries in use.
-    waiting: usize,
+    size: usize,
     /// The stack: nodes and the ray's intervals in them. The bottom entry is a word that ends the traversal.
     child: [f32; STACK],
     enter: [f32; STACK],
     leave: [f32; STACK],
 }
 
-impl Course {
+impl State {
     /// Pops the nearest entry that starts within `reach` as the next node.
     #[inline(always)]
     fn pop(&mut self, reach: f32) {
-        let top = topmost(&self.enter, self.waiting, reach);
-        self.waiting = top;
-        let leave = keep_min(reach, self.leave[top]);
-        self.next = (self.child[top].to_bits(), self.enter[top], leave);
+        let top = topmost(&self.enter, self.size, reach);
+        self.size = top;
+        self.next = NodeEntry {
+            node: self.child[top].to_bits(),
+            interval: Interval::new(self.enter[top], keep_min(reach, self.leave[top])),
+        };
     }
 }
 
 /// The traversal of one tree.
-pub struct Walk<'a>(pub &'a WideTree);
+pub struct PlaneSteps<'a>(pub &'a WideTree);
 
-impl Steps for Walk<'_> {
-    type Course = Course;
+impl Steps for PlaneSteps<'_> {
+    type State = State;
 
-    fn course(&self) -> Course {
-        Course {
+    fn blank(&self) -> State {
+        State {
             inv: [0.0; 3],
             near: [0.0; 3],
             far: [0.0; 3],
             down: [0; 3],
-            next: (OVER, 0.0, 0.0),
-            waiting: 0,
+            next: NodeEntry::blank(OVER),
+            size: 0,
             child: [f32::from_bits(OVER); STACK],
             enter: [f32::NEG_INFINITY; STACK],
             leave: [0.0; STACK],
@@ -139,32 +143,37 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn begin(&self, ray: &FrameRay, course: &mut Course) {
+    fn start(&self, ray: &FrameRay, state: &mut State) {
         let slabs = Slabs::new(ray);
-        (course.inv, course.near, course.far) = (slabs.inv, slabs.near, slabs.far);
+        (state.inv, state.near, state.far) = (slabs.inv, slabs.near, slabs.far);
         let down = |k: usize| ray.negative[k] * 0x7f;
-        course.down = [down(0), down(1), down(2)];
-        course.next = (self.0.root(), ray.t_min, ray.t_max);
-        course.waiting = 1;
+        state.down = [down(0), down(1), down(2)];
+        state.next = NodeEntry {
+            node: self.0.root(),
+            interval: Interval::new(ray.t_min, ray.t_max),
+        };
+        state.size = 1;
     }
 
     #[inline(always)]
-    fn next(&self, course: &Course) -> Next {
-        Next::of(course.next.0)
+    fn next(&self, state: &State) -> Next {
+        Next::of(state.next.node)
     }
 
     #[inline(always)]
-    fn plain<S: Simd>(&self, simd: S, course: &mut Course, reach: f32) {
-        let (child, enter, leave) = course.next;
-        axis(simd, self.0.line(child), course, (enter, leave));
-        course.pop(reach);
+    fn plain<S: Simd>(&self, simd: S, state: &mut State, reach: f32) {
+        let line = self.0.line(state.next.node);
+        let crossings = axis(simd, line, state);
+        push(simd, line, &crossings, state);
+        state.pop(reach);
     }
 
     #[inline(always)]
-    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Course, reach: f32) {
-        let (child, enter, leave) = course.next;
-        oblique(simd, self.0.lines(child), ray, course, (enter, leave));
-        course.pop(reach);
+    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, state: &mut State, reach: f32) {
+        let lines = self.0.lines(state.next.node);
+        let crossings = oblique(simd, lines, ray);
+        push(simd, &lines[0], &crossings, state);
+        state.pop(reach);
     }
 
     fn bytes(&self) -> usize {
@@ -172,18 +181,18 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
-    fn fetch_plain(&self, course: &Course) {
-        self.0.fetch_ahead::<1>(course.next.0);
+    fn fetch_plain(&self, state: &State) {
+        self.0.fetch_ahead::<1>(state.next.node);
     }
 
     #[inline(always)]
-    fn fetch_general(&self, course: &Course) {
-        self.0.fetch_ahead::<3>(course.next.0);
+    fn fetch_general(&self, state: &State) {
+        self.0.fetch_ahead::<3>(state.next.node);
     }
 
     #[inline(always)]
-    fn fetch_leaf(&self, blocks: &Blocks, course: &Course) {
-        blocks.fetch_ahead(self.0.leaf(course.next.0).first);
+    fn fetch_leaf(&self, blocks: &Blocks, state: &State) {
+        blocks.fetch_ahead(self.0.leaf(state.next.node).first);
     }
 
     #[inline(always)]
@@ -191,24 +200,36 @@ impl Steps for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        (course, best): (&mut Course, &mut Best),
+        ray: RayRef<'_>,
+        state: &mut State,
+        best: &mut Best,
         counters: &mut C,
     ) {
-        let (child, _, leave) = course.next;
-        let leaf = self.0.leaf(child);
+        let leaf = self.0.leaf(state.next.node);
         counters.leaf(leaf.count);
-        if job.test::<S, Q, C>(simd, leaf, RayRef { ray, frame }, leave, best, counters) {
-            course.next.0 = OVER;
+        let leave = state.next.interval.leave;
+        if job.test::<S, Q, C>(simd, leaf, ray, leave, best, counters) {
+            state.next.node = OVER;
         } else {
-            course.pop(best.reach);
+            state.pop(best.reach);
         }
     }
 }
 
-/// Pushes the children of a node whose planes are all axis-aligned.
+/// The crossings of a ray with the planes of a node, one per lane.
+struct Crossings<S: Simd> {
+    /// Bit `i` is set if the ray descends through plane `i`.
+    signs: u32,
+    /// Mask of the children that exist.
+    used: u32,
+    /// Bounds of the distances where the ray crosses the planes.
+    low: f32x8<S>,
+    high: f32x8<S>,
+}
+
+/// The crossings with a node whose planes are all axis-aligned.
 #[inline(always)]
-fn axis<S: Simd>(simd: S, line: &Line, course: &mut Course, interval: (f32, f32)) {
+fn axis<S: Simd>(simd: S, line: &Line, state: &State) -> Crossings<S> {
     let info = Info(line.first[PLANES].to_bits());
     let (y, z) = (info.along_y(), info.along_z());
     let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
@@ -219,32 +240,21 @@ fn axis<S: Simd>(simd: S, line: &Line, course: &mut Course, interval: (f32, f32)
         let all: f32x8<S> = in_z.select(f32x8::splat(simd, v[2]), xy);
         all
     };
-    let inv = of(course.inv);
+    let inv = of(state.inv);
     let heights = f32x8::from_slice(simd, &line.first);
-    let low = heights.mul_add(inv, of(course.near));
-    let high = heights.mul_add(inv, of(course.far));
     // Select per plane whether the ray descends along the plane's axis.
-    let down = course.down;
-    let signs = down[0] ^ (y & (down[0] ^ down[1])) ^ (z & (down[0] ^ down[2]));
-    push(
-        simd,
-        line,
-        (signs, info.used()),
-        (low, high),
-        course,
-        interval,
-    );
+    let down = state.down;
+    Crossings {
+        signs: down[0] ^ (y & (down[0] ^ down[1])) ^ (z & (down[0] ^ down[2])),
+        used: info.used(),
+        low: heights.mul_add(inv, of(state.near)),
+        high: heights.mul_add(inv, of(state.far)),
+    }
 }
 
-/// Pushes the children of a node with planes of any direction.
+/// The crossings with a node with planes of any direction.
 #[inline(always)]
-fn oblique<S: Simd>(
-    simd: S,
-    lines: &[Line; 3],
-    frame: &FrameRay,
-    course: &mut Course,
-    interval: (f32, f32),
-) {
+fn oblique<S: Simd>(simd: S, lines: &[Line; 3], frame: &FrameRay) -> Crossings<S> {
     let splat = |x: f32| f32x8::splat(simd, x);
     let load = |row: &[f32; 8]| f32x8::from_slice(simd, row);
     let (x, y, z) = (
@@ -258,42 +268,31 @@ fn oblique<S: Simd>(
     let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
     let height = f32x8::from_slice(simd, &lines[0].first) - along(frame.o);
     let slack = splat(frame.oblique_pad) * inv.abs();
-    let low = height.mul_sub(inv, slack);
-    let high = height.mul_add(inv, slack);
-    let signs = inv.simd_lt(splat(0.0)).to_bitmask() as u32 & 0x7f;
-    let info = Info(lines[0].first[PLANES].to_bits());
-    push(
-        simd,
-        &lines[0],
-        (signs, info.used()),
-        (low, high),
-        course,
-        interval,
-    );
+    Crossings {
+        signs: inv.simd_lt(splat(0.0)).to_bitmask() as u32 & 0x7f,
+        used: Info(lines[0].first[PLANES].to_bits()).used(),
+        low: height.mul_sub(inv, slack),
+        high: height.mul_add(inv, slack),
+    }
 }
 
-/// Pushes the children that the ray meets within its interval, the nearest on top. The ray crosses each plane
-/// between `low` and `high`; NaN bounds are ignored.
+/// Pushes the children that the ray meets within its interval, the nearest on top. NaN bounds are ignored.
 #[inline(always)]
-fn push<S: Simd>(
-    simd: S,
-    line: &Line,
-    (signs, used): (u32, u32),
-    (low, high): (f32x8<S>, f32x8<S>),
-    course: &mut Course,
-    (enter, leave): (f32, f32),
-) {
+fn push<S: Simd>(simd: S, line: &Line, crossings: &Crossings<S>, state: &mut State) {
     let splat = |x: f32| f32x8::splat(simd, x);
     let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
-    let table = &SIGNS[signs as usize & 0x7f];
+    let table = &SIGNS[crossings.signs as usize & 0x7f];
     // Start with the node's interval; missing children get an empty one, whatever the planes' bounds are.
-    let mut enters: f32x8<S> = mask(used).select(splat(enter), splat(f32::INFINITY));
-    let mut leaves: f32x8<S> = mask(used).select(splat(leave), splat(f32::NEG_INFINITY));
+    let Interval { enter, leave } = state.next.interval;
+    let used = mask(crossings.used);
+    let mut enters: f32x8<S> = used.select(splat(enter), splat(f32::INFINITY));
+    let mut leaves: f32x8<S> = used.select(splat(leave), splat(f32::NEG_INFINITY));
     // On each level, the near child ends at its plane and the far child begins there.
     for (places, near) in SPREAD.iter().zip(&table.near) {
         let near = mask(u32::from(*near));
         let places = u8x32::from_slice(simd, places);
-        let (low, high) = (low.swizzle_dyn(places), high.swizzle_dyn(places));
+        let low = crossings.low.swizzle_dyn(places);
+        let high = crossings.high.swizzle_dyn(places);
         leaves = near.select(keep_min_each(high, leaves), leaves);
         enters = near.select(enters, keep_max_each(low, enters));
     }
@@ -302,15 +301,14 @@ fn push<S: Simd>(
     let children = f32x8::from_slice(simd, &line.second).swizzle_dyn(order);
     let (enters, leaves) = (enters.swizzle_dyn(order), leaves.swizzle_dyn(order));
     let live = enters.simd_le(leaves);
-    let at = course.waiting;
-    children
-        .compress(live)
-        .store_slice(&mut course.child[at..at + CHILDREN]);
-    enters
-        .compress(live)
-        .store_slice(&mut course.enter[at..at + CHILDREN]);
-    leaves
-        .compress(live)
-        .store_slice(&mut course.leave[at..at + CHILDREN]);
-    course.waiting = at + live.to_bitmask().count_ones() as usize;
+    let top = state.size..state.size + CHILDREN;
+    let rows = [
+        &mut state.child[top.clone()],
+        &mut state.enter[top.clone()],
+        &mut state.leave[top],
+    ];
+    for (row, values) in rows.into_iter().zip([children, enters, leaves]) {
+        values.compress(live).store_slice(row);
+    }
+    state.size += live.to_bitmask().count_ones() as usize;
 }

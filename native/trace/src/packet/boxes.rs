@@ -6,8 +6,8 @@ use crate::input::Input;
 use crate::packet::leaf::{self, Active};
 use crate::packet::traversal::PacketTree;
 use crate::packet::{self, Group, MOST, Packet, Width};
-use crate::pending::{Waits, make_room};
 use crate::single::objects::boxes as box_tree;
+use crate::stack::{Entry, make_room};
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
@@ -18,7 +18,7 @@ use halfspace_ray::query::{Counters, Query};
 
 /// A stack entry: a box still to visit and the entry distance of each ray, infinite for rays that miss it.
 #[derive(Clone, Copy)]
-pub struct Pending {
+pub struct BoxEntry {
     /// Entry distance of the first ray that hits the box; the sort key.
     first: f32,
     link: u32,
@@ -26,7 +26,7 @@ pub struct Pending {
     enter: Row,
 }
 
-impl Waits for Pending {
+impl Entry for BoxEntry {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.first
@@ -34,18 +34,18 @@ impl Waits for Pending {
 }
 
 impl<const W: usize> PacketTree for BoxTree<W> {
-    type Pending<'a> = Pending;
+    type Entry<'a> = BoxEntry;
     type Single<'a>
-        = box_tree::Walk<'a, W>
+        = box_tree::BoxTraversal<'a, W>
     where
         Self: 'a;
 
     fn single(&self) -> Self::Single<'_> {
-        box_tree::Walk(self)
+        box_tree::BoxTraversal(self)
     }
 
-    fn stack(&self) -> Vec<Pending> {
-        let blank = Pending {
+    fn stack(&self) -> Vec<BoxEntry> {
+        let blank = BoxEntry {
             first: 0.0,
             link: 0,
             count: 0,
@@ -62,7 +62,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         input: Input<'_>,
         packet: &mut Packet,
         group: Group,
-        stack: &mut [Pending],
+        stack: &mut [BoxEntry],
         counters: &mut [C],
     ) {
         let charged = packet.places[group.lead];
@@ -70,7 +70,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         // Leaves need no exit distances of boxes, only the ends of the rays.
         let ends = packet::load::<S, L>(simd, &packet.reach);
         let mut enters = packet.enter(group);
-        let mut waiting = 0;
+        let mut size = 0;
         let mut hits = Hits::none();
         let mut node = &self.nodes[0];
         loop {
@@ -78,16 +78,16 @@ impl<const W: usize> PacketTree for BoxTree<W> {
             let inside = packet::load::<S, L>(simd, &enters);
             let reach = packet::load::<S, L>(simd, &packet.reach);
             let met = hits.test::<S, L>(simd, node, &slabs, group.signs, inside, reach);
-            hits.push(node, met, stack, &mut waiting);
+            hits.push(node, met, stack, &mut size);
 
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
-                if waiting == 0 {
+                if size == 0 {
                     return;
                 }
-                waiting -= 1;
+                size -= 1;
                 // Drop rays whose best hit has come before this box since it was pushed.
-                let next = &stack[waiting];
+                let next = &stack[size];
                 let enter = packet::load::<S, L>(simd, &next.enter);
                 let reach = packet::load::<S, L>(simd, &packet.reach);
                 let lanes = packet::live::<S, L>(enter, reach) & group.lanes;
@@ -104,8 +104,8 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                 };
                 // Prefetch the leaf, and the entry that follows it.
                 input.blocks.fetch_ahead(own.first);
-                if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), input.blocks);
+                if let Some(further) = stack[..size].last() {
+                    self.fetch_ahead(further.link, further.count, input.blocks);
                 }
                 counters[charged].leaf(own.count);
                 let active = Active {
@@ -173,15 +173,15 @@ impl<const W: usize> Hits<W> {
 
     /// Pushes the boxes of `met`, sorted by entry distance with the nearest on top.
     #[inline(always)]
-    fn push(&self, node: &Wide<W>, mut met: u32, stack: &mut [Pending], waiting: &mut usize) {
-        let base = *waiting;
+    fn push(&self, node: &Wide<W>, mut met: u32, stack: &mut [BoxEntry], size: &mut usize) {
+        let base = *size;
         while met != 0 {
             let child = met.trailing_zeros() as usize % W;
             met &= met - 1;
             let (lanes, enter) = (self.lanes[child], self.enter[child]);
             let first = enter[lanes.trailing_zeros() as usize % MOST];
-            let at = make_room(stack, base, waiting, first);
-            stack[at] = Pending {
+            let at = make_room(stack, base, size, first);
+            stack[at] = BoxEntry {
                 first,
                 link: node.link[child],
                 count: node.count[child],

@@ -10,7 +10,7 @@ use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::PRUNE;
 use halfspace_ray::query::{Counters, Query};
-use halfspace_ray::{Hit, Ray};
+use halfspace_ray::{HitKey, Ray};
 
 impl Packet {
     /// Takes a candidate triangle for several rays and updates their hits and `reach`.
@@ -97,7 +97,9 @@ impl Packet {
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };
-        if !ray.reaches(found.t) || !Hit::precedes((found.t, id), (best, self.id[i])) {
+        if !ray.reaches(found.t)
+            || !HitKey::new(found.t, id).precedes(HitKey::new(best, self.id[i]))
+        {
             return;
         }
         if Q::ANY {
@@ -163,7 +165,7 @@ impl Packet {
             let id = self.deferred.id[0][i];
             if certain >> i & 1 == 1 {
                 // Its distance has been proven to lie inside the ray's interval.
-                if Hit::precedes((t[i], id), (self.t[i], self.id[i])) {
+                if HitKey::new(t[i], id).precedes(HitKey::new(self.t[i], self.id[i])) {
                     (self.t[i], self.u[i], self.v[i], self.id[i]) = (t[i], u[i], v[i], id);
                 }
             } else {

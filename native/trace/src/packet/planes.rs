@@ -19,7 +19,7 @@ use halfspace_ray::query::{Counters, Query};
 
 /// A stack entry: a node and the interval of each ray in it.
 #[derive(Clone, Copy)]
-pub struct Pending<A> {
+pub struct PlaneEntry<A> {
     node: A,
     enter: Row,
     leave: Row,
@@ -28,15 +28,15 @@ pub struct Pending<A> {
 macro_rules! packets_of_planes {
     ($tree:ty) => {
         impl PacketTree for $tree {
-            type Pending<'a> = Pending<<&'a $tree as Planes>::At>;
-            type Single<'a> = plane_dir::Walk<&'a $tree>;
+            type Entry<'a> = PlaneEntry<<&'a $tree as Planes>::At>;
+            type Single<'a> = plane_dir::PlaneTraversal<&'a $tree>;
 
             fn single(&self) -> Self::Single<'_> {
-                plane_dir::Walk(self)
+                plane_dir::PlaneTraversal(self)
             }
 
-            fn stack(&self) -> Vec<Self::Pending<'_>> {
-                let blank = Pending {
+            fn stack(&self) -> Vec<Self::Entry<'_>> {
+                let blank = PlaneEntry {
                     node: Planes::root(self),
                     enter: [0.0; MOST],
                     leave: [0.0; MOST],
@@ -51,7 +51,7 @@ macro_rules! packets_of_planes {
                 input: Input<'_>,
                 packet: &mut Packet,
                 group: Group,
-                stack: &mut [Self::Pending<'a>],
+                stack: &mut [Self::Entry<'a>],
                 counters: &mut [C],
             ) {
                 trace::<S, _, Q, C, L>(simd, self, input, packet, group, stack, counters);
@@ -108,12 +108,12 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
     input: Input<'_>,
     packet: &mut Packet,
     group: Group,
-    stack: &mut [Pending<T::At>],
+    stack: &mut [PlaneEntry<T::At>],
     counters: &mut [C],
 ) {
     let (whole, mut input) = (input.job(), input);
     let charged = packet.places[group.lead];
-    let mut waiting = 0;
+    let mut size = 0;
     let mut node = tree.root();
     let mut inside = Intervals {
         enter: packet::load::<S, L>(simd, &packet.enter(group)),
@@ -167,14 +167,14 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                     leaf::test::<S, Q, C, L>(simd, input, own, packet, active, counters);
                 }
                 let reach = packet::load::<S, L>(simd, &packet.reach);
-                match pop::<S, _, L>(simd, stack, &mut waiting, reach) {
+                match pop::<S, _, L>(simd, stack, &mut size, reach) {
                     Some(next) => (node, inside) = next,
                     None => break,
                 }
                 continue;
             }
         };
-        (node, inside) = descend(tree, node, &parts, empty, stack, &mut waiting);
+        (node, inside) = descend(tree, node, &parts, empty, stack, &mut size);
     }
     if T::PARTS {
         packet.decide_deferred::<S, Q, C>(simd, input, counters);
@@ -188,19 +188,19 @@ fn descend<S: Simd, T: Planes, L: Width>(
     node: T::At,
     [first, second]: &[Part<S, L>; 2],
     empty: u32,
-    stack: &mut [Pending<T::At>],
-    waiting: &mut usize,
+    stack: &mut [PlaneEntry<T::At>],
+    size: &mut usize,
 ) -> (T::At, Intervals<S, L>) {
     if !first.is_met(empty) {
         // The second child may be empty or missed too; its own node or leaf then ends the branch.
         return (tree.sibling(node, second.child), second.inside);
     }
     if second.is_met(empty) {
-        let next = &mut stack[*waiting];
+        let next = &mut stack[*size];
         next.node = tree.sibling(node, second.child);
         packet::store::<S, L>(second.inside.enter, &mut next.enter);
         packet::store::<S, L>(second.inside.leave, &mut next.leave);
-        *waiting += 1;
+        *size += 1;
     }
     (tree.sibling(node, first.child), first.inside)
 }
@@ -209,13 +209,13 @@ fn descend<S: Simd, T: Planes, L: Width>(
 #[inline(always)]
 fn pop<S: Simd, A: Copy, L: Width>(
     simd: S,
-    stack: &[Pending<A>],
-    waiting: &mut usize,
+    stack: &[PlaneEntry<A>],
+    size: &mut usize,
     reach: L::Vector<S>,
 ) -> Option<(A, Intervals<S, L>)> {
-    while *waiting != 0 {
-        *waiting -= 1;
-        let next = &stack[*waiting];
+    while *size != 0 {
+        *size -= 1;
+        let next = &stack[*size];
         let inside = Intervals::<S, L> {
             enter: packet::load::<S, L>(simd, &next.enter),
             leave: packet::load::<S, L>(simd, &next.leave).min(reach),

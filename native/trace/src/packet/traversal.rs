@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversal of a tree by packets of rays; rays alone in their group take the single-ray traversal.
 
-use crate::batch::{TileWalk, Walk};
+use crate::batch::{SingleTraversal, TileTraversal};
 use crate::input::Input;
 use crate::packet::{Group, MOST, Packet, Sixteen, Width};
 use fearless_simd::Simd;
@@ -13,11 +13,11 @@ use std::marker::PhantomData;
 /// A tree with a packet traversal.
 pub trait PacketTree: Sync {
     /// A stack entry: a node and the interval of each ray in it.
-    type Pending<'a>
+    type Entry<'a>
     where
         Self: 'a;
     /// The single-ray traversal of the same tree.
-    type Single<'a>: Walk
+    type Single<'a>: SingleTraversal
     where
         Self: 'a;
 
@@ -25,7 +25,7 @@ pub trait PacketTree: Sync {
     fn single(&self) -> Self::Single<'_>;
 
     /// A stack with room for the deepest path.
-    fn stack(&self) -> Vec<Self::Pending<'_>>;
+    fn stack(&self) -> Vec<Self::Entry<'_>>;
 
     /// Traces one group of a packet. Node visits are counted for the first ray of the group.
     fn trace_group<'a, S: Simd, Q: Query, C: Counters, L: Width>(
@@ -34,7 +34,7 @@ pub trait PacketTree: Sync {
         input: Input<'_>,
         packet: &mut Packet,
         group: Group,
-        stack: &mut [Self::Pending<'a>],
+        stack: &mut [Self::Entry<'a>],
         counters: &mut [C],
     );
 }
@@ -52,8 +52,8 @@ impl<'a, T, Q, L> Packets<'a, T, Q, L> {
 /// Working memory: the packet, its stack, and that of the single-ray traversal.
 pub struct Scratch<'a, T: PacketTree + 'a> {
     packet: Packet,
-    stack: Vec<T::Pending<'a>>,
-    single: <T::Single<'a> as Walk>::Scratch,
+    stack: Vec<T::Entry<'a>>,
+    single: <T::Single<'a> as SingleTraversal>::Scratch,
 }
 
 impl<'a, T: PacketTree> Scratch<'a, T> {
@@ -67,7 +67,7 @@ impl<'a, T: PacketTree> Scratch<'a, T> {
     }
 }
 
-impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
+impl<'a, T: PacketTree, Q: Query, L: Width> TileTraversal for Packets<'a, T, Q, L> {
     const RAYS: usize = L::RAYS;
     type Scratch = Scratch<'a, T>;
 
@@ -150,7 +150,7 @@ fn trace<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
 
 /// Traces one ray. Compiled once for packets of all widths.
 #[inline(never)]
-fn alone<S: Simd, W: Walk, Q: Query, C: Counters>(
+fn alone<S: Simd, W: SingleTraversal, Q: Query, C: Counters>(
     simd: S,
     traversal: &W,
     triangles: Job<'_>,

@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! No tree: every ray against every triangle.
+//! Brute force: every ray against every triangle, without a tree.
 
-use crate::batch::{Batch, Write};
+use crate::batch::{Batch, Launch, Write};
 use crate::kernel::{Kernel, SingleRays, store};
+use fearless_simd::{Simd, dispatch};
 use halfspace_base::error::{Error, Result};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::Leaf;
+use halfspace_leaf::blocks::{Blocks, LANES};
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Query};
+use halfspace_ray::query::{Any, Best, Closest, Count, Query};
 use halfspace_ray::replay::{Record, Recording};
-use halfspace_ray::{Hit, RayCounters};
+use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef};
 use std::sync::Arc;
 
-/// Tests all triangles of the scene.
+/// Number of rays that are tested together against each group of triangles, so that both stay in the cache.
+const RAYS: usize = 64;
+
+/// Number of triangles of a group.
+const TRIANGLES: usize = 32 * LANES;
+
+/// The kernel of brute force.
 #[derive(Debug)]
 struct Brute {
     /// One leaf of all triangles.
@@ -74,10 +82,97 @@ impl SingleRays for Brute {
     }
 
     fn record(&self, _: &Batch<'_>, _: bool, _: &mut [RayCounters], _: &mut Record) -> Result<()> {
-        Err(Error::Spec("brute walks no tree".to_owned()))
+        Err(Error::Spec("brute has no leaves to record".to_owned()))
     }
 
     fn replay(&self, _: &Batch<'_>, _: &Recording) -> (Vec<f64>, usize) {
         unreachable!("brute force records nothing")
+    }
+}
+
+/// A ray of a group.
+struct RayState<'a, 'c> {
+    frame: FrameRay<'a>,
+    best: Best,
+    counters: &'c mut RayCounters,
+    /// Whether the answer is final.
+    done: bool,
+}
+
+impl Launch<'_> {
+    /// Tests every ray against all `count` triangles; passes each hit to `write`. `counters`: one per ray, or none.
+    fn brute<Q: Query>(
+        &self,
+        count: usize,
+        write: Write<'_>,
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        let mut none = vec![RayCounters::default(); self.rays.len()];
+        let counters = counters.unwrap_or(&mut none);
+        let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
+        let mut cache = self.cache::<Q>();
+        for (group, (rays, counters)) in groups.enumerate() {
+            // Test the blockers that the previous group left in the cache.
+            let mut states: Vec<_> = (rays.iter().zip(counters).enumerate())
+                .map(|(i, (ray, counters))| {
+                    let frame = self.framed(group * RAYS + i)?;
+                    let own = RayRef { ray, frame: &frame };
+                    let known = self.cached(&cache, own, &mut Count::new(counters));
+                    Some(RayState {
+                        best: known.map_or_else(|| Best::new(&frame), Best::known),
+                        frame,
+                        counters,
+                        done: known.is_some(),
+                    })
+                })
+                .collect();
+            dispatch!(self.level, simd => {
+                self.all_triangles::<_, Q>(simd, count, rays, &mut states);
+            });
+            if let Some(cache) = &mut cache {
+                for (ray, state) in rays.iter().zip(&states) {
+                    if let Some(state) = state {
+                        cache.remember(cache.entry(ray), &state.best.hit());
+                    }
+                }
+            }
+            for (i, state) in states.iter().enumerate() {
+                let hit = state.as_ref().map_or(Hit::MISS, |state| state.best.hit());
+                write(group * RAYS + i, hit);
+            }
+        }
+    }
+
+    /// Tests the rays of a group against all `count` triangles. `None` stands for a ray that misses the scene.
+    #[inline(always)]
+    fn all_triangles<S: Simd, Q: Query>(
+        &self,
+        simd: S,
+        count: usize,
+        rays: &[Ray],
+        states: &mut [Option<RayState<'_, '_>>],
+    ) {
+        for first in (0..count).step_by(TRIANGLES) {
+            let part = Leaf {
+                first: Blocks::offset(first),
+                count: TRIANGLES.min(count - first),
+            };
+            for (ray, state) in rays.iter().zip(states.iter_mut()) {
+                let Some(state) = state else {
+                    continue;
+                };
+                if !state.done {
+                    let frame = &state.frame;
+                    state.done = self.job().test::<S, Q, _>(
+                        simd,
+                        part,
+                        RayRef { ray, frame },
+                        frame.t_max,
+                        &mut state.best,
+                        &mut Count::new(state.counters),
+                    );
+                }
+            }
+        }
     }
 }

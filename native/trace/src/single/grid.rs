@@ -12,18 +12,15 @@
 //! once, at the first distance the intervals share, and no other cell is. No step goes back, so the traversal
 //! ends.
 
-use crate::batch;
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Job;
 use halfspace_nodes::grid::Grid;
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
-
-/// The traversal of one grid.
-pub struct Walk<'a>(pub &'a Grid);
 
 /// The cell walls across one axis, counted in the direction of the ray.
 #[derive(Clone, Copy)]
@@ -56,12 +53,12 @@ impl<'a> Axis<'a> {
     /// Distance at which the ray crosses a wall, without error bound.
     #[inline(always)]
     fn distance(&self, wall: usize) -> f32 {
-        let place = if self.backwards {
+        let index = if self.backwards {
             self.count - wall
         } else {
             wall
         };
-        (self.walls[place] - self.o) * self.inv
+        (self.walls[index] - self.o) * self.inv
     }
 
     /// Lower bound on the distance at which the ray enters a cell. The outer faces of the grid are unbounded: a
@@ -90,7 +87,7 @@ impl<'a> Axis<'a> {
 
     /// The index in the grid of a cell counted in the direction of the ray.
     #[inline(always)]
-    fn place(&self, cell: usize) -> usize {
+    fn index(&self, cell: usize) -> usize {
         if self.backwards {
             self.count - 1 - cell
         } else {
@@ -109,7 +106,7 @@ impl<'a> Axis<'a> {
     fn window(&self, x: f32, per_unit: f32, t: f32) -> [usize; 2] {
         let guess = ((x - self.walls[0]) * per_unit) as usize;
         // Correct the guess by the bounds: it may be a cell off, or more in a grid of tiny cells.
-        let mut last = self.place(guess.min(self.count - 1));
+        let mut last = self.index(guess.min(self.count - 1));
         while self.enters(last) > t {
             last -= 1;
         }
@@ -124,7 +121,54 @@ impl<'a> Axis<'a> {
     }
 }
 
-impl batch::Walk for Walk<'_> {
+/// The cells that the ray may be in, from the first to the last, per axis.
+type Cells = [[usize; 2]; 3];
+
+/// A grid and its walls across the three axes, as one ray meets them.
+struct Walls<'a> {
+    grid: &'a Grid,
+    axes: [Axis<'a>; 3],
+}
+
+impl Walls<'_> {
+    /// Tests the triangles of some cells; returns whether the traversal may end.
+    #[inline(always)]
+    fn visit<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        cells: &Cells,
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        let axes = &self.axes;
+        for z in cells[2][0]..=cells[2][1] {
+            for y in cells[1][0]..=cells[1][1] {
+                for x in cells[0][0]..=cells[0][1] {
+                    let cell = [axes[0].index(x), axes[1].index(y), axes[2].index(z)];
+                    let leaf = self.grid.cell(cell);
+                    counters.leaf(leaf.count);
+                    if leaf.count == 0 {
+                        continue;
+                    }
+                    // A hit counts up to the distance at which the ray has provably left the cell.
+                    let sides = keep_min(axes[0].leaves(x), axes[1].leaves(y));
+                    let leave = keep_min(sides, keep_min(axes[2].leaves(z), ray.frame.t_max));
+                    if job.test::<S, Q, C>(simd, leaf, ray, leave, best, counters) {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+}
+
+/// The traversal of one grid.
+pub struct GridTraversal<'a>(pub &'a Grid);
+
+impl SingleTraversal for GridTraversal<'_> {
     type Scratch = ();
 
     fn scratch(&self) {}
@@ -134,21 +178,21 @@ impl batch::Walk for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
+        ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
-        // Find the cells the ray may start in, and the distance to the next wall of each axis.
-        let grid = self.0;
+        let (grid, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
+        // Find the cells the ray may start in, and the distance to the next wall of each axis.
         let axes = map(
             [0, 1, 2],
             #[inline(always)]
             |k: usize| Axis::new(grid, frame, k),
         );
+        let walls = Walls { grid, axes };
         let start = frame.t_min;
-        // Per axis the first and the last cell that the ray may be in.
-        let mut may = map(
+        let mut may: Cells = map(
             [0, 1, 2],
             #[inline(always)]
             |k: usize| axes[k].window(frame.o[k] + start * frame.d[k], grid.per_unit(k), start),
@@ -161,33 +205,9 @@ impl batch::Walk for Walk<'_> {
         // The cells to visit in this step: the newly entered cell on its axis, all possible ones on the others.
         let mut fresh = may;
         loop {
-            // Test the triangles of the new cells.
             counters.step_boxes();
-            for z in fresh[2][0]..=fresh[2][1] {
-                for y in fresh[1][0]..=fresh[1][1] {
-                    for x in fresh[0][0]..=fresh[0][1] {
-                        let place = [axes[0].place(x), axes[1].place(y), axes[2].place(z)];
-                        let Leaf { first, count } = grid.cell(place);
-                        counters.leaf(count);
-                        if count == 0 {
-                            continue;
-                        }
-                        // A hit counts up to the distance at which the ray has provably left the cell.
-                        let sides = keep_min(axes[0].leaves(x), axes[1].leaves(y));
-                        let leave = keep_min(sides, keep_min(axes[2].leaves(z), frame.t_max));
-                        let leaf = Leaf { first, count };
-                        if job.test::<S, Q, C>(
-                            simd,
-                            leaf,
-                            RayRef { ray, frame },
-                            leave,
-                            &mut best,
-                            counters,
-                        ) {
-                            return best.hit();
-                        }
-                    }
-                }
+            if walls.visit::<S, Q, C>(simd, job, ray, &fresh, &mut best, counters) {
+                return best.hit();
             }
             // Choose the axis whose next wall may be crossed first.
             let mut axis = 0;
@@ -218,7 +238,7 @@ impl batch::Walk for Walk<'_> {
 
 single_rays! {
     /// Single rays from cell to cell of a grid.
-    fn grid(Grid) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn grid(Grid) -> GridTraversal<'a> {
+        |kernel| GridTraversal(&kernel.tree)
     }
 }

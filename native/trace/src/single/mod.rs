@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays one by one: a file for each layout and for each published way through it.
+//! Kernels that trace rays one by one: a file for each layout, and for each published traversal of it.
 
 pub mod brute;
 pub mod grid;
@@ -7,7 +7,7 @@ pub mod objects;
 pub mod octants;
 pub mod planes;
 
-use crate::batch::{Batch, Walk, Write};
+use crate::batch::{Batch, SingleTraversal, Write};
 use crate::kernel::{Kernel, SingleRays, store};
 use halfspace_base::error::Result;
 use halfspace_leaf::blocks::Blocks;
@@ -18,31 +18,31 @@ use halfspace_ray::{Hit, RayCounters};
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// A traversal that shares the ownership of its tree, and lends the form of it that the loops run on.
-pub trait Method: Debug + Send + Sync + 'static {
-    /// The traversal with a borrowed tree.
-    type Walk<'a>: Walk
+/// A traversal that shares the ownership of its tree.
+pub trait OwnedTraversal: Debug + Send + Sync + 'static {
+    /// The traversal of the borrowed tree, which the loops run on.
+    type Borrowed<'a>: SingleTraversal
     where
         Self: 'a;
 
     /// Borrows the tree.
-    fn walk(&self) -> Self::Walk<'_>;
+    fn borrowed(&self) -> Self::Borrowed<'_>;
 }
 
 /// The kernel of a traversal of single rays.
 #[derive(Debug)]
-pub struct Single<M> {
+pub struct Single<T> {
     /// The traversal.
-    pub method: M,
+    pub traversal: T,
     /// The leaves of its tree.
     pub leaves: Arc<Blocks>,
 }
 
-impl<Q: Query, M: Method> Kernel<Q> for Single<M> {
+impl<Q: Query, T: OwnedTraversal> Kernel<Q> for Single<T> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
-        let walk = self.method.walk();
+        let traversal = self.traversal.borrowed();
         let launch = batch.on(&self.leaves);
-        launch.walk::<_, Q>(&walk, &mut store::<Q>(answers), None);
+        launch.trace::<_, Q>(&traversal, &mut store::<Q>(answers), None);
     }
 
     fn count(
@@ -51,9 +51,9 @@ impl<Q: Query, M: Method> Kernel<Q> for Single<M> {
         answers: &mut [Q::Answer],
         counters: &mut [RayCounters],
     ) -> bool {
-        let walk = self.method.walk();
+        let traversal = self.traversal.borrowed();
         let launch = batch.on(&self.leaves);
-        launch.walk::<_, Q>(&walk, &mut store::<Q>(answers), Some(counters));
+        launch.trace::<_, Q>(&traversal, &mut store::<Q>(answers), Some(counters));
         true
     }
 
@@ -62,7 +62,7 @@ impl<Q: Query, M: Method> Kernel<Q> for Single<M> {
     }
 }
 
-impl<M: Method> SingleRays for Single<M> {
+impl<T: OwnedTraversal> SingleRays for Single<T> {
     fn cast(
         &self,
         batch: &Batch<'_>,
@@ -70,16 +70,16 @@ impl<M: Method> SingleRays for Single<M> {
         write: Write<'_>,
         counters: Option<&mut [RayCounters]>,
     ) {
-        let (walk, launch) = (self.method.walk(), batch.on(&self.leaves));
+        let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         if any {
-            launch.walk::<_, Any>(&walk, write, counters);
+            launch.trace::<_, Any>(&traversal, write, counters);
         } else {
-            launch.walk::<_, Closest>(&walk, write, counters);
+            launch.trace::<_, Closest>(&traversal, write, counters);
         }
     }
 
     fn path(&self, batch: &Batch<'_>) -> (Hit, Path) {
-        batch.on(&self.leaves).path(&self.method.walk())
+        batch.on(&self.leaves).path(&self.traversal.borrowed())
     }
 
     fn record(
@@ -89,23 +89,23 @@ impl<M: Method> SingleRays for Single<M> {
         counters: &mut [RayCounters],
         record: &mut Record,
     ) -> Result<()> {
-        let (walk, launch) = (self.method.walk(), batch.on(&self.leaves));
+        let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         if any {
-            launch.record::<_, Any>(&walk, counters, record);
+            launch.record::<_, Any>(&traversal, counters, record);
         } else {
-            launch.record::<_, Closest>(&walk, counters, record);
+            launch.record::<_, Closest>(&traversal, counters, record);
         }
         Ok(())
     }
 
     fn replay(&self, batch: &Batch<'_>, recording: &Recording) -> (Vec<f64>, usize) {
-        let (walk, launch) = (self.method.walk(), batch.on(&self.leaves));
+        let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         let mut seconds = Vec::new();
         let took = |time: std::time::Duration| seconds.push(time.as_secs_f64());
         let strayed = if recording.any {
-            launch.replay::<_, Any>(&walk, &recording.record, took)
+            launch.replay::<_, Any>(&traversal, &recording.record, took)
         } else {
-            launch.replay::<_, Closest>(&walk, &recording.record, took)
+            launch.replay::<_, Closest>(&traversal, &recording.record, took)
         };
         (seconds, strayed)
     }
@@ -116,7 +116,7 @@ impl<M: Method> SingleRays for Single<M> {
 macro_rules! single_rays {
     (
         $(#[$doc:meta])*
-        fn $constructor:ident($tree:ty $(, $field:ident: $type:ty)*) -> $walk:ty {
+        fn $constructor:ident($tree:ty $(, $field:ident: $type:ty)*) -> $traversal:ty {
             |$this:ident| $make:expr
         }
     ) => {
@@ -131,16 +131,16 @@ macro_rules! single_rays {
                 tree: std::sync::Arc<$tree>,
                 $($field: $type,)*
             }
-            impl $crate::single::Method for Owned {
-                type Walk<'a> = $walk;
+            impl $crate::single::OwnedTraversal for Owned {
+                type Borrowed<'a> = $traversal;
 
-                fn walk(&self) -> Self::Walk<'_> {
+                fn borrowed(&self) -> Self::Borrowed<'_> {
                     let $this = self;
                     $make
                 }
             }
             std::sync::Arc::new($crate::single::Single {
-                method: Owned {
+                traversal: Owned {
                     tree: tree.clone(),
                     $($field,)*
                 },

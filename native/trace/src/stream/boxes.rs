@@ -76,7 +76,7 @@ impl Steps for BoxTree<CHILDREN> {
 
     #[inline(always)]
     fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
-        BoxTree::fetch_ahead(self, (place.link, place.count), blocks);
+        BoxTree::fetch_ahead(self, place.link, place.count, blocks);
     }
 
     #[inline(always)]

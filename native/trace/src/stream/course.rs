@@ -3,11 +3,10 @@
 
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min_each};
-use halfspace_leaf::blocks::{Blocks, SPAN};
+use halfspace_leaf::Block;
 use halfspace_leaf::candidates::{Candidates, Edges};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{BoundedRay, FrameRay, Ray, RayRef};
 use prefetch_index::prefetch_index;
 
 /// Positions in a row of [`Line::axes`]: the reciprocal direction, the terms added for planes of entry and of exit
@@ -79,14 +78,11 @@ impl Line {
     }
 }
 
-/// Up to eight triangles of a leaf.
+/// Up to eight triangles of a leaf with their edges.
 #[derive(Clone, Copy)]
-pub struct Block<'a, S: Simd> {
-    pub corners: &'a [f32; SPAN],
+pub struct EdgedBlock<'a, S: Simd> {
+    pub block: Block<'a>,
     pub edges: &'a Edges<S>,
-    /// What decides candidates exactly.
-    pub scene: &'a Triangles,
-    pub blocks: &'a Blocks,
 }
 
 /// The state of one ray: the part of a [`FrameRay`] that the traversal needs, which is smaller, since thousands
@@ -158,27 +154,27 @@ impl Course {
     pub fn test<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        block: Block<'_, S>,
+        block: EdgedBlock<'_, S>,
         own: &Ray,
         reach: f32,
         counters: &mut C,
     ) {
-        let edges = block.edges;
-        let n = edges.count();
-        counters.tests(n);
+        let EdgedBlock { block, edges } = block;
+        counters.tests(block.count);
         let ray = self.ray();
         let mut open = Candidates::new(simd, edges, &ray, reach);
         // Refine the candidates and update the best hit.
         if open.any() {
             let surely = open.refine::<Q, C>(simd, edges, &ray);
-            let ends = block.blocks.settle::<S, Q, C>(
-                simd,
-                (open, &surely),
-                (block.corners, n, block.scene),
-                (own, &ray, self.certain),
-                &mut self.best,
-                counters,
-            );
+            let bounded = BoundedRay {
+                ray: RayRef {
+                    ray: own,
+                    frame: &ray,
+                },
+                certain: self.certain,
+            };
+            let best = &mut self.best;
+            let ends = block.settle::<S, Q, C>(simd, open, &surely, bounded, best, counters);
             let reach = if Q::ANY && ends {
                 f32::NEG_INFINITY
             } else {

@@ -45,7 +45,7 @@ macro_rules! few_boxes {
 
             #[inline(always)]
             fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
-                BoxTree::fetch_ahead(self, (place.link, place.count), blocks);
+                BoxTree::fetch_ahead(self, place.link, place.count, blocks);
             }
 
             #[inline(always)]

@@ -10,7 +10,7 @@ use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
-use halfspace_nodes::slab_node::{Kind, SlabNode};
+use halfspace_nodes::slab_node::{SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::Counters;
 use prefetch_index::prefetch_index;
@@ -34,7 +34,7 @@ impl<N: SlabNode> Steps for SlabTree<N> {
     #[inline(always)]
     fn leaf(&self, place: &N) -> Option<Leaf> {
         match place.kind() {
-            Kind::Leaf { first, count } => Some(Leaf { first, count }),
+            SlabKind::Leaf { first, count } => Some(Leaf { first, count }),
             _ => None,
         }
     }
@@ -42,8 +42,8 @@ impl<N: SlabNode> Steps for SlabTree<N> {
     #[inline(always)]
     fn fetch_ahead(&self, place: &N, blocks: &Blocks) {
         match place.kind() {
-            Kind::Leaf { first, .. } => blocks.fetch_ahead(first),
-            Kind::Pair { link, .. } | Kind::Only { link, .. } => {
+            SlabKind::Leaf { first, .. } => blocks.fetch_ahead(first),
+            SlabKind::Pair { link, .. } | SlabKind::Only { link, .. } => {
                 // The second child may begin in the next cache line.
                 prefetch_index(&self.nodes, link as usize);
                 prefetch_index(&self.nodes, link as usize + 1);
@@ -66,7 +66,7 @@ impl<N: SlabNode> Steps for SlabTree<N> {
         (): &mut (),
     ) {
         match own.place.kind() {
-            Kind::Pair { axis, link } => {
+            SlabKind::Pair { axis, link } => {
                 // The near child ends at its plane, and the far child begins at its own.
                 let back = stream.octant >> axis & 1;
                 let [below, above] = own.place.parts(axis, &EVERYWHERE);
@@ -81,7 +81,7 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                 let gap = Gap { axis, ends, begins };
                 stream.halve(simd, own, courses, children, gap);
             }
-            Kind::Only { axis, link } => {
+            SlabKind::Only { axis, link } => {
                 let back = stream.octant >> axis & 1;
                 let [inside, _] = own.place.parts(axis, &EVERYWHERE);
                 let sides = [inside.min[axis], inside.max[axis]];
@@ -104,7 +104,7 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                     },
                 );
             }
-            Kind::Leaf { .. } => {}
+            SlabKind::Leaf { .. } => {}
         }
     }
 
@@ -128,7 +128,7 @@ impl<N: SlabNode> Held for SlabTree<N> {
     #[inline(always)]
     fn held(&self, index: usize) -> Option<N> {
         let node = self.nodes[index];
-        let empty = matches!(node.kind(), Kind::Leaf { count: 0, .. });
+        let empty = matches!(node.kind(), SlabKind::Leaf { count: 0, .. });
         (!empty).then_some(node)
     }
 }

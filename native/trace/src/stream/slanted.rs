@@ -12,7 +12,7 @@ use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::dop_tree::NORMALS;
-use halfspace_nodes::slant_tree::{Kind, Node, SlantTree};
+use halfspace_nodes::slant_tree::{Node, SlantKind, SlantTree};
 use halfspace_ray::query::Counters;
 use prefetch_index::prefetch_index;
 
@@ -29,16 +29,16 @@ impl Steps for SlantTree {
     #[inline(always)]
     fn leaf(&self, place: &Node) -> Option<Leaf> {
         match place.kind() {
-            Kind::Leaf { first, count } => Some(Leaf { first, count }),
-            Kind::Inner { .. } => None,
+            SlantKind::Leaf { first, count } => Some(Leaf { first, count }),
+            SlantKind::Inner { .. } => None,
         }
     }
 
     #[inline(always)]
     fn fetch_ahead(&self, place: &Node, blocks: &Blocks) {
         match place.kind() {
-            Kind::Leaf { first, .. } => blocks.fetch_ahead(first),
-            Kind::Inner { link, .. } => {
+            SlantKind::Leaf { first, .. } => blocks.fetch_ahead(first),
+            SlantKind::Inner { link, .. } => {
                 // The second child may begin in the next cache line.
                 prefetch_index(&self.nodes, link as usize);
                 prefetch_index(&self.nodes, link as usize + 1);
@@ -49,7 +49,7 @@ impl Steps for SlantTree {
     #[inline(always)]
     fn count<C: Counters>(&self, place: &Node, counters: &mut C) {
         match place.kind() {
-            Kind::Inner {
+            SlantKind::Inner {
                 direction: 0..3, ..
             } => counters.step_boxes(),
             _ => counters.step_oblique(),
@@ -65,7 +65,7 @@ impl Steps for SlantTree {
         courses: &[Course],
         (): &mut (),
     ) {
-        let Kind::Inner {
+        let SlantKind::Inner {
             direction,
             alone,
             planes,

@@ -3,14 +3,14 @@
 
 use crate::batch::{Launch, baseline};
 use crate::flight::late::Late;
-use crate::stream::course::{Block, Course};
+use crate::stream::course::{Course, EdgedBlock};
 use crate::stream::lists::{Stream, Waiting};
 use crate::stream::{AHEAD, OCTANTS, STREAM, Steps};
 use fearless_simd::Simd;
 use halfspace_geom::bound::keep_min;
-use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::{LANES, SPAN};
 use halfspace_leaf::candidates::Edges;
+use halfspace_leaf::{Block, Job, Leaf};
 use halfspace_ray::query::{Count, Counters, NoCountLate, Query};
 use halfspace_ray::{Hit, RayCounters, RayRef};
 
@@ -134,7 +134,7 @@ impl Launch<'_> {
                     let (ray, frame) = (&self.rays[place], course.ray());
                     match course.best.held() {
                         Some(held) if self.frame.is_scene() => {
-                            late.push(simd, (place, self.rays), &frame, held, &mut &mut *write);
+                            late.push(simd, place, self.rays, &frame, held, &mut &mut *write);
                         }
                         _ => write(place, course.best.answer(RayRef { ray, frame: &frame })),
                     }
@@ -207,12 +207,12 @@ impl Launch<'_> {
         let (mut at, mut left) = (leaf.first, leaf.count);
         while left > 0 {
             let n = left.min(LANES);
-            let (block, next) = if ANY {
-                self.blocks.load(self.scene, (at, n), &mut room)
+            let (words, next) = if ANY {
+                self.blocks.load(self.scene, at, n, &mut room)
             } else {
                 self.blocks.block(at, n)
             };
-            let edges = Edges::new(simd, block, n);
+            let edges = Edges::new(simd, words, n);
             // Prefetch later rays in the first pass.
             for (i, &place) in list.iter().enumerate() {
                 if let (true, Some(&later)) = (at == leaf.first, list.get(i + AHEAD)) {
@@ -221,11 +221,16 @@ impl Launch<'_> {
                 let place = place as usize;
                 let course = &mut courses[place];
                 if let Some(reach) = part(i, course) {
-                    let block = Block {
-                        corners: block,
+                    let block = EdgedBlock {
+                        block: Block {
+                            job: Job {
+                                scene: self.scene,
+                                blocks: self.blocks,
+                            },
+                            words,
+                            count: n,
+                        },
                         edges: &edges,
-                        scene: self.scene,
-                        blocks: self.blocks,
                     };
                     let (ray, counters) = (&self.rays[place], &mut counters[place]);
                     course.test::<S, Q, C>(simd, block, ray, reach, counters);

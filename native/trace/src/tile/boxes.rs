@@ -3,7 +3,7 @@
 //! a box that no ray of the tile can hit. Boxes are visited nearest first, as for single rays.
 
 use crate::input::Input;
-use crate::pending::{Waits, make_room};
+use crate::stack::{Entry, make_room};
 use crate::tile::leaf::{self, Resolver};
 use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
@@ -18,13 +18,13 @@ use halfspace_ray::query::Counters;
 /// A stack entry: a box still to visit, the interval of distances in which rays of the tile may be inside it,
 /// and the box's link and count.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Pending {
+pub struct BoxEntry {
     inside: Interval,
     link: u32,
     count: u32,
 }
 
-impl Waits for Pending {
+impl Entry for BoxEntry {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.inside.enter
@@ -32,10 +32,10 @@ impl Waits for Pending {
 }
 
 impl<const W: usize> TileTree for BoxTree<W> {
-    type Room = Vec<Pending>;
+    type Room = Vec<BoxEntry>;
 
-    fn room(&self) -> Vec<Pending> {
-        vec![Pending::default(); (MAX_DEPTH + 3) * W]
+    fn room(&self) -> Vec<BoxEntry> {
+        vec![BoxEntry::default(); (MAX_DEPTH + 3) * W]
     }
 
     #[inline(always)]
@@ -45,24 +45,24 @@ impl<const W: usize> TileTree for BoxTree<W> {
         input: Input<'_>,
         tile: &mut Tile<R>,
         resolver: &mut J,
-        stack: &mut Vec<Pending>,
+        stack: &mut Vec<BoxEntry>,
         counters: &mut [C],
     ) -> bool {
         let stack = stack.as_mut_slice();
-        let mut waiting = 0;
+        let mut size = 0;
         let mut budget = J::BUDGET * R * LANES;
         let mut node = &self.nodes[0];
         loop {
             counters[0].step_boxes();
             join(tile, counters);
-            push_children(tile, node, stack, &mut waiting);
+            push_children(tile, node, stack, &mut size);
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
-                if waiting == 0 {
+                if size == 0 {
                     return true;
                 }
-                waiting -= 1;
-                let next = stack[waiting];
+                size -= 1;
+                let next = stack[size];
                 // Skip boxes behind the best hits of all rays.
                 if next.inside.enter > tile.far {
                     continue;
@@ -76,8 +76,8 @@ impl<const W: usize> TileTree for BoxTree<W> {
                 };
                 // Prefetch the leaf, and the entry that follows it.
                 input.blocks.fetch_ahead(own.first);
-                if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), input.blocks);
+                if let Some(further) = stack[..size].last() {
+                    self.fetch_ahead(further.link, further.count, input.blocks);
                 }
                 counters[0].leaf(own.count);
                 join(tile, counters);
@@ -98,12 +98,12 @@ impl<const W: usize> TileTree for BoxTree<W> {
 fn push_children<const W: usize, const R: usize>(
     tile: &Tile<R>,
     node: &Wide<W>,
-    stack: &mut [Pending],
-    waiting: &mut usize,
+    stack: &mut [BoxEntry],
+    size: &mut usize,
 ) {
     let (mut enter, mut leave) = ([0.0; W], [0.0; W]);
     intersect(tile, node, &mut enter, &mut leave);
-    let base = *waiting;
+    let base = *size;
     let mut met = 0_u32;
     for lane in 0..W {
         // The inverted bounds of an empty slot do not cull a tile without a finite exit distance, so check the
@@ -114,8 +114,8 @@ fn push_children<const W: usize, const R: usize>(
     while met != 0 {
         let lane = met.trailing_zeros() as usize % W;
         met &= met - 1;
-        let at = make_room(stack, base, waiting, enter[lane]);
-        stack[at] = Pending {
+        let at = make_room(stack, base, size, enter[lane]);
+        stack[at] = BoxEntry {
             inside: Interval::new(enter[lane], leave[lane]),
             link: node.link[lane],
             count: node.count[lane],

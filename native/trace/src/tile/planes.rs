@@ -9,7 +9,7 @@
 //! best hit found so far.
 
 use crate::input::Input;
-use crate::pending::{Pending, next};
+use crate::stack::{NodeEntry, pop_within};
 use crate::tile::leaf::{self, Resolver};
 use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
@@ -56,22 +56,17 @@ tiles_of_planes!(LazyTree);
 
 /// Nodes still to visit.
 struct Stack<A> {
-    entries: [Pending<A>; MAX_DEPTH + 1],
-    waiting: usize,
+    entries: [NodeEntry<A>; MAX_DEPTH + 1],
+    size: usize,
 }
 
 impl<A: Copy> Stack<A> {
     /// An empty stack; `node` is any node.
     #[inline(always)]
     fn new(node: A) -> Self {
-        let blank = Pending {
-            node,
-            enter: 0.0,
-            leave: 0.0,
-        };
         Self {
-            entries: [blank; MAX_DEPTH + 1],
-            waiting: 0,
+            entries: [NodeEntry::blank(node); MAX_DEPTH + 1],
+            size: 0,
         }
     }
 }
@@ -158,10 +153,10 @@ fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
             }
         }
         // Continue with the next node on the stack that starts before the farthest ray's end.
-        match next(&stack.entries, &mut stack.waiting, tile.far) {
+        match pop_within(&stack.entries, &mut stack.size, tile.far) {
             Some(child) => {
                 node = child.node;
-                inside = Interval::new(child.enter, child.leave.min(tile.far));
+                inside = Interval::new(child.interval.enter, child.interval.leave.min(tile.far));
             }
             None => break true,
         }
@@ -198,12 +193,11 @@ fn step<T: Planes>(
         return (other, beyond);
     }
     if empty == 0 {
-        stack.entries[stack.waiting] = Pending {
+        stack.entries[stack.size] = NodeEntry {
             node: other,
-            enter: beyond.enter,
-            leave: beyond.leave,
+            interval: beyond,
         };
-        stack.waiting += 1;
+        stack.size += 1;
     }
     (near, Interval::new(enter, leave.min(crossing.leave)))
 }

@@ -6,7 +6,7 @@ use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::PRUNE;
-use halfspace_ray::{Hit, Interval, Ray};
+use halfspace_ray::{Hit, HitKey, Interval, Ray};
 
 /// Bounds on the distance that the rays of a tile travel per unit of height along an axis, in one direction.
 #[derive(Debug, Clone, Copy)]
@@ -131,7 +131,9 @@ impl<const R: usize> Tile<R> {
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };
-        if !ray.reaches(found.t) || !Hit::precedes((found.t, id), (best, self.id[row][lane])) {
+        if !ray.reaches(found.t)
+            || !HitKey::new(found.t, id).precedes(HitKey::new(best, self.id[row][lane]))
+        {
             return;
         }
         self.t[row][lane] = found.t;

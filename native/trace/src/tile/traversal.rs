@@ -2,7 +2,7 @@
 //! Traversal of a tree by tiles of rays: camera rays from their origin, shadow rays from their light. Rays that
 //! do not fit a tile, and those of tiles that exceed their budget, are traced in packets.
 
-use crate::batch::TileWalk;
+use crate::batch::TileTraversal;
 use crate::input::Input;
 use crate::packet::traversal::{PacketTree, Remainder};
 use crate::tile::leaf::Resolver;
@@ -54,7 +54,7 @@ impl<'a, T: TileTree> Scratch<'a, T> {
 /// The nearest-hit traversal by tiles of `16 R` rays, with the success rate of earlier batches.
 pub struct Tiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a SuccessRate>);
 
-impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
+impl<'a, T: TileTree, const R: usize> TileTraversal for Tiles<'a, T, R> {
     const RAYS: usize = R * LANES;
     type Scratch = (Scratch<'a, T>, Tile<R>);
 
@@ -156,7 +156,7 @@ impl<const R: usize> Iterator for RaysOf<R> {
 /// The any-hit traversal by tiles of `16 R` reversed shadow rays, with the success rate of earlier batches.
 pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a SuccessRate>);
 
-impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
+impl<'a, T: TileTree, const R: usize> TileTraversal for ShadowTiles<'a, T, R> {
     const RAYS: usize = R * LANES;
     type Scratch = Scratch<'a, T>;
 

@@ -12,6 +12,8 @@ use halfspace_builders::space::{self, Node, Params, PlanePolicy};
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{ConvexCell, Direction, Plane};
 use halfspace_geom::vec3::{cross, dot, length, sub, widen};
+use halfspace_nodes::preorder::Preorder;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
@@ -160,24 +162,29 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
         scene,
         config,
         monitor,
-        (variant, &params),
+        variant,
+        &params,
         |frame, normals, oblique| {
             let tried = if oblique { config.integer("tried") } else { 0 };
-            let task = (scene, frame, &params, variant, tried);
+            let framed = FramedScene { scene, frame };
             if config.choice("clip") == "1" {
-                tree::<Clipped>(task, &normals, monitor)
+                tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)
             } else {
-                tree::<Whole>(task, &normals, monitor)
+                tree::<Whole>(framed, &params, variant, tried, &normals, monitor)
             }
         },
     )
 }
 
 fn tree<P: Piece>(
-    (scene, frame, params, variant, tried): (&Triangles, &Frame, &Params, Variant, usize),
+    framed: FramedScene<'_>,
+    params: &Params,
+    variant: Variant,
+    tried: usize,
     normals: &Normals,
     monitor: &Monitor,
-) -> Result<halfspace_nodes::preorder::Preorder> {
+) -> Result<Preorder> {
+    let FramedScene { scene, frame } = framed;
     let policy = Policy::<P> {
         scene,
         frame,

@@ -17,6 +17,7 @@ use halfspace_nodes::preorder::Preorder;
 use halfspace_nodes::ropes::{self, Ropes};
 use halfspace_nodes::shape::Shape;
 use halfspace_nodes::wide_tree::WideTree;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::Closest;
 use halfspace_scene::Triangles;
@@ -102,7 +103,7 @@ impl Planes<'_> {
         Ok((plan.with_closest(Rays::Flight, closest)).with_any(Rays::Flight, shadow))
     }
 
-    fn roped(&mut self, name: &'static str, kind: ropes::Kind) -> Result<Plan> {
+    fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
         let ropes = Ropes::new(&self.tree, self.frame.bounds(), kind, self.monitor)?;
         self.shape.links = ropes.count();
         let ropes = Arc::new(ropes);
@@ -193,7 +194,11 @@ fn boxed(
     planes: &PlaneTree,
     monitor: &Monitor,
 ) -> Result<Built> {
-    let made = monitor.during(BOXES, || PlaneBoxes::new(planes, (scene, &frame), monitor))?;
+    let framed = FramedScene {
+        scene,
+        frame: &frame,
+    };
+    let made = monitor.during(BOXES, || PlaneBoxes::new(planes, framed, monitor))?;
     let boxes = Boxes {
         tree: Arc::new(made.tree),
         leaves: Arc::new(made.blocks),

@@ -181,7 +181,7 @@ pub const BINARY: [Traversal<MakePlan>; 15] = [
             "one by one, from leaf to leaf by links to what lies across each face (MacDonald and Booth 1990), which take \
              about twice the memory of the nodes and more",
         ),
-        plan: |planes| planes.roped("rope", ropes::Kind::Ropes),
+        plan: |planes| planes.roped("rope", ropes::LinkKind::Ropes),
     },
     Traversal {
         way: way(
@@ -191,7 +191,7 @@ pub const BINARY: [Traversal<MakePlan>; 15] = [
             Rays::Single,
             "the same by a small tree for each face (Havran et al. 1998)",
         ),
-        plan: |planes| planes.roped("ropetree", ropes::Kind::RopeTrees),
+        plan: |planes| planes.roped("ropetree", ropes::LinkKind::RopeTrees),
     },
 ];
 

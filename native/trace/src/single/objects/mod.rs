@@ -3,6 +3,7 @@
 
 pub mod boxes;
 pub mod dops;
+pub mod intervals;
 pub mod obb;
 pub mod slab_boxes;
 pub mod slabs;

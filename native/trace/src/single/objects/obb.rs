@@ -21,30 +21,28 @@
 //! angles. `D` is moved off zero by the smallest normal float, which over `span` is far less than the rest. Where
 //! `4 span I` overflows, the row bounds nothing.
 
-use crate::batch;
-use crate::pending::{Waits, make_room, next};
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
 use crate::slabs::Slabs;
+use crate::stack::{Entry, Stack};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::obb_tree::{INNER, ObbTree, Rotation, WIDTH};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_ray::RayRef;
-use halfspace_ray::frame_ray::FrameRay;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::ray::Hit;
+use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 
 /// A stack entry: a child still to visit and its entry distance.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Pending {
+pub struct BoxEntry {
     enter: f32,
     link: u32,
     count: u32,
 }
 
-impl Waits for Pending {
+impl Entry for BoxEntry {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.enter
@@ -97,11 +95,11 @@ impl Turned {
         &self,
         simd: S,
         bounds: &[[f32; WIDTH]; 6],
-        (start, reach): (f32, f32),
+        within: Interval,
         enters: &mut [f32; WIDTH],
     ) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let (mut enter, mut leave) = (splat(start), splat(reach));
+        let (mut enter, mut leave) = (splat(within.enter), splat(within.leave));
         for k in 0..3 {
             let upper = 3 * (self.down >> k & 1);
             let near = f32x8::from_slice(simd, &bounds[k + upper]);
@@ -116,14 +114,14 @@ impl Turned {
 }
 
 /// The traversal of one tree by single rays.
-pub struct Walk<'a>(pub &'a ObbTree);
+pub struct ObbTraversal<'a>(pub &'a ObbTree);
 
-impl batch::Walk for Walk<'_> {
-    type Scratch = Vec<Pending>;
+impl SingleTraversal for ObbTraversal<'_> {
+    type Scratch = Vec<BoxEntry>;
 
     fn scratch(&self) -> Self::Scratch {
         // Each level leaves at most all children but one on the stack, and the lowest level all of them.
-        vec![Pending::default(); (MAX_DEPTH + 1) * (WIDTH - 1) + 2 * WIDTH]
+        vec![BoxEntry::default(); (MAX_DEPTH + 1) * (WIDTH - 1) + 2 * WIDTH]
     }
 
     #[inline(always)]
@@ -131,37 +129,31 @@ impl batch::Walk for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
+        let frame = ray.frame;
         let slabs = Slabs::new(frame);
         let mut best = Best::new(frame);
-        let mut waiting = 0;
+        let mut stack = Stack::new(scratch);
         let (mut link, mut count) = (0, self.0.root);
         loop {
             if count & INNER == 0 {
                 // Test the triangles of a leaf.
-                let triangles = count as usize;
-                counters.leaf(triangles);
-                if job.test_any::<S, Q, C>(
-                    simd,
-                    Leaf {
-                        first: link,
-                        count: triangles,
-                    },
-                    RayRef { ray, frame },
-                    frame.t_max,
-                    &mut best,
-                    counters,
-                ) {
+                let leaf = Leaf {
+                    first: link,
+                    count: count as usize,
+                };
+                counters.leaf(leaf.count);
+                if job.test_any::<S, Q, C>(simd, leaf, ray, frame.t_max, &mut best, counters) {
                     return best.hit();
                 }
             } else {
                 // Test all children, and push those that may be hit, the nearest on top.
                 let node = &self.0.nodes[link as usize];
                 let mut enters = [0.0; WIDTH];
-                let range = (frame.t_min, best.reach);
+                let range = Interval::new(frame.t_min, best.reach);
                 let mut hits = if count == INNER {
                     counters.step_boxes();
                     slabs.test::<S, f32x8<S>, WIDTH>(simd, &node.bounds, range, &mut enters)
@@ -177,7 +169,7 @@ impl batch::Walk for Walk<'_> {
                     (link, count) = (node.link[lane], node.count[lane]);
                     continue;
                 }
-                let base = waiting;
+                let base = stack.size();
                 while hits != 0 {
                     let lane = hits.trailing_zeros() as usize % WIDTH;
                     hits &= hits - 1;
@@ -185,17 +177,17 @@ impl batch::Walk for Walk<'_> {
                     if node.count[lane] == 0 {
                         continue;
                     }
-                    self.fetch_ahead(node.link[lane], node.count[lane], job.blocks);
-                    let at = make_room(stack, base, &mut waiting, enters[lane]);
-                    stack[at] = Pending {
+                    let entry = BoxEntry {
                         enter: enters[lane],
                         link: node.link[lane],
                         count: node.count[lane],
                     };
+                    self.fetch_ahead(&entry, job.blocks);
+                    stack.insert(base, entry);
                 }
             }
             // Pop the nearest child that starts within reach.
-            let Some(child) = next(stack, &mut waiting, best.reach) else {
+            let Some(child) = stack.pop_within(best.reach) else {
                 return best.hit();
             };
             (link, count) = (child.link, child.count);
@@ -203,22 +195,22 @@ impl batch::Walk for Walk<'_> {
     }
 }
 
-impl Walk<'_> {
-    /// Prefetches the node or the leaf that a link and a count refer to.
+impl ObbTraversal<'_> {
+    /// Prefetches the node or the leaf of an entry.
     #[inline(always)]
-    fn fetch_ahead(&self, link: u32, count: u32, blocks: &Blocks) {
-        if count & INNER == 0 {
-            blocks.fetch_ahead(link);
+    fn fetch_ahead(&self, entry: &BoxEntry, blocks: &Blocks) {
+        if entry.count & INNER == 0 {
+            blocks.fetch_ahead(entry.link);
         } else {
-            self.0.nodes[link as usize].fetch_ahead();
+            self.0.nodes[entry.link as usize].fetch_ahead();
         }
     }
 }
 
 single_rays! {
     /// Single rays through nodes of 8 oriented boxes, the nearest first.
-    fn oriented_boxes(ObbTree) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn oriented_boxes(ObbTree) -> ObbTraversal<'a> {
+        |kernel| ObbTraversal(&kernel.tree)
     }
 }
 
@@ -261,7 +253,7 @@ mod tests {
 
     /// The entry distance of a box along the rows of a rotation.
     fn meet(rotation: &Rotation, ray: &FrameRay, bounds: &Aabb) -> Option<f32> {
-        let range = (ray.t_min, ray.t_max);
+        let range = Interval::new(ray.t_min, ray.t_max);
         let [low, high] = [bounds.min, bounds.max].map(|p| p.map(|x| [x; WIDTH]));
         let walls = [low[0], low[1], low[2], high[0], high[1], high[2]];
         let mut enters = [0.0; WIDTH];

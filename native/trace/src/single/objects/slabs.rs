@@ -1,112 +1,81 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Single rays through interval hierarchies with one or two planes a node.
 
-use crate::batch;
-use crate::pending::{Pending, next};
+use crate::single::objects::intervals::{
+    IntervalTraversal, IntervalTree, Next, Stack, visit_only, visit_pair,
+};
 use crate::single::single_rays;
+use crate::stack::NodeEntry;
 use fearless_simd::Simd;
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Leaf;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_nodes::slab_node::{Double, Kind, SlabNode};
+use halfspace_nodes::slab_node::{Double, Single, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
-use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
+use halfspace_ray::query::Counters;
+use halfspace_ray::{FrameRay, Interval};
 
-/// The traversal of one tree.
-pub struct Walk<'a, N>(pub &'a SlabTree<N>);
+impl<N: SlabNode> IntervalTree for SlabTree<N> {
+    type Node<'a>
+        = N
+    where
+        N: 'a;
+    type Ray<'r> = &'r FrameRay<'r>;
+    type Entries = [NodeEntry; MAX_DEPTH + 1];
 
-impl<N: SlabNode> batch::Walk for Walk<'_, N> {
-    type Scratch = [Pending; MAX_DEPTH + 1];
-
-    fn scratch(&self) -> Self::Scratch {
-        [Pending::default(); MAX_DEPTH + 1]
+    fn entries() -> Self::Entries {
+        [NodeEntry::blank(0); MAX_DEPTH + 1]
     }
 
     #[inline(always)]
-    fn cast<S: Simd, Q: Query, C: Counters>(
+    fn node(&self, index: u32) -> N {
+        self.nodes[index as usize]
+    }
+
+    #[inline(always)]
+    fn prepare<'r>(ray: &'r FrameRay<'r>) -> Self::Ray<'r> {
+        ray
+    }
+
+    #[inline(always)]
+    fn step<S: Simd, C: Counters>(
         &self,
-        simd: S,
-        job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        _: S,
+        node: N,
+        ray: &Self::Ray<'_>,
+        interval: Interval,
+        stack: &mut Stack<'_>,
         counters: &mut C,
-    ) -> Hit {
-        let nodes = &self.0.nodes[..];
-        let mut best = Best::new(frame);
-        let mut waiting = 0;
-        let mut node = nodes[0];
-        let (mut enter, mut leave) = (frame.t_min, frame.t_max);
-        loop {
-            match node.kind() {
-                Kind::Pair { axis, link } => {
-                    counters.step_boxes();
-                    // Visit the near child if the ray enters before it ends, the far one if that begins in
-                    // time.
-                    let (ends, begins) = node.intervals(axis, frame, (enter, leave));
-                    let side = frame.negative[axis];
-                    let far = link + (side ^ 1);
-                    if enter <= ends {
-                        if begins <= leave {
-                            stack[waiting] = Pending {
-                                node: far,
-                                enter: begins,
-                                leave,
-                            };
-                            waiting += 1;
-                        }
-                        leave = ends;
-                        node = nodes[(link + side) as usize];
-                        continue;
-                    }
-                    if begins <= leave {
-                        enter = begins;
-                        node = nodes[far as usize];
-                        continue;
-                    }
-                }
-                Kind::Only { axis, link } => {
-                    counters.step_boxes();
-                    // Cut the interval to the only child.
-                    (leave, enter) = node.intervals(axis, frame, (enter, leave));
-                    if enter <= leave {
-                        node = nodes[link as usize];
-                        continue;
-                    }
-                }
-                Kind::Leaf { first, count } => {
-                    counters.leaf(count);
-                    if job.test_any::<S, Q, C>(
-                        simd,
-                        Leaf { first, count },
-                        RayRef { ray, frame },
-                        leave,
-                        &mut best,
-                        counters,
-                    ) {
-                        return best.hit();
-                    }
-                }
+    ) -> Next<N> {
+        let read = |index| self.node(index);
+        match node.kind() {
+            SlabKind::Pair { axis, link } => {
+                counters.step_boxes();
+                let (ends, begins) = node.intervals(axis, ray, interval);
+                let side = ray.negative[axis];
+                let children = [link + side, link + (side ^ 1)];
+                visit_pair(read, children, [ends, begins], interval, stack)
             }
-            let Some(child) = next(stack, &mut waiting, best.reach) else {
-                return best.hit();
-            };
-            let place;
-            (place, enter, leave) = child.within(best.reach);
-            node = nodes[place as usize];
+            SlabKind::Only { axis, link } => {
+                counters.step_boxes();
+                // Cut the interval to the only child.
+                let (leave, enter) = node.intervals(axis, ray, interval);
+                visit_only(read, link, Interval::new(enter, leave))
+            }
+            SlabKind::Leaf { first, count } => Next::Leaf(Leaf { first, count }),
         }
     }
 }
 
 single_rays! {
     /// Single rays through intervals, two planes to a node.
-    fn slabs(SlabTree<Double>) -> Walk<'a, Double> {
-        |kernel| Walk(&kernel.tree)
+    fn slabs(SlabTree<Double>) -> IntervalTraversal<'a, SlabTree<Double>> {
+        |kernel| IntervalTraversal(&*kernel.tree)
     }
 }
 
 single_rays! {
     /// Single rays through intervals, one plane to a node.
-    fn single_slabs(SlabTree<halfspace_nodes::slab_node::Single>) -> Walk<'a, halfspace_nodes::slab_node::Single> {
-        |kernel| Walk(&kernel.tree)
+    fn single_slabs(SlabTree<Single>) -> IntervalTraversal<'a, SlabTree<Single>> {
+        |kernel| IntervalTraversal(&*kernel.tree)
     }
 }

@@ -2,10 +2,10 @@
 //! Neighbour finding by ascent and descent (Samet 1989): up to the first ancestor that also contains the
 //! neighbour, then down along the mirrored path. Nothing is stored.
 
-use crate::single::octants::step::{self, Neighbours};
+use crate::single::octants::step::{NeighbourTraversal, Neighbours, NumberedLeaf};
 use crate::single::single_rays;
 use halfspace_nodes::octants::MAX_DEPTH;
-use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
+use halfspace_nodes::octree_nodes::{OUTSIDE, Octree};
 use halfspace_ray::query::Counters;
 
 /// Neighbour finding through the nearest common ancestor.
@@ -15,7 +15,7 @@ impl Neighbours for Ascent {
     #[inline(always)]
     fn across<C: Counters>(
         tree: &Octree,
-        (_, leaf): (u32, Node),
+        leaf: NumberedLeaf,
         axis: usize,
         side: u32,
         counters: &mut C,
@@ -23,7 +23,7 @@ impl Neighbours for Ascent {
         let bit = 1 << axis;
         let mut path = [0; MAX_DEPTH as usize];
         let mut length = 0;
-        let mut node = leaf;
+        let mut node = leaf.node;
         // ADJ: an octant on the face's side has no sibling across it, so ascend.
         loop {
             if node.level() == 0 {
@@ -53,7 +53,7 @@ impl Neighbours for Ascent {
 
 single_rays! {
     /// Single rays from leaf to leaf by the common ancestor.
-    fn samet(Octree) -> step::Walk<'a, Ascent> {
-        |kernel| step::Walk(&kernel.tree, Ascent)
+    fn samet(Octree) -> NeighbourTraversal<'a, Ascent> {
+        |kernel| NeighbourTraversal(&kernel.tree, Ascent)
     }
 }

@@ -16,15 +16,24 @@
 //!
 //! [`Cube::step_margin`]: halfspace_nodes::octants::Cube::step_margin
 
-use crate::batch;
-use crate::single::octants::param as octree_param;
+use crate::batch::SingleTraversal;
+use crate::single::octants::param::{Entries, OctreeTraversal};
 use fearless_simd::{Simd, SimdBase, f32x8};
 use halfspace_geom::bound::keep_max;
 use halfspace_geom::vec3::map;
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray, RayRef};
+use halfspace_ray::{Hit, RayRef};
+
+/// A leaf and its number among the nodes.
+#[derive(Clone, Copy)]
+pub struct NumberedLeaf {
+    /// Its number.
+    pub index: u32,
+    /// The leaf.
+    pub node: Node,
+}
 
 /// A method of finding the node across a face.
 pub trait Neighbours: Sync {
@@ -33,7 +42,7 @@ pub trait Neighbours: Sync {
     /// boundary. Counts the nodes it visits.
     fn across<C: Counters>(
         tree: &Octree,
-        leaf: (u32, Node),
+        leaf: NumberedLeaf,
         axis: usize,
         side: u32,
         counters: &mut C,
@@ -41,7 +50,7 @@ pub trait Neighbours: Sync {
 }
 
 /// The traversal of one tree by single rays with one method of finding neighbours.
-pub struct Walk<'a, N>(pub &'a Octree, pub N);
+pub struct NeighbourTraversal<'a, N>(pub &'a Octree, pub N);
 
 /// The grid of the smallest cells as a ray crosses it: planes and cells are counted in the ray's own direction.
 #[derive(Clone, Copy)]
@@ -138,7 +147,7 @@ impl Grid {
         1 << (self.depth - node.level())
     }
 
-    /// Descends from node `index` to the leaf that contains the smallest cell `at`; returns its index and node.
+    /// Descends from node `index` to the leaf that contains the smallest cell `at`.
     #[inline(always)]
     pub fn descend<C: Counters>(
         &self,
@@ -146,11 +155,11 @@ impl Grid {
         mut index: u32,
         at: [u32; 3],
         counters: &mut C,
-    ) -> (u32, Node) {
+    ) -> NumberedLeaf {
         loop {
             let node = tree.node(index);
             if !node.is_inner() {
-                return (index, node);
+                return NumberedLeaf { index, node };
             }
             counters.step_boxes();
             let bit = self.depth - node.level() - 1;
@@ -160,28 +169,38 @@ impl Grid {
     }
 }
 
-impl<N: Neighbours> batch::Walk for Walk<'_, N> {
-    type Scratch = octree_param::Stack;
+/// Where a ray is: a leaf, the smallest cell in it, and the distance at which the ray enters that cell.
+#[derive(Clone, Copy)]
+pub struct Position {
+    /// The leaf.
+    pub leaf: NumberedLeaf,
+    /// The smallest cell, counted in the direction of the ray.
+    pub at: [u32; 3],
+    /// The distance.
+    pub enter: f32,
+}
+
+impl<N: Neighbours> SingleTraversal for NeighbourTraversal<'_, N> {
+    type Scratch = Entries;
 
     fn scratch(&self) -> Self::Scratch {
-        octree_param::Walk(self.0).scratch()
+        OctreeTraversal(self.0).scratch()
     }
 
     #[inline(always)]
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        entries: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let tree = self.0;
+        let (tree, frame) = (self.0, ray.frame);
         // The leaves are inflated for the rounding of the scene's own rays from near origins; other rays go top
         // down.
-        if !tree.is_near(frame.o) || frame.place.is_some() {
-            let walk = octree_param::Walk(tree);
-            return walk.cast::<S, Q, C>(simd, triangles, RayRef { ray, frame }, stack, counters);
+        if !tree.is_near(frame.o) || frame.instance.is_some() {
+            return OctreeTraversal(tree).cast::<S, Q, C>(simd, job, ray, entries, counters);
         }
         let grid = Grid::new(tree, frame.signs);
         // Locate the leaf at the entry point.
@@ -189,81 +208,87 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
             let x = frame.o[k] + frame.t_min * frame.d[k];
             grid.cell(k, x, 0, grid.size - 1)
         });
-        let leaf = grid.descend(tree, 0, at, counters);
+        let start = Position {
+            leaf: grid.descend(tree, 0, at, counters),
+            at,
+            enter: frame.t_min,
+        };
         let mut best = Best::new(frame);
-        let start = (leaf, at, frame.t_min);
-        go_on::<S, Q, C, N>(
-            simd,
-            tree,
-            triangles,
-            (ray, frame, &grid),
-            start,
-            &mut best,
-            counters,
-        );
+        let steps = Steps { tree, grid: &grid };
+        steps.follow::<S, Q, C, N>(simd, job, ray, start, &mut best, counters);
         best.hit()
     }
 }
 
-/// Continues the traversal from a leaf, with the ray in the smallest cell `at` at distance `enter`.
-#[inline(always)]
-pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
-    simd: S,
-    tree: &Octree,
-    job: Job<'_>,
-    (ray, frame, grid): (&Ray, &FrameRay, &Grid),
-    ((mut index, mut leaf), mut at, mut enter): ((u32, Node), [u32; 3], f32),
-    best: &mut Best,
-    counters: &mut C,
-) {
-    loop {
-        // Find the planes ahead, and the axis of the first one crossed.
-        let edge = grid.edge(leaf);
-        let next = map(at, |x| (x & !(edge - 1)) + edge);
-        let times: [f32; 3] = map([0, 1, 2], |k: usize| {
-            grid.ahead(k, next[k], frame.o[k]) * frame.inv[k]
-        });
-        let mut axis = 0;
-        if times[1] < times[axis] {
-            axis = 1;
+/// A tree and the grid of its smallest cells for one ray.
+pub struct Steps<'a> {
+    /// The tree.
+    pub tree: &'a Octree,
+    /// The grid.
+    pub grid: &'a Grid,
+}
+
+impl Steps<'_> {
+    /// Traces a ray from a position in a leaf to its best hit.
+    #[inline(always)]
+    pub fn follow<S: Simd, Q: Query, C: Counters, N: Neighbours>(
+        &self,
+        simd: S,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        from: Position,
+        best: &mut Best,
+        counters: &mut C,
+    ) {
+        let Self { tree, grid } = *self;
+        let frame = ray.frame;
+        let Position {
+            mut leaf,
+            mut at,
+            mut enter,
+        } = from;
+        loop {
+            // Find the planes ahead, and the axis of the first one crossed.
+            let edge = grid.edge(leaf.node);
+            let next = map(at, |x| (x & !(edge - 1)) + edge);
+            let times: [f32; 3] = map([0, 1, 2], |k: usize| {
+                grid.ahead(k, next[k], frame.o[k]) * frame.inv[k]
+            });
+            let mut axis = 0;
+            if times[1] < times[axis] {
+                axis = 1;
+            }
+            if times[2] < times[axis] {
+                axis = 2;
+            }
+            // Test the leaf's triangles, and end after its exit if a hit lies before, or at the root's boundary.
+            let leave = keep_max(times[axis], enter);
+            let triangles = leaf.node.blocks();
+            counters.leaf(triangles.count);
+            if triangles.count != 0
+                && job.test::<S, Q, C>(simd, triangles, ray, leave, best, counters)
+            {
+                return;
+            }
+            if leave > best.reach || next[axis] == grid.size {
+                return;
+            }
+            // Step to the smallest cell behind the exit face.
+            for k in 0..3 {
+                at[k] = if k == axis {
+                    next[k]
+                } else {
+                    grid.cell(k, frame.o[k] + leave * frame.d[k], at[k], next[k] - 1)
+                };
+            }
+            // Find the leaf there.
+            enter = leave;
+            let side = u32::from(grid.signs >> axis & 1 == 0);
+            let neighbour = N::across(tree, leaf, axis, side, counters);
+            if neighbour == OUTSIDE {
+                return;
+            }
+            leaf = grid.descend(tree, neighbour, at, counters);
         }
-        if times[2] < times[axis] {
-            axis = 2;
-        }
-        // Test the leaf's triangles, and end after its exit if a hit lies before, or at the root's boundary.
-        let leave = keep_max(times[axis], enter);
-        let Leaf { first, count } = leaf.blocks();
-        counters.leaf(count);
-        if count != 0
-            && job.test::<S, Q, C>(
-                simd,
-                Leaf { first, count },
-                RayRef { ray, frame },
-                leave,
-                best,
-                counters,
-            )
-        {
-            return;
-        }
-        if leave > best.reach || next[axis] == grid.size {
-            return;
-        }
-        // Step to the smallest cell behind the exit face.
-        for k in 0..3 {
-            at[k] = if k == axis {
-                next[k]
-            } else {
-                grid.cell(k, frame.o[k] + leave * frame.d[k], at[k], next[k] - 1)
-            };
-        }
-        // Find the leaf there.
-        enter = leave;
-        let side = u32::from(grid.signs >> axis & 1 == 0);
-        let neighbour = N::across(tree, (index, leaf), axis, side, counters);
-        if neighbour == OUTSIDE {
-            return;
-        }
-        (index, leaf) = grid.descend(tree, neighbour, at, counters);
     }
 }

@@ -6,9 +6,9 @@
 //! lies beyond an end of the interval, and if both are visited their intervals overlap by the bound. A hit is
 //! thus found wherever rounding routes it.
 
-use crate::batch;
-use crate::pending::{Pending, next};
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
+use crate::stack::{NodeEntry, Stack};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
@@ -16,23 +16,30 @@ use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
+use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 
 /// The traversal of one tree.
-pub struct Walk<T>(pub T);
+pub struct PlaneTraversal<T>(pub T);
 
-/// The stack, at most one entry per level.
-pub type Stack<A> = [Pending<A>; MAX_DEPTH + 1];
+/// Memory of the stack, at most one entry per level.
+pub type Entries<A> = [NodeEntry<A>; MAX_DEPTH + 1];
 
-impl<T: Planes> batch::Walk for Walk<T> {
-    type Scratch = Stack<T::At>;
+/// A plane as a ray meets it.
+struct Crossing {
+    /// Number of the child on the near side; the other differs in the lowest bit.
+    near: u32,
+    /// Bits of the empty children.
+    empty: u32,
+    /// Bounds of the distance where the ray crosses the plane: the far child begins at the first, the near child ends
+    /// at the second.
+    bounds: Interval,
+}
+
+impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
+    type Scratch = Entries<T::At>;
 
     fn scratch(&self) -> Self::Scratch {
-        [Pending {
-            node: self.0.root(),
-            enter: 0.0,
-            leave: 0.0,
-        }; MAX_DEPTH + 1]
+        [NodeEntry::blank(self.0.root()); MAX_DEPTH + 1]
     }
 
     #[inline(always)]
@@ -40,17 +47,19 @@ impl<T: Planes> batch::Walk for Walk<T> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let tree = self.0;
+        let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
-        let mut waiting = 0;
-        let mut node = tree.root();
-        let (mut enter, mut leave) = (frame.t_min, frame.t_max);
+        let mut stack = Stack::new(scratch);
+        let mut next = NodeEntry {
+            node: tree.root(),
+            interval: Interval::new(frame.t_min, frame.t_max),
+        };
         loop {
-            match tree.node(node) {
+            match tree.node(next.node) {
                 Node::Axis {
                     axis,
                     split,
@@ -62,14 +71,12 @@ impl<T: Planes> batch::Walk for Walk<T> {
                     // Bound the distance to the plane, and choose the children.
                     let distance = (split - frame.o[axis]) * frame.inv[axis];
                     let slack = frame.slack[axis];
-                    let near = near_child(link, frame.signs);
-                    (node, enter, leave) = step(
-                        tree,
-                        (node, near, empty),
-                        (distance - slack, distance + slack),
-                        (enter, leave),
-                        (stack, &mut waiting),
-                    );
+                    let crossing = Crossing {
+                        near: near_child(link, frame.signs),
+                        empty,
+                        bounds: Interval::new(distance - slack, distance + slack),
+                    };
+                    next = step(tree, next, &crossing, &mut stack);
                     continue;
                 }
                 Node::Oblique {
@@ -79,84 +86,86 @@ impl<T: Planes> batch::Walk for Walk<T> {
                     empty,
                 } => {
                     counters.step_oblique();
-                    // The smallest normal number keeps the reciprocal finite for rays along the plane.
-                    let speed = dot(normal, frame.d);
-                    let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
-                    let distance = (offset - dot(normal, frame.o)) * inv;
-                    let slack = frame.oblique_pad * inv.abs();
-                    let near = children ^ u32::from(speed.is_sign_negative());
-                    (node, enter, leave) = step(
-                        tree,
-                        (node, near, empty),
-                        (distance - slack, distance + slack),
-                        (enter, leave),
-                        (stack, &mut waiting),
-                    );
+                    let crossing = oblique(frame, normal, offset, children, empty);
+                    next = step(tree, next, &crossing, &mut stack);
                     continue;
                 }
                 Node::Leaf { first, count } => {
                     // Test the triangles, or continue at the root of the part that the leaf stands for.
-                    let job = match tree.inside(node, Leaf { first, count }, job) {
+                    let leaf = Leaf { first, count };
+                    let job = match tree.inside(next.node, leaf, job) {
                         Inside::Triangles(blocks) => Job { blocks, ..job },
                         Inside::Part(root) => {
-                            node = root;
+                            next.node = root;
                             continue;
                         }
                     };
                     counters.leaf(count);
-                    if job.test::<S, Q, C>(
-                        simd,
-                        Leaf { first, count },
-                        RayRef { ray, frame },
-                        leave,
-                        &mut best,
-                        counters,
-                    ) {
+                    let leave = next.interval.leave;
+                    if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
                         return best.hit();
                     }
                 }
             }
             // Continue with the nearest node on the stack that starts before the best hit.
-            match next(stack, &mut waiting, best.reach) {
-                Some(child) => (node, enter, leave) = child.within(best.reach),
+            match stack.pop_within(best.reach) {
+                Some(entry) => next = entry.within(best.reach),
                 None => return best.hit(),
             }
         }
     }
 }
 
-/// Returns the child to visit next and its interval; if both children are to be visited, pushes the far one. If
+/// The crossing of a plane `normal . x = offset`.
+#[inline(always)]
+fn oblique(frame: &FrameRay, normal: [f32; 3], offset: f32, children: u32, empty: u32) -> Crossing {
+    // The smallest normal number keeps the reciprocal finite for rays along the plane.
+    let speed = dot(normal, frame.d);
+    let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
+    let distance = (offset - dot(normal, frame.o)) * inv;
+    let slack = frame.oblique_pad * inv.abs();
+    Crossing {
+        near: children ^ u32::from(speed.is_sign_negative()),
+        empty,
+        bounds: Interval::new(distance - slack, distance + slack),
+    }
+}
+
+/// Returns the child to visit next, with its interval; if both children are to be visited, pushes the far one. If
 /// the distance is NaN both comparisons fail: both children are visited over the whole interval.
 ///
 /// An empty child is skipped; the other one then gets its own part of the interval.
 #[inline(always)]
 fn step<T: Planes>(
     tree: T,
-    (node, near, empty): (T::At, u32, u32),
-    (low, high): (f32, f32),
-    (enter, leave): (f32, f32),
-    (stack, waiting): (&mut Stack<T::At>, &mut usize),
-) -> (T::At, f32, f32) {
-    let far = tree.sibling(node, near ^ 1);
-    let side = near & 1;
-    let near = tree.sibling(node, near);
+    at: NodeEntry<T::At>,
+    crossing: &Crossing,
+    stack: &mut Stack<'_, NodeEntry<T::At>>,
+) -> NodeEntry<T::At> {
+    let Interval { enter, leave } = at.interval;
+    let (low, high) = (crossing.bounds.enter, crossing.bounds.leave);
+    let near = tree.sibling(at.node, crossing.near);
+    let far = tree.sibling(at.node, crossing.near ^ 1);
     if low > leave {
-        (near, enter, leave)
-    } else if high < enter {
-        (far, enter, leave)
-    } else if empty >> side & 1 == 1 {
-        (far, keep_max(low, enter), leave)
-    } else {
-        // Both children hold something: the far one is visited later.
-        if empty == 0 {
-            stack[*waiting] = Pending {
-                node: far,
-                enter: keep_max(low, enter),
-                leave,
-            };
-            *waiting += 1;
-        }
-        (near, enter, keep_min(high, leave))
+        return NodeEntry { node: near, ..at };
+    }
+    if high < enter {
+        return NodeEntry { node: far, ..at };
+    }
+    // Both children are met: visit the far one later if both hold something.
+    let far = NodeEntry {
+        node: far,
+        interval: Interval::new(keep_max(low, enter), leave),
+    };
+    if crossing.empty >> (crossing.near & 1) & 1 == 1 {
+        return far;
+    }
+    if crossing.empty == 0 {
+        stack.push(far);
+    }
+    NodeEntry {
+        node: near,
+        interval: Interval::new(enter, keep_min(high, leave)),
     }
 }
 
@@ -167,14 +176,14 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 single_rays! {
     /// Single rays by plane distances in the order of the direction.
-    fn dir(PlaneTree) -> Walk<&'a PlaneTree> {
-        |kernel| Walk(&*kernel.tree)
+    fn dir(PlaneTree) -> PlaneTraversal<&'a PlaneTree> {
+        |kernel| PlaneTraversal(&*kernel.tree)
     }
 }
 
 single_rays! {
     /// The same through a tree that rays have built.
-    fn lazy(LazyTree) -> Walk<&'a LazyTree> {
-        |kernel| Walk(&*kernel.tree)
+    fn lazy(LazyTree) -> PlaneTraversal<&'a LazyTree> {
+        |kernel| PlaneTraversal(&*kernel.tree)
     }
 }

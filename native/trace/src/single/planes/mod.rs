@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Single rays through trees of split planes, one file per algorithm.
 
-pub mod arvo;
 pub mod dir;
 pub mod origin;
 pub mod rope;
 pub mod seq;
 pub mod seq_1985;
-pub mod sung;
-pub mod ta_a;
 pub mod ta_b;
 pub mod ta_b_1997;
 pub mod ta_b_poly;
+
+pub use origin as arvo;
+pub use origin as sung;
+pub use origin as ta_a;

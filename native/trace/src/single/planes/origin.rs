@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Steps shared by the traversals whose near child is the one that holds the ray's origin (Jansen 1986; Arvo
-//! 1988; Sung and Shirley 1992; the TA-A of Havran et al. 1997).
+//! Traversals of axis-aligned plane trees whose near child is the one that holds the ray's origin: Sung and Shirley
+//! 1992 (Graphics Gems III), Arvo 1988 (Linear-time voxel walking for octrees, Ray Tracing News; also Jansen 1986),
+//! and the TA-A of Havran, Kopal, Bittner and Žára 1997. They differ in a few steps ([`Rule`]).
 //!
 //! All of them rely on one fact: a plane behind the origin is not crossed, and the ray stays on the origin's
 //! side of it. As published they fail if the origin lies in the plane, because it then belongs to both children
@@ -8,24 +9,169 @@
 //! of a coordinate, and for those planes the near child is the one that the ray leaves, as if it came from far
 //! behind its origin.
 
-use crate::pending::{self, Pending};
+use crate::batch::SingleTraversal;
+use crate::first_hit;
+use crate::single::single_rays;
+use crate::stack::{self, NodeEntry};
+use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_ray::FrameRay;
+use halfspace_leaf::{Job, Leaf};
+use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use std::marker::PhantomData;
 
-/// The stack, at most one entry per level; the last entry is visited next.
-pub type Stack = [Pending; MAX_DEPTH + 1];
+/// The stack of one ray. The next node to visit is on top.
+type Stack<'s> = stack::Stack<'s, NodeEntry>;
 
-/// An empty stack.
-pub const STACK: Stack = [Pending {
-    node: 0,
-    enter: 0.0,
-    leave: 0.0,
-}; MAX_DEPTH + 1];
+/// A split plane across an axis, as a ray meets it.
+struct Plane {
+    axis: usize,
+    split: f32,
+    /// Difference of the plane's coordinate and the origin's.
+    gap: f32,
+    /// Number of the child below the plane; the child above is the next one.
+    children: u32,
+    /// Bits of the empty children.
+    empty: u32,
+    /// Word 1 of the node, for [`near_child`].
+    link: u32,
+}
+
+/// The child that holds the origin.
+enum OriginSide {
+    /// The only child that the ray can meet.
+    Only(u32),
+    /// The child that the ray visits first.
+    Near {
+        child: u32,
+        /// Whether the origin may lie in the plane.
+        embedded: bool,
+    },
+}
+
+/// The steps in which the traversals differ.
+trait Rule: Sync + 'static {
+    /// Whether the next node is pushed and popped like all others.
+    const PUSHES_NEXT: bool;
+
+    /// Whether a negative distance decides that the plane lies behind the origin.
+    const TESTS_SIGN: bool;
+
+    /// Finds the child that holds the origin. `around`: largest distance between origin and plane, per axis, at which
+    /// the origin counts as lying in the plane.
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide;
+
+    /// Distance at which the ray crosses the plane.
+    fn distance(plane: &Plane, ray: &FrameRay) -> f32;
+}
+
+/// Compares the origin with the plane.
+#[inline(always)]
+fn by_coordinate<const PUBLISHED: bool>(
+    plane: &Plane,
+    ray: &FrameRay,
+    around: [f32; 3],
+) -> OriginSide {
+    let child = plane.children + u32::from(plane.split <= ray.o[plane.axis]);
+    if PUBLISHED {
+        return OriginSide::Near {
+            child,
+            embedded: false,
+        };
+    }
+    // Within the error of a coordinate, the origin lies in the plane: go by the direction.
+    let embedded = plane.gap.abs() <= around[plane.axis];
+    let child = if embedded {
+        near_child(plane.link, ray.signs)
+    } else {
+        child
+    };
+    OriginSide::Near { child, embedded }
+}
+
+/// The algorithm of Sung and Shirley: the distance takes a division; three cases are tested in this order: near child
+/// only, far child only, both.
+struct Sung;
+
+impl Rule for Sung {
+    const PUSHES_NEXT: bool = false;
+    const TESTS_SIGN: bool = true;
+
+    #[inline(always)]
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+        by_coordinate::<PUBLISHED>(plane, ray, around)
+    }
+
+    #[inline(always)]
+    fn distance(plane: &Plane, ray: &FrameRay) -> f32 {
+        plane.gap / ray.d[plane.axis]
+    }
+}
+
+/// Arvo's algorithm: reciprocals of the direction are computed once per ray, and every node, inner or leaf, is popped
+/// from the stack.
+struct Arvo;
+
+impl Rule for Arvo {
+    const PUSHES_NEXT: bool = true;
+    const TESTS_SIGN: bool = true;
+
+    #[inline(always)]
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+        by_coordinate::<PUBLISHED>(plane, ray, around)
+    }
+
+    #[inline(always)]
+    fn distance(plane: &Plane, ray: &FrameRay) -> f32 {
+        plane.gap * ray.inv[plane.axis]
+    }
+}
+
+/// TA-A: the cases of ray and plane are distinguished one by one, first by the origin's side (N below, P above, Z in
+/// the plane) and the direction, without a distance; then, if the plane lies ahead, by its distance.
+struct TaA;
+
+impl Rule for TaA {
+    const PUSHES_NEXT: bool = false;
+    const TESTS_SIGN: bool = false;
+
+    #[inline(always)]
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+        let (below, above) = (plane.children, plane.children + 1);
+        let (pad, speed) = (around[plane.axis], ray.d[plane.axis]);
+        let child = if plane.gap > pad {
+            if speed <= 0.0 {
+                return OriginSide::Only(below); // N1 N2: away from the plane, or along it
+            }
+            below
+        } else if -plane.gap > pad {
+            if speed >= 0.0 {
+                return OriginSide::Only(above); // P1 P2
+            }
+            above
+        } else if PUBLISHED {
+            return OriginSide::Only(plane.children + u32::from(speed > 0.0)); // Z1; Z2 Z3
+        } else {
+            // Z: the near child is the one that the ray leaves; either or both may be visited.
+            near_child(plane.link, ray.signs)
+        };
+        // N3 N4 N5, P3 P4 P5: decided by the distance.
+        OriginSide::Near {
+            child,
+            embedded: false,
+        }
+    }
+
+    #[inline(always)]
+    fn distance(plane: &Plane, ray: &FrameRay) -> f32 {
+        plane.gap * ray.inv[plane.axis]
+    }
+}
 
 /// Per axis, the largest distance between plane and origin at which the origin counts as lying in the plane.
 #[inline(always)]
-pub fn around(ray: &FrameRay) -> [f32; 3] {
+fn around(ray: &FrameRay) -> [f32; 3] {
     // A hit before the origin that rounds to it lies within the padding, unless the direction is extremely
     // long. A ray may also start behind its origin: for such a ray the direction alone gives the near child.
     if ray.t_min < -1e-30 {
@@ -35,66 +181,202 @@ pub fn around(ray: &FrameRay) -> [f32; 3] {
     }
 }
 
-/// The interval of possible distances to the plane: the far child begins at the first value, the near child
-/// ends at the second.
+/// Returns the child to visit next, with its interval; pushes the other child if both are visited.
 #[inline(always)]
-pub fn ends(distance: f32, slack: f32) -> (f32, f32) {
-    (distance - slack, distance + slack)
-}
-
-/// The child to visit next and its interval, if the ray meets both children: the near one, with the far one
-/// pushed. An empty child is skipped. NaN distances leave the interval unchanged.
-#[inline(always)]
-pub fn both(
-    (near, empty): (u32, u32),
-    (low, high): (f32, f32),
-    (enter, leave): (f32, f32),
-    (stack, waiting): (&mut Stack, &mut usize),
-) -> (u32, f32, f32) {
-    let far = Pending {
-        node: near ^ 1,
-        enter: keep_max(low, enter),
-        leave,
+fn step<R: Rule, const PUBLISHED: bool>(
+    plane: &Plane,
+    side: OriginSide,
+    ray: &FrameRay,
+    interval: Interval,
+    stack: &mut Stack<'_>,
+) -> NodeEntry {
+    let (near, embedded) = match side {
+        OriginSide::Only(node) => return NodeEntry { node, interval },
+        OriginSide::Near { child, embedded } => (child, embedded),
     };
-    if empty >> (near & 1) & 1 == 1 {
-        return (far.node, far.enter, far.leave);
-    }
-    if empty == 0 {
-        stack[*waiting] = far;
-        *waiting += 1;
-    }
-    (near, enter, keep_min(high, leave))
-}
-
-/// Pops the next node to visit and its interval. As published every entry is visited; with error bounds,
-/// entries that start beyond `reach` are dropped, since nothing in them can precede the best hit.
-#[inline(always)]
-pub fn next<const PUBLISHED: bool>(
-    stack: &Stack,
-    waiting: &mut usize,
-    reach: f32,
-) -> Option<(u32, f32, f32)> {
+    let Interval { enter, leave } = interval;
+    let whole = |node: u32| NodeEntry { node, interval };
+    let distance = R::distance(plane, ray);
+    let behind = R::TESTS_SIGN && distance < 0.0 && !embedded;
     if PUBLISHED {
-        *waiting = waiting.checked_sub(1)?;
-        let next = stack[*waiting];
-        return Some((next.node, next.enter, next.leave));
+        if distance > leave || behind {
+            return whole(near);
+        }
+        if distance < enter {
+            return whole(near ^ 1);
+        }
+        // The intervals of both children meet at the plane.
+        stack.push(NodeEntry {
+            node: near ^ 1,
+            interval: Interval::new(distance, leave),
+        });
+        return NodeEntry {
+            node: near,
+            interval: Interval::new(enter, distance),
+        };
     }
-    pending::next(stack, waiting, reach).map(|next| next.within(reach))
+    // With error bounds: skip a child only if the whole bound lies outside the interval.
+    let slack = ray.slack[plane.axis];
+    let (low, high) = (distance - slack, distance + slack);
+    if low > leave || behind {
+        return whole(near);
+    }
+    if high < enter {
+        return whole(near ^ 1);
+    }
+    // Both children: skip an empty one. NaN distances leave the interval unchanged.
+    let far = NodeEntry {
+        node: near ^ 1,
+        interval: Interval::new(keep_max(low, enter), leave),
+    };
+    if plane.empty >> (near & 1) & 1 == 1 {
+        return far;
+    }
+    if plane.empty == 0 {
+        stack.push(far);
+    }
+    NodeEntry {
+        node: near,
+        interval: Interval::new(enter, keep_min(high, leave)),
+    }
 }
 
-/// The step of [`both`] as published, without error bounds: the two intervals meet at `distance`.
+/// Pops the next node to visit. As published every entry is visited; with error bounds, entries that start beyond
+/// `reach` are dropped, since nothing in them can precede the best hit.
 #[inline(always)]
-pub fn both_published(
-    near: u32,
-    distance: f32,
-    (enter, leave): (f32, f32),
-    (stack, waiting): (&mut Stack, &mut usize),
-) -> (u32, f32, f32) {
-    stack[*waiting] = Pending {
-        node: near ^ 1,
-        enter: distance,
-        leave,
-    };
-    *waiting += 1;
-    (near, enter, distance)
+fn pop<const PUBLISHED: bool>(stack: &mut Stack<'_>, reach: f32) -> Option<NodeEntry> {
+    if PUBLISHED {
+        stack.pop()
+    } else {
+        stack.pop_within(reach).map(|entry| entry.within(reach))
+    }
+}
+
+/// The traversal of one tree by one rule, as published or with error bounds.
+///
+/// # Panics
+/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
+struct OriginTraversal<'a, R, const PUBLISHED: bool> {
+    tree: &'a PlaneTree,
+    rule: PhantomData<R>,
+}
+
+impl<'a, R, const PUBLISHED: bool> OriginTraversal<'a, R, PUBLISHED> {
+    /// The traversal of this tree.
+    fn new(tree: &'a PlaneTree) -> Self {
+        Self {
+            tree,
+            rule: PhantomData,
+        }
+    }
+}
+
+impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, PUBLISHED> {
+    type Scratch = [NodeEntry; MAX_DEPTH + 1];
+
+    fn scratch(&self) -> Self::Scratch {
+        [NodeEntry::blank(0); MAX_DEPTH + 1]
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let (tree, frame) = (self.tree, ray.frame);
+        let around = around(frame);
+        let mut best = Best::new(frame);
+        let mut stack = Stack::new(scratch);
+        let mut next = NodeEntry {
+            node: tree.root(),
+            interval: Interval::new(frame.t_min, frame.t_max),
+        };
+        loop {
+            match tree.node(next.node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                    empty,
+                    link,
+                } => {
+                    counters.step_axis();
+                    let plane = Plane {
+                        axis,
+                        split,
+                        gap: split - frame.o[axis],
+                        children,
+                        empty,
+                        link,
+                    };
+                    let side = R::side::<PUBLISHED>(&plane, frame, around);
+                    next = step::<R, PUBLISHED>(&plane, side, frame, next.interval, &mut stack);
+                    if !R::PUSHES_NEXT {
+                        continue;
+                    }
+                    stack.push(next);
+                }
+                Node::Oblique { .. } => unreachable!("these traversals are for axis-aligned trees"),
+                Node::Leaf { first, count } => {
+                    counters.leaf(count);
+                    let (leaf, leave) = (Leaf { first, count }, next.interval.leave);
+                    if first_hit::test::<PUBLISHED, S, Q, C>(
+                        simd, leaf, job, ray, leave, &mut best, counters,
+                    ) {
+                        return best.hit();
+                    }
+                }
+            }
+            match pop::<PUBLISHED>(&mut stack, best.reach) {
+                Some(entry) => next = entry,
+                None => return best.hit(),
+            }
+        }
+    }
+}
+
+single_rays! {
+    /// Single rays by the algorithm of Sung and Shirley, with error bounds.
+    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, false> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// The same as published, without error bounds.
+    fn sung_published(PlaneTree) -> OriginTraversal<'a, Sung, true> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-A, with error bounds.
+    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, false> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// The same as published, without error bounds.
+    fn ta_a_published(PlaneTree) -> OriginTraversal<'a, TaA, true> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by Arvo's algorithm, with error bounds.
+    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, false> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// The same as published, without error bounds.
+    fn arvo_published(PlaneTree) -> OriginTraversal<'a, Arvo, true> {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
 }

@@ -13,8 +13,8 @@
 //! Termination: each rope crosses a wall in the ray's direction, and all cells on one side of a plane precede
 //! those on the other, so no leaf is visited twice.
 
-use crate::batch;
-use crate::single::planes::dir as plane_dir;
+use crate::batch::SingleTraversal;
+use crate::single::planes::dir::{Entries, PlaneTraversal};
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
@@ -30,17 +30,21 @@ use std::sync::Arc;
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct Walk<'a, const PUBLISHED: bool>(pub &'a PlaneTree, pub &'a Ropes);
+pub struct RopeTraversal<'a, const PUBLISHED: bool> {
+    tree: &'a PlaneTree,
+    ropes: &'a Ropes,
+}
 
 /// The distance where a ray crosses a plane: as computed, and its lower and upper bound.
 #[derive(Clone, Copy)]
-struct Moment {
+struct Distance {
     about: f32,
     low: f32,
     high: f32,
 }
 
-impl Moment {
+impl Distance {
+    /// The distance to a plane across `axis`, with its error bound.
     #[inline(always)]
     fn new(frame: &FrameRay, axis: usize, plane: f32) -> Self {
         let about = (plane - frame.o[axis]) * frame.inv[axis];
@@ -50,6 +54,16 @@ impl Moment {
             high: about + frame.slack[axis],
         }
     }
+
+    /// A distance that is exactly known.
+    #[inline(always)]
+    fn exact(about: f32) -> Self {
+        Self {
+            about,
+            low: about,
+            high: about,
+        }
+    }
 }
 
 /// The crossing from one leaf to the next.
@@ -57,15 +71,20 @@ impl Moment {
 struct Crossing {
     /// Axis of the wall; [`START`] for the ray's start.
     axis: usize,
-    moment: Moment,
+    distance: Distance,
 }
 
 /// Stands for the axis at the ray's start, which crosses no wall.
 const START: usize = 3;
 
-impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
-    /// The leaf below `link` that the ray enters at `crossing`: its link, and first block and number of
-    /// triangles. `None` if that leaf is not certain.
+/// A leaf, and its number among the ends of ropes.
+struct LinkedLeaf {
+    link: u32,
+    leaf: Leaf,
+}
+
+impl<const PUBLISHED: bool> RopeTraversal<'_, PUBLISHED> {
+    /// The leaf below `link` that the ray enters at `crossing`; `None` if that leaf is not certain.
     #[inline(always)]
     fn leaf<C: Counters>(
         &self,
@@ -73,33 +92,33 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
         mut link: u32,
         crossing: Crossing,
         counters: &mut C,
-    ) -> Option<(u32, Leaf)> {
-        let Crossing {
-            axis: across,
-            moment,
-        } = crossing;
+    ) -> Option<LinkedLeaf> {
+        let at = crossing.distance;
         loop {
-            let (axis, split, children) = match self.1.step(self.0, link) {
+            let (axis, split, children) = match self.ropes.step(self.tree, link) {
                 Step::Plane {
                     axis,
                     split,
                     children,
                 } => (axis, split, children),
-                Step::Leaf { first, count } => return Some((link, Leaf { first, count })),
+                Step::Leaf { first, count } => {
+                    let leaf = Leaf { first, count };
+                    return Some(LinkedLeaf { link, leaf });
+                }
             };
             counters.step_axis();
             // Go to the near side of planes parallel to the wall, else to the side that the crossing lies on.
             let near = frame.negative[axis] as usize % 2;
-            link = if axis == across {
+            link = if axis == crossing.axis {
                 children[near]
             } else if PUBLISHED {
-                let point = frame.o[axis] + moment.about * frame.d[axis];
+                let point = frame.o[axis] + at.about * frame.d[axis];
                 children[usize::from(point > split)]
             } else {
-                let plane = Moment::new(frame, axis, split);
-                if plane.low > moment.high {
+                let plane = Distance::new(frame, axis, split);
+                if plane.low > at.high {
                     children[near]
-                } else if plane.high < moment.low {
+                } else if plane.high < at.low {
                     children[1 - near]
                 } else {
                     return None;
@@ -108,143 +127,119 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
         }
     }
 
-    /// Traces the rest of a ray, from distance `from` on, from the root.
+    /// The distances to the walls of a leaf that lie ahead, one per axis.
     #[inline(always)]
-    fn rest<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        triangles: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        (best, from): (&Best, f32),
-        stack: &mut plane_dir::Stack<u32>,
-        counters: &mut C,
-    ) -> Hit {
-        if from > best.reach {
-            return best.hit();
-        }
-        let mut rest = *frame;
-        rest.t_min = keep_max(from, frame.t_min);
-        rest.t_max = keep_min(best.reach, frame.t_max);
-        rest.known = best.hit();
-        let walk = plane_dir::Walk(self.0);
-        batch::Walk::cast::<S, Q, C>(
-            &walk,
-            simd,
-            triangles,
-            RayRef { ray, frame: &rest },
-            stack,
-            counters,
-        )
+    fn walls(&self, frame: &FrameRay, link: u32) -> [Distance; 3] {
+        let walls = self.ropes.walls(link);
+        map([0, 1, 2], |k: usize| {
+            Distance::new(frame, k, walls[k][1 - frame.negative[k] as usize % 2])
+        })
     }
 }
 
-impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
-    type Scratch = plane_dir::Stack<u32>;
+/// The part of a ray from distance `from` on that may hold a better hit than its best one so far; `None` if there is
+/// no such part.
+#[inline(always)]
+fn rest_of<'a>(frame: &FrameRay<'a>, from: f32, best: &Best) -> Option<FrameRay<'a>> {
+    if from > best.reach {
+        return None;
+    }
+    let mut rest = *frame;
+    rest.t_min = keep_max(from, frame.t_min);
+    rest.t_max = keep_min(best.reach, frame.t_max);
+    rest.known = best.hit();
+    Some(rest)
+}
+
+/// The axis of the smallest distance; of equal ones the first.
+#[inline(always)]
+fn nearest(distances: &[Distance; 3]) -> usize {
+    let mut axis = 0;
+    if distances[1].about < distances[axis].about {
+        axis = 1;
+    }
+    if distances[2].about < distances[axis].about {
+        axis = 2;
+    }
+    axis
+}
+
+impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
+    type Scratch = Entries<u32>;
 
     fn scratch(&self) -> Self::Scratch {
-        batch::Walk::scratch(&plane_dir::Walk(self.0))
+        PlaneTraversal(self.tree).scratch()
     }
 
     #[inline(always)]
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        Job { scene, blocks }: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        entries: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let triangles = Job { scene, blocks };
+        let frame = ray.frame;
         let mut best = Best::new(frame);
-        // Begin at the root, with a start that is exactly known.
-        let start = Moment {
-            about: frame.t_min,
-            low: frame.t_min,
-            high: frame.t_min,
-        };
         let mut from = frame.t_min;
-        let mut link = self.0.root();
+        let mut link = self.tree.root();
         let mut crossing = Crossing {
             axis: START,
-            moment: start,
+            distance: Distance::exact(frame.t_min),
         };
-        loop {
-            let Some((node, leaf)) = self.leaf(frame, link, crossing, counters) else {
-                let so_far = (&best, from);
-                return self.rest::<S, Q, C>(
-                    simd,
-                    triangles,
-                    RayRef { ray, frame },
-                    so_far,
-                    stack,
-                    counters,
-                );
-            };
-            // Find the wall ahead that the ray reaches first.
-            let walls = self.1.walls(node);
-            let ahead = map([0, 1, 2], |k: usize| {
-                walls[k][1 - frame.negative[k] as usize % 2]
-            });
-            let moments = map([0, 1, 2], |k: usize| Moment::new(frame, k, ahead[k]));
-            let mut axis = 0;
-            if moments[1].about < moments[axis].about {
-                axis = 1;
-            }
-            if moments[2].about < moments[axis].about {
-                axis = 2;
-            }
-            let next = moments[axis];
-            // Test the leaf's triangles up to that wall.
-            counters.leaf(leaf.count);
+        while let Some(found) = self.leaf(frame, link, crossing, counters) {
+            // Find the wall ahead that the ray reaches first, and test the leaf's triangles up to it.
+            let ahead = self.walls(frame, found.link);
+            let axis = nearest(&ahead);
+            let next = ahead[axis];
+            counters.leaf(found.leaf.count);
             let leave = keep_min(next.high, frame.t_max);
-            let ends = Job { scene, blocks }.test::<S, Q, C>(
-                simd,
-                leaf,
-                RayRef { ray, frame },
-                leave,
-                &mut best,
-                counters,
-            );
+            let ends = job.test::<S, Q, C>(simd, found.leaf, ray, leave, &mut best, counters);
             if ends || PUBLISHED && best.hit().is_hit() {
                 return best.hit();
             }
             // A NaN bound fails this comparison and makes the step uncertain.
-            let certain = (0..3).all(|k| k == axis || moments[k].low > next.high);
+            let certain = (0..3).all(|k| k == axis || ahead[k].low > next.high);
             if !PUBLISHED && !certain {
                 // No wall ahead is crossed before the smallest lower bound: continue there.
-                let low = moments.map(|moment| keep_max(moment.low, f32::NEG_INFINITY));
+                let low = ahead.map(|wall| keep_max(wall.low, f32::NEG_INFINITY));
                 from = keep_max(keep_min(low[0], keep_min(low[1], low[2])), from);
-                let so_far = (&best, from);
-                return self.rest::<S, Q, C>(
-                    simd,
-                    triangles,
-                    RayRef { ray, frame },
-                    so_far,
-                    stack,
-                    counters,
-                );
+                break;
             }
             // Follow the rope across the wall, until the ray ends or leaves the scene.
             from = next.low;
-            link = self.1.links(node)[axis][1 - frame.negative[axis] as usize % 2];
+            link = self.ropes.links(found.link)[axis][1 - frame.negative[axis] as usize % 2];
             if from > best.reach || from > frame.t_max || link == OUTSIDE {
                 return best.hit();
             }
-            crossing = Crossing { axis, moment: next };
+            crossing = Crossing {
+                axis,
+                distance: next,
+            };
         }
+        // Trace the rest of the ray from the root, after an uncertain step.
+        let Some(rest) = rest_of(frame, from, &best) else {
+            return best.hit();
+        };
+        let rest = RayRef {
+            ray: ray.ray,
+            frame: &rest,
+        };
+        PlaneTraversal(self.tree).cast::<S, Q, C>(simd, job, rest, entries, counters)
     }
 }
 
 single_rays! {
-    /// Single rays from leaf to leaf by links, with error bounds.
-    fn rope(PlaneTree, ropes: Arc<Ropes>) -> Walk<'a, false> {
-        |kernel| Walk(&kernel.tree, &kernel.ropes)
+    /// Single rays from leaf to leaf along ropes, with error bounds.
+    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false> {
+        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
     }
 }
 
 single_rays! {
     /// The same as published, without error bounds.
-    fn rope_published(PlaneTree, ropes: Arc<Ropes>) -> Walk<'a, true> {
-        |kernel| Walk(&kernel.tree, &kernel.ropes)
+    fn rope_published(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true> {
+        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
     }
 }

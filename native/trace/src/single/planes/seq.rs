@@ -7,14 +7,14 @@
 //! if the near child there is finished (the restart trail of Laine 2010). It visits exactly the leaves of the
 //! traversal with a stack, however thin their cells, and none twice.
 
-use crate::batch;
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 
 const _: () = assert!(MAX_DEPTH < u64::BITS as usize, "a bit for each level");
 
@@ -22,17 +22,16 @@ const _: () = assert!(MAX_DEPTH < u64::BITS as usize, "a bit for each level");
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct Walk<'a>(pub &'a PlaneTree);
+pub struct RestartTraversal<'a>(pub &'a PlaneTree);
 
-/// A leaf (first block, number of triangles) and the ray's interval in it.
+/// A leaf and the ray's interval in it.
 struct Found {
     leaf: Leaf,
-    enter: f32,
-    leave: f32,
+    interval: Interval,
 }
 
-impl Walk<'_> {
-    /// Descends from the root to the first leaf that is not `done`, and sets in `waiting` the bits of the
+impl RestartTraversal<'_> {
+    /// Descends from the root to the first leaf that is not `done`, and sets in `pending` the bits of the
     /// levels whose far child remains to be visited.
     ///
     /// The choice of children does not depend on hits, so a level's bit has the same meaning in each descent.
@@ -42,7 +41,7 @@ impl Walk<'_> {
         frame: &FrameRay,
         done: u64,
         reach: f32,
-        waiting: &mut u64,
+        pending: &mut u64,
         counters: &mut C,
     ) -> Found {
         let mut node = self.0.root();
@@ -57,10 +56,10 @@ impl Walk<'_> {
                     link,
                     ..
                 } => (axis, split, empty, link),
-                Node::Oblique { .. } => unreachable!("this walk is for axis-aligned trees"),
+                Node::Oblique { .. } => unreachable!("this traversal is for axis-aligned trees"),
                 Node::Leaf { first, count } => {
-                    let leaf = Leaf { first, count };
-                    return Found { leaf, enter, leave };
+                    let (leaf, interval) = (Leaf { first, count }, Interval::new(enter, leave));
+                    return Found { leaf, interval };
                 }
             };
             counters.step_axis();
@@ -77,7 +76,7 @@ impl Walk<'_> {
                 (node, enter) = (near ^ 1, keep_max(low, enter));
             } else {
                 if empty == 0 && keep_max(low, enter) <= reach {
-                    *waiting |= level;
+                    *pending |= level;
                 }
                 (node, leave) = (near, keep_min(high, leave));
             }
@@ -86,7 +85,7 @@ impl Walk<'_> {
     }
 }
 
-impl batch::Walk for Walk<'_> {
+impl SingleTraversal for RestartTraversal<'_> {
     type Scratch = ();
 
     fn scratch(&self) {}
@@ -96,35 +95,28 @@ impl batch::Walk for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
+        ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
-        let mut best = Best::new(frame);
+        let mut best = Best::new(ray.frame);
         let mut done = 0_u64;
         loop {
-            let mut waiting = 0_u64;
-            let Found { leaf, enter, leave } =
-                self.descend(frame, done, best.reach, &mut waiting, counters);
+            let mut pending = 0_u64;
+            let Found { leaf, interval } =
+                self.descend(ray.frame, done, best.reach, &mut pending, counters);
             counters.leaf(leaf.count);
             // Test the leaf unless the best hit lies before it.
-            if enter <= best.reach
-                && job.test::<S, Q, C>(
-                    simd,
-                    leaf,
-                    RayRef { ray, frame },
-                    leave,
-                    &mut best,
-                    counters,
-                )
+            if interval.enter <= best.reach
+                && job.test::<S, Q, C>(simd, leaf, ray, interval.leave, &mut best, counters)
             {
                 return best.hit();
             }
-            if waiting == 0 {
+            if pending == 0 {
                 return best.hit();
             }
             // Finish the near child of the deepest level with a far child left; clear all bits below it.
-            let deepest = 1 << waiting.ilog2();
+            let deepest = 1 << pending.ilog2();
             done = done & (deepest - 1) | deepest;
         }
     }
@@ -132,7 +124,7 @@ impl batch::Walk for Walk<'_> {
 
 single_rays! {
     /// Single rays that find each leaf from the root, with error bounds.
-    fn seq(PlaneTree) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn seq(PlaneTree) -> RestartTraversal<'a> {
+        |kernel| RestartTraversal(&kernel.tree)
     }
 }

@@ -5,26 +5,73 @@
 //! The leaf of a point is located from the root; the next point lies a small step behind the ray's exit from
 //! the leaf's cell. A traversal whose distance no longer increases ends.
 
-use crate::batch;
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{Node, PlaneTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 /// The step behind a wall, relative to the scene's largest coordinate. Chosen: 16 u, above the rounding of a
 /// coordinate.
 const STEP: f32 = 1.0 / 1_048_576.0;
 
-/// The traversal of one tree within the scene's box.
+/// The traversal of one tree.
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct Walk<'a>(pub &'a PlaneTree, pub Aabb);
+pub struct PointTraversal<'a> {
+    tree: &'a PlaneTree,
+    /// The scene's box in the frame.
+    bounds: Aabb,
+}
 
-impl batch::Walk for Walk<'_> {
+impl PointTraversal<'_> {
+    /// Descends from the root to the leaf that contains a point; returns the leaf and its cell.
+    #[inline(always)]
+    fn locate<C: Counters>(&self, point: [f32; 3], counters: &mut C) -> (Leaf, Aabb) {
+        let mut cell = self.bounds;
+        let mut node = self.tree.root();
+        loop {
+            match self.tree.node(node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                    ..
+                } => {
+                    counters.step_axis();
+                    if point[axis] < split {
+                        (node, cell.max[axis]) = (children, split);
+                    } else {
+                        (node, cell.min[axis]) = (children + 1, split);
+                    }
+                }
+                Node::Oblique { .. } => unreachable!("this traversal is for axis-aligned trees"),
+                Node::Leaf { first, count } => return (Leaf { first, count }, cell),
+            }
+        }
+    }
+}
+
+/// Distance where the ray leaves a cell, through the first of its far walls.
+#[inline(always)]
+fn exit(frame: &FrameRay, cell: &Aabb) -> f32 {
+    let mut leave = frame.t_max;
+    for k in 0..3 {
+        let wall = if frame.negative[k] == 1 {
+            cell.min[k]
+        } else {
+            cell.max[k]
+        };
+        leave = leave.min((wall - frame.o[k]) * frame.inv[k]);
+    }
+    leave
+}
+
+impl SingleTraversal for PointTraversal<'_> {
     type Scratch = ();
 
     fn scratch(&self) {}
@@ -33,58 +80,21 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        Job { scene, blocks }: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
+        job: Job<'_>,
+        ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
-        let Self(tree, bounds) = self;
-        let step = STEP * bounds.magnitude();
+        let frame = ray.frame;
+        let step = STEP * self.bounds.magnitude();
         let mut best = Best::new(frame);
         let mut t = frame.t_min;
         loop {
-            // Locate the leaf of the current point and its cell.
-            let point: [f32; 3] = std::array::from_fn(|k| frame.o[k] + t * frame.d[k]);
-            let mut cell = *bounds;
-            let mut node = tree.root();
-            let leaf = loop {
-                match tree.node(node) {
-                    Node::Axis {
-                        axis,
-                        split,
-                        children,
-                        ..
-                    } => {
-                        counters.step_axis();
-                        if point[axis] < split {
-                            (node, cell.max[axis]) = (children, split);
-                        } else {
-                            (node, cell.min[axis]) = (children + 1, split);
-                        }
-                    }
-                    Node::Oblique { .. } => unreachable!("this walk is for axis-aligned trees"),
-                    Node::Leaf { first, count } => break Leaf { first, count },
-                }
-            };
+            let point = std::array::from_fn(|k| frame.o[k] + t * frame.d[k]);
+            let (leaf, cell) = self.locate(point, counters);
             counters.leaf(leaf.count);
-            // Intersect the ray with the far walls of the cell.
-            let mut leave = frame.t_max;
-            for k in 0..3 {
-                let wall = if frame.negative[k] == 1 {
-                    cell.min[k]
-                } else {
-                    cell.max[k]
-                };
-                leave = leave.min((wall - frame.o[k]) * frame.inv[k]);
-            }
-            let ends = Job { scene, blocks }.test::<S, Q, C>(
-                simd,
-                leaf,
-                RayRef { ray, frame },
-                leave,
-                &mut best,
-                counters,
-            );
+            let leave = exit(frame, &cell);
+            let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters);
             // As published: the first leaf with a hit inside its cell holds the nearest one.
             let next = leave + step;
             if ends || best.hit().is_hit() || next.is_nan() || next <= t || next > frame.t_max {
@@ -96,8 +106,8 @@ impl batch::Walk for Walk<'_> {
 }
 
 single_rays! {
-    /// The same as published, without error bounds. `bounds`: the scene's box in the frame.
-    fn seq_published(PlaneTree, bounds: Aabb) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree, kernel.bounds)
+    /// Single rays by point location as published, without error bounds. `bounds`: the scene's box in the frame.
+    fn seq_published(PlaneTree, bounds: Aabb) -> PointTraversal<'a> {
+        |kernel| PointTraversal { tree: &kernel.tree, bounds: kernel.bounds }
     }
 }

@@ -13,9 +13,9 @@
 //! plane, which exceeds the error of every coordinate of the point. For rays in an instance's space it does
 //! not, because their coordinates are inexact from the start.
 
-use crate::batch;
-use crate::pending::{Waits, next};
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
+use crate::stack::{Entry, Stack};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
@@ -27,17 +27,24 @@ use halfspace_ray::{FrameRay, Hit, RayRef};
 /// A segment of the ray: its interval, and its end points in mirrored coordinates, all moved outwards. The
 /// fourth coordinate only fills the vector register.
 #[derive(Clone, Copy, Default)]
-pub struct Segment {
+struct Segment {
     entry: [f32; 4],
     exit: [f32; 4],
     enter: f32,
     leave: f32,
 }
 
-impl Waits for (u32, Segment) {
+/// A stack entry: a node still to visit, and the segment of the ray in it.
+#[derive(Clone, Copy, Default)]
+pub struct SegmentEntry {
+    node: u32,
+    segment: Segment,
+}
+
+impl Entry for SegmentEntry {
     #[inline(always)]
     fn enter(&self) -> f32 {
-        self.1.enter
+        self.segment.enter
     }
 }
 
@@ -54,6 +61,7 @@ struct Mirrored {
 }
 
 impl Mirrored {
+    /// Mirrors a ray.
     #[inline(always)]
     fn new(ray: &FrameRay) -> Self {
         let mut out = Self {
@@ -85,19 +93,38 @@ impl Mirrored {
         let at = |k: usize| self.after[k] + t * self.speed[k];
         [at(0), at(1), at(2), at(3)]
     }
+
+    /// The two parts of a segment before and behind a plane at some distance. The crossing is moved outwards by
+    /// `slack` for both.
+    #[inline(always)]
+    fn cut(&self, segment: Segment, distance: f32, slack: f32) -> [Segment; 2] {
+        let enter = keep_max(distance - slack, segment.enter);
+        let leave = keep_min(distance + slack, segment.leave);
+        let before = Segment {
+            exit: self.exit(leave),
+            leave,
+            ..segment
+        };
+        let behind = Segment {
+            entry: self.entry(enter),
+            enter,
+            ..segment
+        };
+        [before, behind]
+    }
 }
 
 /// The traversal of one tree.
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct Walk<'a>(pub &'a PlaneTree);
+pub struct TaBTraversal<'a>(pub &'a PlaneTree);
 
-impl batch::Walk for Walk<'_> {
-    type Scratch = [(u32, Segment); MAX_DEPTH + 1];
+impl SingleTraversal for TaBTraversal<'_> {
+    type Scratch = [SegmentEntry; MAX_DEPTH + 1];
 
     fn scratch(&self) -> Self::Scratch {
-        [(0, Segment::default()); MAX_DEPTH + 1]
+        [SegmentEntry::default(); MAX_DEPTH + 1]
     }
 
     #[inline(always)]
@@ -105,22 +132,22 @@ impl batch::Walk for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let tree = self.0;
+        let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
-        let ray_up = Mirrored::new(frame);
+        let mut stack = Stack::new(scratch);
+        let mirrored = Mirrored::new(frame);
         // Begin with the part of the ray inside the scene's box.
+        let mut node = tree.root();
         let mut segment = Segment {
-            entry: ray_up.entry(frame.t_min),
-            exit: ray_up.exit(frame.t_max),
+            entry: mirrored.entry(frame.t_min),
+            exit: mirrored.exit(frame.t_max),
             enter: frame.t_min,
             leave: frame.t_max,
         };
-        let mut waiting = 0;
-        let mut node = tree.root();
         loop {
             match tree.node(node) {
                 Node::Axis {
@@ -133,7 +160,7 @@ impl batch::Walk for Walk<'_> {
                     counters.step_axis();
                     let near = near_child(link, frame.signs);
                     // Compare entry and exit with the mirrored plane.
-                    let height = f32::from_bits(split.to_bits() ^ ray_up.flip[axis]);
+                    let height = f32::from_bits(split.to_bits() ^ mirrored.flip[axis]);
                     // The case of visiting the near (0) or far (1) child only, for the counters.
                     let turn = |far: u32| match frame.negative[axis] ^ far {
                         0 => Turn::Below,
@@ -149,47 +176,33 @@ impl batch::Walk for Walk<'_> {
                     } else {
                         // N4 P4, and every Z case: visit both, the far child later; skip an empty one.
                         counters.case(|| which(Turn::Both));
-                        // Compute the crossing, and move it outwards for both children.
                         let distance = (split - frame.o[axis]) * frame.inv[axis];
-                        let slack = frame.slack[axis];
-                        let far_from = keep_max(distance - slack, segment.enter);
-                        let near_to = keep_min(distance + slack, segment.leave);
-                        let far = Segment {
-                            entry: ray_up.entry(far_from),
-                            enter: far_from,
-                            ..segment
-                        };
+                        let [first, second] = mirrored.cut(segment, distance, frame.slack[axis]);
                         if (empty >> (near & 1)) & 1 == 1 {
-                            (node, segment) = (near ^ 1, far);
+                            (node, segment) = (near ^ 1, second);
                         } else {
                             if empty == 0 {
-                                stack[waiting] = (near ^ 1, far);
-                                waiting += 1;
+                                stack.push(SegmentEntry {
+                                    node: near ^ 1,
+                                    segment: second,
+                                });
                             }
-                            segment.exit = ray_up.exit(near_to);
-                            segment.leave = near_to;
-                            node = near;
+                            (node, segment) = (near, first);
                         }
                     }
                     continue;
                 }
-                Node::Oblique { .. } => unreachable!("TA-B walks axis-aligned trees"),
+                Node::Oblique { .. } => unreachable!("TA-B is for axis-aligned trees"),
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    if job.test::<S, Q, C>(
-                        simd,
-                        Leaf { first, count },
-                        RayRef { ray, frame },
-                        segment.leave,
-                        &mut best,
-                        counters,
-                    ) {
+                    let (leaf, leave) = (Leaf { first, count }, segment.leave);
+                    if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
                         return best.hit();
                     }
                 }
             }
-            match next(stack, &mut waiting, best.reach) {
-                Some(part) => (node, segment) = part,
+            match stack.pop_within(best.reach) {
+                Some(entry) => (node, segment) = (entry.node, entry.segment),
                 None => return best.hit(),
             }
         }
@@ -198,7 +211,7 @@ impl batch::Walk for Walk<'_> {
 
 single_rays! {
     /// Single rays by TA-B, with error bounds.
-    fn ta_b(PlaneTree) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn ta_b(PlaneTree) -> TaBTraversal<'a> {
+        |kernel| TaBTraversal(&kernel.tree)
     }
 }

@@ -7,16 +7,18 @@
 //! variables, and the exit points of the cells around it are on a stack. The listing's extra case Z1, the cell
 //! ends in the plane, is left out: an earlier branch of the listing always takes it.
 
+use crate::batch::SingleTraversal;
+use crate::first_hit;
 use crate::single::single_rays;
-use crate::{batch, first_hit};
+use crate::stack::Stack;
 use fearless_simd::Simd;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
-/// Stands for a child where the ray leaves the scene.
+/// The node of the crossing where the ray leaves the scene. It is not visited: the stack is empty there.
 const NOWHERE: u32 = u32::MAX;
 
 /// A point of the ray where it leaves one cell and enters another.
@@ -32,9 +34,15 @@ pub struct Crossing {
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct Walk<'a>(pub &'a PlaneTree);
+pub struct PublishedTaB<'a>(pub &'a PlaneTree);
 
-impl batch::Walk for Walk<'_> {
+/// The ray's point at distance `t`.
+#[inline(always)]
+fn point(frame: &FrameRay, t: f32) -> [f32; 3] {
+    std::array::from_fn(|k| frame.o[k] + t * frame.d[k])
+}
+
+impl SingleTraversal for PublishedTaB<'_> {
     type Scratch = [Crossing; MAX_DEPTH + 1];
 
     fn scratch(&self) -> Self::Scratch {
@@ -45,25 +53,24 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        Job { scene, blocks }: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        job: Job<'_>,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let tree = self.0;
+        let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
-        let along = |t: f32| std::array::from_fn(|k| frame.o[k] + t * frame.d[k]);
+        let mut stack = Stack::new(scratch);
         let mut entry = if frame.t_min >= 0.0 {
-            along(frame.t_min)
+            point(frame, frame.t_min)
         } else {
             frame.o
         };
         let mut exit = Crossing {
-            point: along(frame.t_max),
+            point: point(frame, frame.t_max),
             t: frame.t_max,
             node: NOWHERE,
         };
-        let mut waiting = 0;
         let mut node = tree.root();
         loop {
             match tree.node(node) {
@@ -79,47 +86,32 @@ impl batch::Walk for Walk<'_> {
                         counters.case(|| case(frame.o[axis], frame.d[axis], split, turn));
                     };
                     let far = if entry[axis] <= split {
+                        node = children;
                         if exit.point[axis] <= split {
-                            counted(Turn::Below);
-                            node = children; // N1 N2 N3 P5 Z2 Z3
+                            counted(Turn::Below); // N1 N2 N3 P5 Z2 Z3
                             continue;
                         }
-                        node = children; // N4
-                        children + 1
+                        children + 1 // N4
                     } else {
+                        node = children + 1;
                         if split < exit.point[axis] {
-                            counted(Turn::Above);
-                            node = children + 1; // P1 P2 P3 N5
+                            counted(Turn::Above); // P1 P2 P3 N5
                             continue;
                         }
-                        node = children + 1; // P4
-                        children
+                        children // P4
                     };
                     // Both children: the crossing becomes the near child's exit and the far child's entry.
                     counted(Turn::Both);
-                    let t = (split - frame.o[axis]) / frame.d[axis];
-                    let mut point = along(t);
-                    point[axis] = split;
-                    stack[waiting] = exit;
-                    waiting += 1;
-                    exit = Crossing {
-                        point,
-                        t,
-                        node: far,
-                    };
+                    stack.push(exit);
+                    exit = crossing(frame, axis, split, far);
                     continue;
                 }
-                Node::Oblique { .. } => unreachable!("TA-B walks axis-aligned trees"),
+                Node::Oblique { .. } => unreachable!("TA-B is for axis-aligned trees"),
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
+                    let leaf = Leaf { first, count };
                     if first_hit::test::<true, S, Q, C>(
-                        simd,
-                        Leaf { first, count },
-                        Job { scene, blocks },
-                        RayRef { ray, frame },
-                        exit.t,
-                        &mut best,
-                        counters,
+                        simd, leaf, job, ray, exit.t, &mut best, counters,
                     ) {
                         return best.hit();
                     }
@@ -128,18 +120,26 @@ impl batch::Walk for Walk<'_> {
             // Leave the cell: its exit is the entry of the next one.
             entry = exit.point;
             node = exit.node;
-            if node == NOWHERE {
-                return best.hit();
+            match stack.pop() {
+                Some(next) => exit = next,
+                None => return best.hit(),
             }
-            waiting -= 1;
-            exit = stack[waiting];
         }
     }
 }
 
+/// The crossing of a plane into child `node`. The coordinate across the plane is that of the plane, exactly.
+#[inline(always)]
+fn crossing(frame: &FrameRay, axis: usize, split: f32, node: u32) -> Crossing {
+    let t = (split - frame.o[axis]) / frame.d[axis];
+    let mut point = point(frame, t);
+    point[axis] = split;
+    Crossing { point, t, node }
+}
+
 single_rays! {
     /// Single rays by TA-B as published, without error bounds.
-    fn ta_b_published(PlaneTree) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn ta_b_published(PlaneTree) -> PublishedTaB<'a> {
+        |kernel| PublishedTaB(&kernel.tree)
     }
 }

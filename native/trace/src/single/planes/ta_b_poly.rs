@@ -11,9 +11,9 @@
 //! if both ends are certainly on the other side. If both are visited, their intervals overlap by the shift that
 //! [`PADS`] pads may cause in the crossing.
 
-use crate::batch;
-use crate::pending::{Waits, next};
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
+use crate::stack::{Entry, Stack};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
@@ -33,28 +33,48 @@ const FAR: f32 = 1e36;
 
 /// The segment of the ray in a cell: its end points and its interval.
 #[derive(Clone, Copy, Default)]
-pub struct Segment {
+struct Segment {
     entry: [f32; 3],
     exit: [f32; 3],
     enter: f32,
     leave: f32,
 }
 
-impl Waits for (u32, Segment) {
+/// A stack entry: a node still to visit, and the segment of the ray in it.
+#[derive(Clone, Copy, Default)]
+pub struct SegmentEntry {
+    node: u32,
+    segment: Segment,
+}
+
+impl Entry for SegmentEntry {
     #[inline(always)]
     fn enter(&self) -> f32 {
-        self.1.enter
+        self.segment.enter
     }
 }
 
-/// The traversal of one tree.
-pub struct Walk<'a>(pub &'a PlaneTree);
+/// A plane as a segment meets it.
+struct Heights {
+    /// Heights of entry and exit above the plane.
+    entry: f32,
+    exit: f32,
+    /// Error bound of both.
+    pad: f32,
+    /// Number of the child below; the one above is the next node.
+    children: u32,
+    /// Bits of the empty children.
+    empty: u32,
+}
 
-impl batch::Walk for Walk<'_> {
-    type Scratch = [(u32, Segment); MAX_DEPTH + 1];
+/// The traversal of one tree.
+pub struct HeightTraversal<'a>(pub &'a PlaneTree);
+
+impl SingleTraversal for HeightTraversal<'_> {
+    type Scratch = [SegmentEntry; MAX_DEPTH + 1];
 
     fn scratch(&self) -> Self::Scratch {
-        [(0, Segment::default()); MAX_DEPTH + 1]
+        [SegmentEntry::default(); MAX_DEPTH + 1]
     }
 
     #[inline(always)]
@@ -62,27 +82,30 @@ impl batch::Walk for Walk<'_> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
-        stack: &mut Self::Scratch,
+        ray: RayRef<'_>,
+        scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let tree = self.0;
+        let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
-        let mut segment = Segment {
-            entry: point(frame, frame.t_min),
-            exit: point(frame, frame.t_max),
-            enter: frame.t_min,
-            leave: frame.t_max,
+        let mut stack = Stack::new(scratch);
+        let mut next = SegmentEntry {
+            node: tree.root(),
+            segment: Segment {
+                entry: point(frame, frame.t_min),
+                exit: point(frame, frame.t_max),
+                enter: frame.t_min,
+                leave: frame.t_max,
+            },
         };
         // If a coordinate along the ray may overflow, infinite pads make every height uncertain.
         let wild = if frame.span < FAR { 0.0 } else { f32::INFINITY };
         let pads = map(frame.pad, |pad| pad + wild);
         let oblique_pad = frame.oblique_pad + wild;
-        let mut waiting = 0;
-        let mut node = tree.root();
         loop {
             // Compute the heights of both ends above the node's plane, or test the leaf.
-            let (heights, pad, children, empty) = match tree.node(node) {
+            let SegmentEntry { node, segment } = next;
+            let plane = match tree.node(node) {
                 Node::Axis {
                     axis,
                     split,
@@ -91,8 +114,13 @@ impl batch::Walk for Walk<'_> {
                     ..
                 } => {
                     counters.step_axis();
-                    let heights = (segment.entry[axis] - split, segment.exit[axis] - split);
-                    (heights, pads[axis], children, empty)
+                    Heights {
+                        entry: segment.entry[axis] - split,
+                        exit: segment.exit[axis] - split,
+                        pad: pads[axis],
+                        children,
+                        empty,
+                    }
                 }
                 Node::Oblique {
                     normal,
@@ -104,68 +132,88 @@ impl batch::Walk for Walk<'_> {
                     let height = |p: [f32; 3]| {
                         normal[0] * p[0] + normal[1] * p[1] + normal[2] * p[2] - offset
                     };
-                    let heights = (height(segment.entry), height(segment.exit));
-                    (heights, oblique_pad, children, empty)
+                    Heights {
+                        entry: height(segment.entry),
+                        exit: height(segment.exit),
+                        pad: oblique_pad,
+                        children,
+                        empty,
+                    }
                 }
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    let leaf = Leaf { first, count };
-                    if job.test::<S, Q, C>(
-                        simd,
-                        leaf,
-                        RayRef { ray, frame },
-                        segment.leave,
-                        &mut best,
-                        counters,
-                    ) {
+                    let (leaf, leave) = (Leaf { first, count }, segment.leave);
+                    if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
                         return best.hit();
                     }
-                    match next(stack, &mut waiting, best.reach) {
-                        Some(part) => (node, segment) = part,
+                    match stack.pop_within(best.reach) {
+                        Some(entry) => next = entry,
                         None => return best.hit(),
                     }
                     continue;
                 }
             };
-            let (entry, exit) = heights;
-            if entry < -pad && exit < -pad {
-                node = children;
-                continue;
-            }
-            if entry > pad && exit > pad {
-                node = children + 1;
-                continue;
-            }
-            // Choose the near child by the sign of the change in height. If the heights are equal the sign is
-            // arbitrary, and the crossing below infinite or NaN: both children get the whole interval.
-            let near = children + u32::from(exit < entry);
-            let from = if exit < entry { entry } else { -entry };
-            // Interpolate the crossing, moved outwards by the error of the heights. The absolute value keeps a
-            // difference of -0.0 from exchanging the two bounds.
-            let way = (exit - entry).abs();
-            let per_height = (segment.leave - segment.enter) / way;
-            let early = segment.enter + (from - PADS * pad) * per_height;
-            let late = segment.enter + (from + PADS * pad) * per_height;
-            // Ignore bounds that are NaN.
-            let far_from = keep_max(early, segment.enter);
-            let near_to = keep_min(late, segment.leave);
-            let far = Segment {
-                entry: point(frame, far_from),
-                enter: far_from,
-                ..segment
-            };
-            if empty >> (near & 1) & 1 == 1 {
-                (node, segment) = (near ^ 1, far);
-                continue;
-            }
-            if empty == 0 {
-                stack[waiting] = (near ^ 1, far);
-                waiting += 1;
-            }
-            segment.exit = point(frame, near_to);
-            segment.leave = near_to;
-            node = near;
+            next = step(&plane, frame, segment, &mut stack);
         }
+    }
+}
+
+/// Returns the child to visit next, with the segment in it; pushes the other child if both are visited.
+#[inline(always)]
+fn step(
+    plane: &Heights,
+    frame: &FrameRay,
+    segment: Segment,
+    stack: &mut Stack<'_, SegmentEntry>,
+) -> SegmentEntry {
+    let &Heights {
+        entry,
+        exit,
+        pad,
+        children,
+        empty,
+    } = plane;
+    let whole = |node: u32| SegmentEntry { node, segment };
+    if entry < -pad && exit < -pad {
+        return whole(children);
+    }
+    if entry > pad && exit > pad {
+        return whole(children + 1);
+    }
+    // Choose the near child by the sign of the change in height. If the heights are equal the sign is
+    // arbitrary, and the crossing below infinite or NaN: both children get the whole interval.
+    let near = children + u32::from(exit < entry);
+    let from = if exit < entry { entry } else { -entry };
+    // Interpolate the crossing, moved outwards by the error of the heights. The absolute value keeps a
+    // difference of -0.0 from exchanging the two bounds.
+    let way = (exit - entry).abs();
+    let per_height = (segment.leave - segment.enter) / way;
+    let early = segment.enter + (from - PADS * pad) * per_height;
+    let late = segment.enter + (from + PADS * pad) * per_height;
+    // Ignore bounds that are NaN.
+    let enter = keep_max(early, segment.enter);
+    let leave = keep_min(late, segment.leave);
+    let far = SegmentEntry {
+        node: near ^ 1,
+        segment: Segment {
+            entry: point(frame, enter),
+            enter,
+            ..segment
+        },
+    };
+    if empty >> (near & 1) & 1 == 1 {
+        return far;
+    }
+    if empty == 0 {
+        stack.push(far);
+    }
+    SegmentEntry {
+        node: near,
+        segment: Segment {
+            exit: point(frame, leave),
+            leave,
+            ..segment
+        },
     }
 }
 
@@ -181,7 +229,7 @@ fn point(frame: &FrameRay, t: f32) -> [f32; 3] {
 
 single_rays! {
     /// Single rays by the heights of entry and exit points over planes of any direction.
-    fn ta_b_poly(PlaneTree) -> Walk<'a> {
-        |kernel| Walk(&kernel.tree)
+    fn ta_b_poly(PlaneTree) -> HeightTraversal<'a> {
+        |kernel| HeightTraversal(&kernel.tree)
     }
 }

@@ -29,6 +29,7 @@ use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS as DIRECTIONS_OF_SLABS;
+use halfspace_ray::FramedScene;
 use halfspace_ray::Ray;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::Query;
@@ -145,7 +146,7 @@ pub fn boxes<const W: usize>(scene: &Triangles) -> Grown<BoxTree<W>> {
 pub fn slabs<N: SlabNode>(scene: &Triangles, keep: Keep) -> Grown<SlabTree<N>> {
     let bounds = frame_of(scene).bounds();
     laid_out(scene, keep, |binary, leaves| {
-        SlabTree::new(binary, bounds, (Tighten(0.9), true), leaves)
+        SlabTree::new(binary, bounds, Tighten(0.9), true, leaves)
     })
 }
 
@@ -188,7 +189,11 @@ pub fn octree(scene: &Triangles) -> Grown<Octree> {
     };
     let octants = octree::build(scene, &frame, &params, &Monitor::new()).expect("enough memory");
     let mut blocks = Blocks::new();
-    let tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks).expect("enough memory");
+    let framed = FramedScene {
+        scene,
+        frame: &frame,
+    };
+    let tree = Octree::new(&octants, cube, framed, &mut blocks).expect("enough memory");
     Grown {
         tree: Arc::new(tree),
         leaves: Arc::new(blocks),

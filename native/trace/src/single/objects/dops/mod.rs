@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Single rays through nodes bounded by slabs; a heap yields the nearest node (Kay and Kajiya 1986).
 
-use crate::batch;
+use crate::batch::SingleTraversal;
 use crate::single::single_rays;
 use crate::slabs::Slabs;
 use fearless_simd::Simd;
@@ -9,7 +9,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::dop_tree::{DopTree, INNER, NORMALS, Node};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -78,11 +78,13 @@ impl<const D: usize> Planes<D> {
         plane * self.inv[k] + self.far[k]
     }
 
-    /// The entry distance of a node that the ray may hit between `start` and `reach`, or `None` if it provably
-    /// misses it.
+    /// The entry distance of a node that the ray may hit within an interval, or `None` if it provably misses it.
     #[inline(always)]
-    fn meet(&self, node: &Node<D>, (start, reach): (f32, f32)) -> Option<f32> {
-        let (mut enter, mut leave) = (start, reach);
+    fn meet(&self, node: &Node<D>, within: Interval) -> Option<f32> {
+        let Interval {
+            mut enter,
+            mut leave,
+        } = within;
         for k in 0..D {
             let (low, high) = (node.low[k], node.high[k]);
             let (near, far) = if self.flip[k] {
@@ -99,20 +101,20 @@ impl<const D: usize> Planes<D> {
 
 /// A heap entry. The nearest node is the greatest entry; of equally near ones the one with the smaller index.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pending {
+pub struct HeapEntry {
     enter: f32,
     node: u32,
 }
 
-impl Eq for Pending {}
+impl Eq for HeapEntry {}
 
-impl PartialOrd for Pending {
+impl PartialOrd for HeapEntry {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Pending {
+impl Ord for HeapEntry {
     fn cmp(&self, other: &Self) -> Ordering {
         other
             .enter
@@ -122,10 +124,10 @@ impl Ord for Pending {
 }
 
 /// The traversal of one tree by single rays.
-pub struct Walk<'a, const D: usize>(pub &'a DopTree<D>);
+pub struct DopTraversal<'a, const D: usize>(pub &'a DopTree<D>);
 
-impl<const D: usize> batch::Walk for Walk<'_, D> {
-    type Scratch = BinaryHeap<Pending>;
+impl<const D: usize> SingleTraversal for DopTraversal<'_, D> {
+    type Scratch = BinaryHeap<HeapEntry>;
 
     fn scratch(&self) -> Self::Scratch {
         BinaryHeap::new()
@@ -136,34 +138,31 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
         &self,
         simd: S,
         job: Job<'_>,
-        RayRef { ray, frame }: RayRef<'_>,
+        ray: RayRef<'_>,
         heap: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
+        let frame = ray.frame;
         let planes = Planes::<D>::new(frame);
         let mut best = Best::new(frame);
         heap.clear();
-        heap.push(Pending {
+        heap.push(HeapEntry {
             enter: frame.t_min,
             node: 0,
         });
-        while let Some(Pending { enter, node }) = heap.pop() {
+        while let Some(HeapEntry { enter, node }) = heap.pop() {
             if enter > best.reach {
                 break;
             }
             // Test the triangles of a leaf.
             let Node { link, count, .. } = self.0.nodes[node as usize];
             if count & INNER == 0 {
-                let count = count as usize;
-                counters.leaf(count);
-                if job.test_any::<S, Q, C>(
-                    simd,
-                    Leaf { first: link, count },
-                    RayRef { ray, frame },
-                    frame.t_max,
-                    &mut best,
-                    counters,
-                ) {
+                let leaf = Leaf {
+                    first: link,
+                    count: count as usize,
+                };
+                counters.leaf(leaf.count);
+                if job.test_any::<S, Q, C>(simd, leaf, ray, frame.t_max, &mut best, counters) {
                     break;
                 }
                 continue;
@@ -172,9 +171,10 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
             counters.step_boxes();
             let first = link as usize;
             let children = &self.0.nodes[first..first + (count & !INNER) as usize];
+            let range = Interval::new(frame.t_min, best.reach);
             for (node, child) in (link..).zip(children) {
-                if let Some(enter) = planes.meet(child, (frame.t_min, best.reach)) {
-                    heap.push(Pending { enter, node });
+                if let Some(enter) = planes.meet(child, range) {
+                    heap.push(HeapEntry { enter, node });
                 }
             }
         }
@@ -184,22 +184,22 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
 
 single_rays! {
     /// Single rays through nodes bounded by 3 slabs, by a priority queue (Kay and Kajiya 1986).
-    fn dops3(DopTree<3>) -> Walk<'a, 3> {
-        |kernel| Walk(&kernel.tree)
+    fn dops3(DopTree<3>) -> DopTraversal<'a, 3> {
+        |kernel| DopTraversal(&kernel.tree)
     }
 }
 
 single_rays! {
     /// Single rays through nodes bounded by 7 slabs, by a priority queue (Kay and Kajiya 1986).
-    fn dops7(DopTree<7>) -> Walk<'a, 7> {
-        |kernel| Walk(&kernel.tree)
+    fn dops7(DopTree<7>) -> DopTraversal<'a, 7> {
+        |kernel| DopTraversal(&kernel.tree)
     }
 }
 
 single_rays! {
     /// Single rays through nodes bounded by 13 slabs, by a priority queue (Kay and Kajiya 1986).
-    fn dops13(DopTree<13>) -> Walk<'a, 13> {
-        |kernel| Walk(&kernel.tree)
+    fn dops13(DopTree<13>) -> DopTraversal<'a, 13> {
+        |kernel| DopTraversal(&kernel.tree)
     }
 }
 

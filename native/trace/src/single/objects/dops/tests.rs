@@ -46,7 +46,8 @@ proptest! {
         let hit = verdict(o, d, corners).filter(|v| v.t >= 0.0 && v.t.is_finite());
         if let (Some(hit), Some(framed)) = (hit, frame.ray(&ray)) {
             let node = triangle_node(corners.map(|p| frame.point(p)));
-            let enter = Planes::<13>::new(&framed).meet(&node, (framed.t_min, framed.t_max));
+            let range = Interval::new(framed.t_min, framed.t_max);
+            let enter = Planes::<13>::new(&framed).meet(&node, range);
             prop_assert!(enter.is_some_and(|enter| enter <= framed.reach(hit.t)));
         }
     }
@@ -77,7 +78,7 @@ fn slabs_without_bounds_reject_hits() {
         };
         let hit = verdict(o, d, corners).is_some();
         let met = frame.ray(&ray).is_some_and(|framed| {
-            let range = (framed.t_min, framed.t_max);
+            let range = Interval::new(framed.t_min, framed.t_max);
             Planes::<13>::new(&framed).meet(&node, range).is_some()
         });
         rejected += usize::from(hit && !met);

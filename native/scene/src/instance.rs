@@ -5,11 +5,11 @@ use halfspace_geom::Aabb;
 use halfspace_geom::transform::{Inverse, Transform};
 use halfspace_geom::vec3::{Vec3, map};
 
-/// An instance of a mesh.
+/// An instance of a mesh, bounded in the scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct MeshInstance {
     /// Mesh to scene, for the vertices of triangles.
-    pub in_mesh: InMesh,
+    pub to_scene: MeshToScene,
     /// Scene to mesh.
     pub inverse: Inverse,
     /// Per axis of the mesh's space, bound on the distance between a mesh vertex and its rounded image in the
@@ -25,7 +25,7 @@ pub struct Place {
 
 /// The map from a mesh's triangles to those of an instance.
 #[derive(Debug, Clone, Copy)]
-pub struct InMesh {
+pub struct MeshToScene {
     /// Mesh to scene.
     pub transform: Transform,
     /// Whether the second and third vertices of each triangle are exchanged, which keeps front faces front for
@@ -33,17 +33,18 @@ pub struct InMesh {
     pub mirrored: bool,
 }
 
-impl Place {
-    /// An instance of a mesh; `boxes` together contain all its vertices. `None` if the transform is not finite,
-    /// is singular, or leaves the range of f32.
+impl MeshInstance {
+    /// Bounds an instance of a mesh; `boxes` together contain all vertices of the mesh, and `first` is the number of
+    /// the instance's first triangle. `None` if the transform is not finite, is singular, or leaves the range of f32.
     pub fn new(
         transform: Transform,
         boxes: &[Aabb],
-        (mesh, first): (u32, u32),
+        mesh: u32,
+        first: u32,
         mirrored: bool,
     ) -> Option<Self> {
         let inverse = transform.inverse()?;
-        let in_mesh = InMesh {
+        let to_scene = MeshToScene {
             transform,
             mirrored,
         };
@@ -51,7 +52,7 @@ impl Place {
         let mut error = [0.0; 3];
         if boxes.is_empty() {
             return Some(Self {
-                in_mesh,
+                to_scene,
                 inverse,
                 corner_error: error,
                 bounds,
@@ -82,6 +83,7 @@ impl Place {
             error[k] = f64::from(f32::EPSILON) * 0.5 * magnitude * (1.0 + 1e-6)
                 + exact
                 + f64::from(f32::from_bits(1));
+            // Reject coordinates out of range, and round the bounds outwards.
             if magnitude.is_nan() || magnitude >= f64::from(f32::MAX) * 0.5 {
                 return None;
             }
@@ -89,7 +91,7 @@ impl Place {
             bounds.max[k] = outwards(high + error[k], 1.0);
         }
         Some(Self {
-            in_mesh,
+            to_scene,
             inverse,
             corner_error: inverse.reach(error),
             bounds,
@@ -99,8 +101,9 @@ impl Place {
     }
 }
 
-impl InMesh {
-    /// Vertices of a triangle in the scene, in the instance's orientation; `None` if one of them is not finite.
+impl MeshToScene {
+    /// Returns the vertices of a triangle in the scene, in the instance's orientation; `None` if one of them is not
+    /// finite.
     #[inline(always)]
     pub fn corners(&self, corners: [[f32; 3]; 3]) -> Option<[[f32; 3]; 3]> {
         let [a, b, c] = map(corners, |p| self.transform.point(p));

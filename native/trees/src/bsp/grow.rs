@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From a configuration to a tree with oblique planes: costs and rules, the build loop, and the plan.
+
+use super::normals::Normals;
+use super::policy::Policy;
+use super::{Source, Variant, params};
+use crate::kd::{Axes, default_depth};
+use crate::kd_sah::thesis_depth;
+use crate::planes;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
+use halfspace_builders::space::{self, ObliqueStep, Params, Stop};
+use halfspace_builders::sweep::Ties;
+use halfspace_nodes::cost::Costs;
+use halfspace_nodes::preorder::Preorder;
+use halfspace_nodes::shape::Shape;
+use halfspace_ray::frame::{Frame, U};
+use halfspace_scene::Triangles;
+use halfspace_structure::Built;
+use halfspace_structure::spec::{Config, Value};
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Builds a tree along a source's directions, and lays it out.
+///
+/// # Errors
+/// Those of [`space::build`] and [`PlaneTree::new`].
+pub fn build<S: Source>(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    variant: Variant,
+    source: impl FnOnce(Arc<Normals>) -> S,
+) -> Result<Built> {
+    let params = loop_params(scene, config, variant);
+    // Choose K, and build with whole or clipped triangles.
+    let mut tried = [0; 2];
+    let mut built = build_with(
+        scene,
+        config,
+        monitor,
+        variant,
+        &params,
+        |frame, normals, needed| {
+            let k = if needed { config.integer("k") } else { 3 };
+            tried = [k, at_small_nodes(config, variant, k)];
+            let task = Task {
+                source: &source(normals),
+                variant,
+                k: tried,
+                axes_depth: config.integer("axes_depth"),
+            };
+            if config.choice("clip") == "1" {
+                oblique::<Clipped>(scene, frame, &params, task, monitor)
+            } else {
+                oblique::<Whole>(scene, frame, &params, task, monitor)
+            }
+        },
+    )?;
+    // Report that small nodes tried fewer directions.
+    let [k, small] = tried;
+    if small < k && built.shape.nodes_axis + built.shape.nodes_oblique > 0 {
+        built.left_out.push(format!(
+            "directions of small nodes: {small} instead of {k} are tried at those of up to {} triangles",
+            params::SMALL,
+        ));
+    }
+    Ok(built)
+}
+
+/// Returns K at small nodes: a share of K, but at least one direction in addition to the axes.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "at most 32"
+)]
+fn at_small_nodes(config: &Config, variant: Variant, k: usize) -> usize {
+    if config.choice("costs") != "fitted" {
+        return k;
+    }
+    let axes = if variant == Variant::Plain { 0 } else { 3 };
+    let share = (k as f32 * config.float("k_small")).ceil() as usize;
+    share.max(axes + 1).min(k)
+}
+
+/// Builds a tree and lays it out. If oblique planes are useless, this is the kd-tree or a tree grown without them;
+/// otherwise the result of `grow`, which receives the frame, the normals, and whether oblique planes are useful.
+///
+/// # Errors
+/// Those of `grow` and [`PlaneTree::new`].
+pub fn build_with(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    variant: Variant,
+    params: &Params,
+    grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Preorder>,
+) -> Result<Built> {
+    // Compute the normals of all triangles in the structure's frame.
+    let frame = Frame::new(scene.bounds());
+    let normals = Arc::new(Normals::new(scene, &frame));
+    // Determine whether oblique planes are of any use.
+    let few = config
+        .values()
+        .any(|(name, k)| name == "k" && *k == Value::Integer(3));
+    let needless = if variant == Variant::Plain {
+        None
+    } else if few {
+        Some("K = 3 leaves only the axes")
+    } else if normals.all_parallel_to_axes() {
+        Some("every triangle is parallel to two axes")
+    } else {
+        None
+    };
+    let preorder = planes::during_planes(config, monitor, || match needless {
+        None => grow(&frame, normals, true),
+        Some(_) if variant == Variant::PlusKd => {
+            axes_only(scene, &frame, params, config.choice("clip") == "1", monitor)
+        }
+        Some(_) => grow(&frame, normals, false),
+    })?;
+    let mut built = lay_out(scene, config, frame, &preorder, monitor)?;
+    // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has no
+    // planes at all.
+    let axes_alone = || {
+        let shape = Shape::new(&preorder);
+        shape.nodes_axis > 0 && shape.nodes_oblique == 0
+    };
+    if let Some(reason) = needless.filter(|_| axes_alone()) {
+        built.left_out.push(format!("oblique planes: {reason}"));
+    }
+    Ok(built)
+}
+
+/// Arguments of [`oblique`].
+struct Task<'a> {
+    source: &'a dyn Source,
+    variant: Variant,
+    /// K at large and at small nodes.
+    k: [usize; 2],
+    axes_depth: usize,
+}
+
+/// Builds a tree with oblique planes from pieces of type `P`.
+fn oblique<P: Piece>(
+    scene: &Triangles,
+    frame: &Frame,
+    params: &Params,
+    task: Task<'_>,
+    monitor: &Monitor,
+) -> Result<Preorder> {
+    let policy = Policy::<P> {
+        source: task.source,
+        variant: task.variant,
+        k: task.k[0],
+        k_small: task.k[1],
+        axes_depth: task.axes_depth,
+        pieces: PhantomData,
+    };
+    space::build(scene, frame, &policy, params, monitor)
+}
+
+/// Builds the tree of the axes alone, which is the kd-tree.
+fn axes_only(
+    scene: &Triangles,
+    frame: &Frame,
+    params: &Params,
+    clip: bool,
+    monitor: &Monitor,
+) -> Result<Preorder> {
+    // For planar triangles, planes in the walls of boxes replace slabs; and the costs alone limit the leaves of a
+    // kd-tree.
+    let params = &Params {
+        slab: 0.0,
+        sorted: false,
+        leaf_most: usize::MAX,
+        ..*params
+    };
+    if clip {
+        space::build(
+            scene,
+            frame,
+            &Axes::<ClippedBox>(PhantomData),
+            params,
+            monitor,
+        )
+    } else {
+        space::build(scene, frame, &Axes::<Boxed>(PhantomData), params, monitor)
+    }
+}
+
+/// Lays out a tree that may hold oblique planes.
+///
+/// # Errors
+/// Those of [`PlaneTree::new`].
+pub fn lay_out(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    preorder: &Preorder,
+    monitor: &Monitor,
+) -> Result<Built> {
+    let mut built = planes::lay_out(scene, config, frame, preorder, monitor)?;
+    // Report how many nodes tried only the axes.
+    if preorder.first_only > 0 {
+        let shape = Shape::new(preorder);
+        built.left_out.push(format!(
+            "directions besides the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
+            preorder.first_only,
+            shape.nodes_axis + shape.nodes_oblique,
+            config.float("enough"),
+        ));
+    }
+    Ok(built)
+}
+
+/// Returns the costs and rules that the configuration selects.
+pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Params {
+    let thesis = config.choice("costs") == "thesis";
+    // Costs of the thesis, or those of the configuration.
+    let costs = if thesis {
+        Costs::THESIS
+    } else {
+        crate::params::costs(config)
+    };
+    let fixed = if thesis {
+        Costs::THESIS_OBLIQUE
+    } else {
+        config.float("oblique_cost")
+    };
+    // Only the variant with cheap axis nodes has the linear cost.
+    let oblique = match variant {
+        Variant::PlusKd => ObliqueStep::Linear {
+            alpha: config.float("alpha"),
+            fixed,
+            as_code: config.choice("rule") == "code",
+        },
+        _ => ObliqueStep::Fixed(fixed),
+    };
+    // Set the stopping rules and the treatment of triangles at planes.
+    let triangles = scene.live().len();
+    Params {
+        costs,
+        oblique,
+        ties: match config.choice("ties") {
+            "pbrt" => Ties::StartsFirst,
+            _ => Ties::Clean,
+        },
+        slab: if config.choice("slab") == "1" {
+            20.0 * U
+        } else {
+            0.0
+        },
+        leaf_size: usize::from(thesis),
+        leaf_most: params::LEAF_MOST,
+        area_stop: if thesis {
+            0.0
+        } else {
+            config.float("area_stop")
+        },
+        max_depth: match config.integer("max_depth") {
+            0 if thesis => thesis_depth(triangles),
+            0 => default_depth(triangles),
+            depth => depth,
+        },
+        stop: if thesis {
+            Stop::Tolerant(3)
+        } else {
+            Stop::Cheapest
+        },
+        sorted: false,
+        early: config
+            .values()
+            .any(|(name, v)| name == "early" && *v == Value::Choice("1")),
+        enough: if !thesis && config.values().any(|(name, _)| name == "enough") {
+            config.float("enough")
+        } else {
+            0.0
+        },
+    }
+}
