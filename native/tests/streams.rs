@@ -8,17 +8,32 @@ use halfspace::oracle::cases::{
     Random, aimed, cloud, everywhere, lattice_rays, placed, ray, soup, strew,
 };
 use halfspace::oracle::levels;
-use halfspace::ray::{Hit, Ray, Tracer};
+use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
 use halfspace::scene::Triangles;
+use halfspace::structure::way::Rays;
 use halfspace::trace::stream::STREAM;
 use std::sync::Arc;
 
-/// Structures whose nearest hits are found in streams.
-const SPECS: [&str; 4] = [
-    "kd:nodes=boxes",
+/// Structures whose rays go in streams, one for each kind of nodes at least.
+const SPECS: [&str; 18] = [
+    "kd:traversal=stream",
+    "bsp-wn-plus-kd:traversal=stream",
+    "kd:nodes=wide,traversal=stream",
+    "bsp-wn-plus-kd:nodes=wide,traversal=stream",
+    "kd:nodes=boxes,traversal=stream",
     "bsp-wn-plus-kd:nodes=boxes",
     "bvh-sah",
     "bvh-sah:traversal=stream",
+    "bvh-sah:width=4,traversal=stream",
+    "bvh-sah:width=2,traversal=stream",
+    "bih:traversal=stream",
+    "bih5:traversal=stream,leaves=corners",
+    "bih1:traversal=stream",
+    "bih4:traversal=stream",
+    "bih-n:traversal=stream",
+    "bih-n:n=8,traversal=stream",
+    "bih-obl:traversal=stream",
+    "octree-param:traversal=stream",
 ];
 
 fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {
@@ -39,17 +54,46 @@ fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {
 /// Returns the answers of brute force.
 fn agree(scene: &Arc<Triangles>, rays: &[Ray], size: usize) -> Vec<[u32; 4]> {
     let reference = closest(&build(scene, "brute"), rays);
+    let is_hit: Vec<_> = reference.iter().map(|hit| hit[1] != Hit::NONE).collect();
     for spec in SPECS {
         let structure = build(scene, spec);
         for (set, level) in levels() {
             let structure = structure.at_level(level);
-            for (rays, expected) in rays.chunks(size).zip(reference.chunks(size)).take(60) {
+            let chunks = rays.chunks(size).zip(reference.chunks(size));
+            for ((rays, expected), is_hit) in chunks.zip(is_hit.chunks(size)).take(30) {
                 let found = closest(&structure, rays);
                 assert_eq!(found, expected, "{spec}, {set}, {size} rays at once");
+                let mut found = vec![false; rays.len()];
+                structure.occluded(rays, &mut found, None);
+                assert_eq!(found, is_hit, "{spec}, {set}, {size} any-hit rays at once");
             }
         }
     }
     reference
+}
+
+/// A batch of any kind goes in streams, and they count themselves.
+#[test]
+fn streams_take_all_rays_and_count_them() {
+    let mut random = Random(9);
+    let scene = soup(cloud(200, 0.1, &mut random));
+    let rays = aimed(&scene, 400, &mut random);
+    for spec in SPECS.iter().filter(|spec| spec.ends_with("stream")) {
+        let structure = build(&scene, spec);
+        let [single, others @ ..] = structure.routes();
+        assert_eq!(single.rays, Rays::Single, "{spec}");
+        for route in others {
+            assert_eq!(route.rays, Rays::Stream, "{spec}: {}", route.batch);
+            assert!(route.counted, "{spec}: {}", route.batch);
+        }
+        // Rays that join others have gone together.
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest(&rays, &mut vec![Hit::MISS; rays.len()], Some(&mut counters));
+        assert!(counters.iter().any(|own| own.joined > 0), "{spec}");
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.occluded(&rays, &mut vec![false; rays.len()], Some(&mut counters));
+        assert!(counters.iter().any(|own| own.joined > 0), "{spec}");
+    }
 }
 
 /// Lists end within and at the ends of groups of sixteen, and streams of some octants end before those of others.

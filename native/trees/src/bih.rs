@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Bounding interval hierarchies: one build, and a row for each form of the nodes (Wächter and Keller 2006).
 
-use crate::ways::only_singly;
+use crate::ways::{Streams, distinct, only_singly, singly_or_in_streams, traversal};
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -15,16 +15,18 @@ use halfspace_nodes::Tree;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::nested::{self, Nested};
 use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::slab_node::Double;
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{Group, Kind, Named, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
+use halfspace_trace::stream;
 use std::sync::Arc;
 
 /// Leaf size where a grid parts the triangles.
@@ -90,7 +92,15 @@ const WACHTER_KELLER: &str =
 const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; \
                        Wächter 2008, Quasi-Monte Carlo light transport simulation by efficient ray tracing";
 
-const WAYS: [Way; 1] = only_singly("intervals");
+/// Ways through intervals that two planes at most separate.
+pub const WAYS: [Way; 3] = singly_or_in_streams("intervals", "ordered");
+
+const OPTIONS: [Named; 3] = distinct(&WAYS);
+
+/// Traversals of such intervals.
+pub const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
+
+const SINGLY: [Way; 1] = only_singly("intervals");
 
 /// The registry's row: two planes a node.
 pub const PLAIN: StructureSpec = StructureSpec {
@@ -102,13 +112,13 @@ pub const PLAIN: StructureSpec = StructureSpec {
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Ooi, \
             McDonell and Sacks-Davis 1987, Spatial kd-tree; Zachmann 2002, Minimal hierarchical \
             collision detection",
-    params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    params: &[TRAVERSAL, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
     ways: &WAYS,
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            slabs_of,
+            |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
 };
@@ -122,6 +132,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald 2007, On \
             fast construction of SAH-based bounding volume hierarchies",
     params: &[
+        TRAVERSAL,
         EMPTY,
         LEAVES,
         params::ROBUST,
@@ -142,7 +153,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
         };
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            slabs_of,
+            |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -160,7 +171,7 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
-            slabs_of,
+            |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -177,7 +188,13 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
-            |tree, leaves, _| slabs::single_slabs(tree, leaves),
+            |tree, leaves, _| {
+                let streams = Streams {
+                    closest: stream::kernel::single_intervals(tree, leaves),
+                    any: stream::kernel::shadow_single_intervals(tree, leaves),
+                };
+                streams.take_chosen(one_by_one(slabs::single_slabs(tree, leaves)), config.way())
+            },
         )
     },
     ..PLAIN
@@ -201,7 +218,14 @@ pub const WIDE: StructureSpec = StructureSpec {
     label: "Interval hierarchy, wide",
     summary: "Several intervals a node along one axis, tested at once.",
     paper: WACHTER,
-    params: &[CHILDREN, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    params: &[
+        CHILDREN,
+        TRAVERSAL,
+        LEAF_SIZE,
+        EMPTY,
+        LEAVES,
+        params::ROBUST,
+    ],
     build: |scene, config, monitor| {
         let ways = config.choice("n").parse().expect("a choice of numbers");
         wide(scene, config, monitor, ways)
@@ -217,11 +241,13 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
     summary: "The tree of bih; each ray makes the boxes of a box hierarchy from its planes on the way down.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald, Boulos and \
             Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",
+    params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    ways: &SINGLY,
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            slab_boxes::slab_boxes,
+            |tree, leaves, bounds| one_by_one(slab_boxes::slab_boxes(tree, leaves, bounds)),
         )
     },
     ..PLAIN
@@ -266,7 +292,7 @@ impl Ordered<'_> {
     fn lay_out<T: Nested + Tree>(
         &self,
         nodes: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<T>,
-        kernel: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Arc<dyn SingleRays>,
+        plan: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Plan,
     ) -> Result<Built> {
         let mut leaves = Leaves::new(params::keep(self.config));
         let bounds = self.frame.bounds();
@@ -276,7 +302,7 @@ impl Ordered<'_> {
             || leaves.write(self.scene, &self.frame, &self.binary.ids),
         );
         let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
-        let plan = Plan::single("intervals", "intervals", kernel(&tree, &leaves, bounds));
+        let plan = plan(&tree, &leaves, bounds);
         Ok(objects::built(
             self.config,
             self.frame,
@@ -288,12 +314,17 @@ impl Ordered<'_> {
     }
 }
 
-fn slabs_of(
-    tree: &Arc<SlabTree<halfspace_nodes::slab_node::Double>>,
-    leaves: &Arc<Blocks>,
-    _: Aabb,
-) -> Arc<dyn SingleRays> {
-    slabs::slabs(tree, leaves)
+fn one_by_one(kernel: Arc<dyn SingleRays>) -> Plan {
+    Plan::single("intervals", "intervals", kernel)
+}
+
+/// The plan of trees of two planes a node.
+fn two_planes(config: &Config, tree: &Arc<SlabTree<Double>>, leaves: &Arc<Blocks>) -> Plan {
+    let streams = Streams {
+        closest: stream::kernel::intervals(tree, leaves),
+        any: stream::kernel::shadow_intervals(tree, leaves),
+    };
+    streams.take_chosen(one_by_one(slabs::slabs(tree, leaves)), config.way())
 }
 
 fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> Result<Built> {
@@ -302,15 +333,42 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> R
     match ways {
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| wide_slabs::wide_slabs2(tree, leaves),
+            |tree, leaves, _| {
+                let streams = Streams {
+                    closest: stream::kernel::intervals2(tree, leaves),
+                    any: stream::kernel::shadow_intervals2(tree, leaves),
+                };
+                streams.take_chosen(
+                    one_by_one(wide_slabs::wide_slabs2(tree, leaves)),
+                    config.way(),
+                )
+            },
         ),
         4 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| wide_slabs::wide_slabs4(tree, leaves),
+            |tree, leaves, _| {
+                let streams = Streams {
+                    closest: stream::kernel::intervals4(tree, leaves),
+                    any: stream::kernel::shadow_intervals4(tree, leaves),
+                };
+                streams.take_chosen(
+                    one_by_one(wide_slabs::wide_slabs4(tree, leaves)),
+                    config.way(),
+                )
+            },
         ),
         _ => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| wide_slabs::wide_slabs8(tree, leaves),
+            |tree, leaves, _| {
+                let streams = Streams {
+                    closest: stream::kernel::intervals8(tree, leaves),
+                    any: stream::kernel::shadow_intervals8(tree, leaves),
+                };
+                streams.take_chosen(
+                    one_by_one(wide_slabs::wide_slabs8(tree, leaves)),
+                    config.way(),
+                )
+            },
         ),
     }
 }

@@ -4,8 +4,8 @@
 
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;
-use crate::ways::only_singly;
-use crate::{objects, params};
+use crate::ways::Streams;
+use crate::{bih, objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::slanted::{self, Policy};
@@ -17,9 +17,9 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
-use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
+use halfspace_trace::stream;
 use std::sync::Arc;
 
 const COSTS: Costs = Costs::BLOCKS;
@@ -50,8 +50,6 @@ const OBLIQUE_STEP: ParamSpec = ParamSpec {
     needs: MORE_THAN_AXES,
 };
 
-const WAYS: [Way; 1] = only_singly("intervals");
-
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
     id: "bih-obl",
@@ -63,6 +61,7 @@ pub const SPEC: StructureSpec = StructureSpec {
             Klosowski et al. 1998, for the directions",
     params: &[
         K,
+        bih::TRAVERSAL,
         EMPTY,
         LEAVES,
         params::ROBUST,
@@ -72,7 +71,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::triangle_cost(COSTS),
         params::LEAF_MAX,
     ],
-    ways: &WAYS,
+    ways: &bih::WAYS,
     build,
 };
 
@@ -96,6 +95,11 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
     let (tree, shape) = (Arc::new(tree), built.shape());
     let plan = Plan::single("intervals", "intervals", slanted_rays(&tree, &leaves));
+    let streams = Streams {
+        closest: stream::kernel::slanted(&tree, &leaves),
+        any: stream::kernel::shadow_slanted(&tree, &leaves),
+    };
+    let plan = streams.take_chosen(plan, config.way());
     let mut built = objects::built(config, frame, tree, leaves, plan, shape);
     if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
         let reason = "oblique planes: those along the axes were cheaper everywhere";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversals of nodes of eight boxes: those of a box hierarchy, and those made from split planes.
 
-use crate::ways::{Traversal, way};
+use crate::ways::{Streams, Traversal, way};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_ray::query::Closest;
@@ -72,11 +72,14 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             "stream",
             "Streams",
             Rays::Stream,
-            "nearest hits in streams, which visit each node once for all rays that meet it",
+            "in streams, which visit each node once for all rays that meet it",
         ),
         plan: |boxes| {
-            let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
-            boxes.singly().with_closest(Rays::Stream, streams)
+            let streams = Streams {
+                closest: stream::kernel::boxes(&boxes.tree, &boxes.leaves),
+                any: stream::kernel::shadow_boxes(&boxes.tree, &boxes.leaves),
+            };
+            streams.take_all(boxes.singly())
         },
     },
     Traversal {

@@ -3,7 +3,7 @@
 //! ordered traversal. The yardstick of all other structures.
 
 use crate::boxes::{self, Boxes};
-use crate::ways::{all, chosen, distinct, traversal};
+use crate::ways::{Streams, all, chosen, distinct, traversal};
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -23,6 +23,7 @@ use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
+use halfspace_trace::stream;
 use std::sync::Arc;
 
 /// The registry's row.
@@ -63,7 +64,7 @@ const WIDTH: ParamSpec = ParamSpec {
     group: Group::Main,
     needs: &[Need {
         key: "traversal",
-        only: Only::Options(&["auto", "ordered"]),
+        only: Only::Options(&["auto", "ordered", "stream"]),
     }],
 };
 
@@ -81,11 +82,23 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     match width {
         "2" => order.lay_out(
             |tree| tree,
-            |tree, leaves| Ok(ordered(boxes2(tree, leaves))),
+            |tree, leaves| {
+                let streams = Streams {
+                    closest: stream::kernel::boxes2(tree, leaves),
+                    any: stream::kernel::shadow_boxes2(tree, leaves),
+                };
+                Ok(streams.take_chosen(ordered(boxes2(tree, leaves)), config.way()))
+            },
         ),
         "4" => order.lay_out(
             |tree| tree,
-            |tree, leaves| Ok(ordered(boxes4(tree, leaves))),
+            |tree, leaves| {
+                let streams = Streams {
+                    closest: stream::kernel::boxes4(tree, leaves),
+                    any: stream::kernel::shadow_boxes4(tree, leaves),
+                };
+                Ok(streams.take_chosen(ordered(boxes4(tree, leaves)), config.way()))
+            },
         ),
         _ => {
             let by_corners = matches!(traversal, "auto" | "flight" | "stream");

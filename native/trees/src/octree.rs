@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way from a cell to the next.
 
-use crate::ways::{distinct, only_singly, traversal, way};
+use crate::ways::{Streams, distinct, only_singly, singly_or_in_streams, traversal, way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::octree::{self, Params};
@@ -15,8 +15,8 @@ use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, Struct
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
-use halfspace_trace::beam;
 use halfspace_trace::single::octants::{glassner, net, param, samet};
+use halfspace_trace::{beam, stream};
 use std::sync::Arc;
 
 /// Depth limit.
@@ -102,6 +102,13 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
     }],
 };
 
+/// Ways from the root down.
+const FROM_ROOT: [Way; 3] = singly_or_in_streams("octants", "param");
+
+const FROM_ROOT_OPTIONS: [Named; 3] = distinct(&FROM_ROOT);
+
+const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(&FROM_ROOT_OPTIONS);
+
 const SINGLY: [Way; 1] = only_singly("octants");
 
 /// Rays of T.Haces: beams, or the single rays with which beams end.
@@ -134,8 +141,8 @@ pub const PARAM: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
-    ways: &SINGLY,
+    params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
+    ways: &FROM_ROOT,
     build: |scene, config, monitor| build(scene, config, monitor, Method::FromRoot),
 };
 
@@ -156,6 +163,8 @@ pub const NET: StructureSpec = StructureSpec {
     label: "Octree with links",
     summary: "Cubes halved along all axes; rays go from leaf to leaf by six stored links each.",
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    ways: &SINGLY,
     build: |scene, config, monitor| build(scene, config, monitor, Method::Links),
     ..PARAM
 };
@@ -186,6 +195,8 @@ pub const SAMET: StructureSpec = StructureSpec {
     label: "Octree with ascent",
     summary: "Cubes halved along all axes; rays find the next leaf by going up to the common ancestor and down again.",
     paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    ways: &SINGLY,
     build: |scene, config, monitor| build(scene, config, monitor, Method::Ascent),
     ..PARAM
 };
@@ -197,6 +208,8 @@ pub const GLASSNER: StructureSpec = StructureSpec {
     label: "Octree with point location",
     summary: "Cubes halved along all axes; rays locate every next leaf from the root.",
     paper: "Glassner 1984, Space subdivision for fast ray tracing",
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    ways: &SINGLY,
     build: |scene, config, monitor| build(scene, config, monitor, Method::Location),
     ..PARAM
 };
@@ -254,6 +267,13 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, method: Metho
     if method == Method::Beams && config.way().rays == Rays::Beam {
         let least = u32::try_from(config.integer("beam_least")).expect("in range");
         plan = plan.with_tiles(Rays::Beam, beam::kernel::octants(tree, leaves, least));
+    }
+    if method == Method::FromRoot {
+        let streams = Streams {
+            closest: stream::kernel::octants(tree, leaves),
+            any: stream::kernel::shadow_octants(tree, leaves),
+        };
+        plan = streams.take_chosen(plan, config.way());
     }
     let beams = match method {
         Method::FromRoot => beam::kernel::shadow_param,

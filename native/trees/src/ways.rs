@@ -3,9 +3,13 @@
 //! parameters `nodes` and `traversal`, their documentation and the contract tests read the rows, so a traversal that is
 //! not in a table does not exist.
 
+use halfspace_ray::query::{Any, Closest};
+use halfspace_structure::Plan;
 use halfspace_structure::row::{Group, Kind, Named, ParamSpec};
 use halfspace_structure::spec::Value;
 use halfspace_structure::way::{NODES, NODES_OF_PLANES, Rays, TRAVERSAL, Way};
+use halfspace_trace::kernel::Kernel;
+use std::sync::Arc;
 
 /// A row: a way to send rays through nodes. `F` is the function that makes its plan.
 #[derive(Debug)]
@@ -36,6 +40,50 @@ pub const fn way(
 /// The way of a structure whose rays can only be traced one by one, in one traversal.
 pub const fn only_singly(nodes: &'static str) -> [Way; 1] {
     [way(nodes, "", "One by One", Rays::Single, "one by one")]
+}
+
+/// The ways through nodes that single rays and streams traverse. `single` is the name of the traversal of single rays.
+pub const fn singly_or_in_streams(nodes: &'static str, single: &'static str) -> [Way; 3] {
+    [
+        way(
+            nodes,
+            "auto",
+            "Automatic",
+            Rays::Auto,
+            "the quickest for each batch: camera rays one by one, other rays in streams",
+        ),
+        way(nodes, single, "One by One", Rays::Single, "one by one"),
+        way(
+            nodes,
+            "stream",
+            "Streams",
+            Rays::Stream,
+            "in streams, which visit each node once for all rays that meet it",
+        ),
+    ]
+}
+
+/// The kernels of streams through a tree.
+pub struct Streams {
+    /// Nearest hits.
+    pub closest: Arc<dyn Kernel<Closest>>,
+    /// Any hits.
+    pub any: Arc<dyn Kernel<Any>>,
+}
+
+impl Streams {
+    /// Sends all rays to the streams.
+    pub fn take_all(self, plan: Plan) -> Plan {
+        (plan.with_closest(Rays::Stream, self.closest)).with_any(Rays::Stream, self.any)
+    }
+
+    /// The plan of one of the ways of [`singly_or_in_streams`].
+    pub fn take_chosen(self, plan: Plan, way: &Way) -> Plan {
+        match way.rays {
+            Rays::Single => plan,
+            _ => self.take_all(plan),
+        }
+    }
 }
 
 /// The ways of the rows whose traversals these are, in this order.

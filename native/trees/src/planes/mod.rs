@@ -4,7 +4,7 @@
 pub mod rows;
 
 use crate::boxes::{self, Boxes};
-use crate::ways::chosen;
+use crate::ways::{Streams, chosen};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::plane_boxes::PlaneBoxes;
@@ -27,7 +27,7 @@ use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use halfspace_trace::single::planes::{dir, rope};
-use halfspace_trace::{beam, flight, packet, tile};
+use halfspace_trace::{beam, flight, packet, stream, tile};
 use std::sync::Arc;
 
 /// A tree of split planes for which a plan is made.
@@ -88,19 +88,52 @@ impl Planes<'_> {
         (self.by_distances().with_tiles(Rays::Tile, tiles)).with_any(Rays::Tile, shadow)
     }
 
-    /// Rays in flight through nodes of seven planes.
-    fn wide(&mut self) -> Result<Plan> {
+    /// All rays in streams.
+    fn in_streams(&self) -> Plan {
+        self.streams().take_all(self.by_distances())
+    }
+
+    fn streams(&self) -> Streams {
+        Streams {
+            closest: stream::kernel::planes(&self.tree, &self.leaves),
+            any: stream::kernel::shadow_planes(&self.tree, &self.leaves),
+        }
+    }
+
+    /// Derives nodes of seven planes.
+    fn wide(&mut self) -> Result<Arc<WideTree>> {
         let nodes = WideTree::new(&self.tree);
         self.monitor.take(nodes.bytes())?;
         let nodes = Arc::new(nodes);
         self.derived.push(Derived {
             tree: nodes.clone(),
         });
-        let single = flight::kernel::single_wide_planes(&nodes, &self.leaves);
+        Ok(nodes)
+    }
+
+    /// Single rays through nodes of seven planes.
+    fn singly_through(&self, nodes: &Arc<WideTree>) -> Plan {
+        let single = flight::kernel::single_wide_planes(nodes, &self.leaves);
+        Plan::single("wide", "flight", single)
+    }
+
+    /// Rays in flight through nodes of seven planes.
+    fn wide_in_flight(&mut self) -> Result<Plan> {
+        let nodes = self.wide()?;
         let closest = flight::kernel::wide_planes(&nodes, &self.leaves);
         let shadow = flight::kernel::shadow_wide_planes(&nodes, &self.leaves);
-        let plan = Plan::single("wide", "flight", single);
+        let plan = self.singly_through(&nodes);
         Ok((plan.with_closest(Rays::Flight, closest)).with_any(Rays::Flight, shadow))
+    }
+
+    /// Streams through nodes of seven planes.
+    fn wide_in_streams(&mut self) -> Result<Plan> {
+        let nodes = self.wide()?;
+        let streams = Streams {
+            closest: stream::kernel::wide_planes(&nodes, &self.leaves),
+            any: stream::kernel::shadow_wide_planes(&nodes, &self.leaves),
+        };
+        Ok(streams.take_all(self.singly_through(&nodes)))
     }
 
     fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {

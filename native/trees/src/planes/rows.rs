@@ -18,7 +18,7 @@ use halfspace_trace::{beam, tile};
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
 
 /// All traversals of split planes, one to a node.
-pub const BINARY: [Traversal<MakePlan>; 15] = [
+pub const BINARY: [Traversal<MakePlan>; 16] = [
     Traversal {
         way: way(
             "planes",
@@ -98,6 +98,16 @@ pub const BINARY: [Traversal<MakePlan>; 15] = [
             "nearest hits in packets of 4, shadow rays as dir",
         ),
         plan: |planes| Ok(planes.packets(4)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "stream",
+            "Streams",
+            Rays::Stream,
+            "in streams, which visit each node once for all rays that meet it",
+        ),
+        plan: |planes| Ok(planes.in_streams()),
     },
     Traversal {
         way: way(
@@ -196,7 +206,7 @@ pub const BINARY: [Traversal<MakePlan>; 15] = [
 ];
 
 /// All traversals of split planes, seven of three levels to a node.
-pub const WIDE: [Traversal<MakePlan>; 2] = [
+pub const WIDE: [Traversal<MakePlan>; 3] = [
     Traversal {
         way: way(
             "wide",
@@ -205,7 +215,7 @@ pub const WIDE: [Traversal<MakePlan>; 2] = [
             Rays::Auto,
             "the quickest for each batch: all rays in flight",
         ),
-        plan: |planes| planes.wide(),
+        plan: |planes| planes.wide_in_flight(),
     },
     Traversal {
         way: way(
@@ -215,7 +225,17 @@ pub const WIDE: [Traversal<MakePlan>; 2] = [
             Rays::Flight,
             "several rays in turn, many rays in random order sorted by origin",
         ),
-        plan: |planes| planes.wide(),
+        plan: |planes| planes.wide_in_flight(),
+    },
+    Traversal {
+        way: way(
+            "wide",
+            "stream",
+            "Streams",
+            Rays::Stream,
+            "in streams, which visit each node once for all rays that meet it",
+        ),
+        plan: |planes| planes.wide_in_streams(),
     },
 ];
 
@@ -242,12 +262,12 @@ const OTHERS: usize = WIDE.len() + boxes::TRAVERSALS.len();
 
 const OTHER_WAYS: [Way; OTHERS] = join(all(&WIDE), all(&boxes::TRAVERSALS));
 
-const AXIS: [Way; 14 + OTHERS] = join(
+const AXIS: [Way; 15 + OTHERS] = join(
     offer(
         &BINARY,
         [
-            "auto", "dir", "tile", "tile16", "packet", "packet8", "packet4", "ta-b", "ta-a",
-            "sung", "arvo", "seq", "rope", "ropetree",
+            "auto", "dir", "tile", "tile16", "packet", "packet8", "packet4", "stream", "ta-b",
+            "ta-a", "sung", "arvo", "seq", "rope", "ropetree",
         ],
     ),
     OTHER_WAYS,
@@ -261,7 +281,7 @@ const AXIS_OPTIONS: [Named; 17] = distinct(&AXIS);
 /// Traversals of axis-aligned trees.
 pub const AXIS_TRAVERSAL: ParamSpec = traversal(&AXIS_OPTIONS);
 
-const ANY: [Way; 8 + OTHERS] = join(
+const ANY: [Way; 9 + OTHERS] = join(
     offer(
         &BINARY,
         [
@@ -272,6 +292,7 @@ const ANY: [Way; 8 + OTHERS] = join(
             "packet",
             "packet8",
             "packet4",
+            "stream",
             "ta-b-poly",
         ],
     ),
