@@ -9,11 +9,9 @@ a whole ray set is timed on a part of it, and the row records the number of rays
 from __future__ import annotations
 
 import base64
-import os
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.native import FAILURES, first_line
@@ -313,7 +311,8 @@ class _Run:
                     candidate.left_out.append(f"peak memory: {first_line(error)}")
             else:
                 try:
-                    yield from self._peaks(measured, scene)
+                    for text, begins in peak.of_builds(self._native, measured, scene, self._options):
+                        yield self._step(text) if begins else Progress(self._done(), text)
                 finally:
                     scene.unlink(missing_ok=True)
         if self._prepared.map_view is not None:
@@ -355,37 +354,6 @@ class _Run:
             yield self._step(f"{candidate.spec}: what each pixel costs")
             if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
                 candidate.cost_map = costmap.packed(costmap.work(candidate.native, view, size))
-
-    def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
-        """Measure peak memory in separate processes, one per core; nothing is timed meanwhile."""
-        at_once = max(1, (os.cpu_count() or 1) // self._options.threads)
-        running: dict[str, peak.Measurement] = {}
-        waiting = list(candidates)
-        try:
-            while waiting or running:
-                # Start processes while cores are free.
-                while waiting and len(running) < at_once:
-                    spec = waiting.pop(0).spec
-                    running[spec] = peak.Measurement(
-                        self._native, scene, spec, self._options.threads, self._options.memory_limit
-                    )
-                    yield self._step(f"{spec}: building in a process of its own, for the memory")
-                # Collect the results of those that ended.
-                ended = [spec for spec, one in running.items() if one.wait(0.05)]
-                if not ended:
-                    yield Progress(self._done(), f"{', '.join(running)}: building, for the memory")
-                for candidate in (c for c in candidates if c.spec in ended):
-                    try:
-                        candidate.peak_bytes = running.pop(candidate.spec).result()
-                    except peak.PeakError as error:
-                        candidate.left_out.append(f"peak memory: {first_line(error)}")
-        except peak.PeakError as error:
-            for candidate in candidates:
-                if candidate.peak_bytes is None:
-                    candidate.left_out.append(f"peak memory: {first_line(error)}")
-        finally:
-            for one in running.values():
-                one.stop()
 
     def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Render pictures with a growing number of samples, interleaved over the configurations."""

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ..base.interface import Native
+    from .preparation import Options
+    from .timing import Candidate
 
 TIME_LIMIT = 600
 """Seconds after which a build is given up."""
@@ -86,6 +89,46 @@ class Measurement:
         """Kill the process if it still runs."""
         self._process.kill()
         self._process.communicate()
+
+
+def of_builds(
+    native: Native, candidates: Sequence[Candidate], scene: Path, options: Options
+) -> Iterator[tuple[str, bool]]:
+    """Measure the builds of candidates in processes of their own, one per core; nothing else may be timed meanwhile.
+
+    scene: a file of `save_scene`. Sets `peak_bytes` of each candidate, or adds the reason to its `left_out`. Yields
+    the text of what runs next, and whether a build begins. Close the iterator to stop the processes.
+    """
+    # Import here: the process of a `Measurement` runs this file's text alone.
+    from ..base.native import first_line
+
+    at_once = max(1, (os.cpu_count() or 1) // options.threads)
+    running: dict[str, Measurement] = {}
+    waiting = list(candidates)
+    try:
+        while waiting or running:
+            # Start processes while cores are free.
+            while waiting and len(running) < at_once:
+                spec = waiting.pop(0).spec
+                running[spec] = Measurement(native, scene, spec, options.threads, options.memory_limit)
+                yield f"{spec}: building in a process of its own, for the memory", True
+            # Collect the results of those that ended.
+            ended = [spec for spec, one in running.items() if one.wait(0.05)]
+            if not ended:
+                yield f"{', '.join(running)}: building, for the memory", False
+            for candidate in (c for c in candidates if c.spec in ended):
+                try:
+                    candidate.peak_bytes = running.pop(candidate.spec).result()
+                except PeakError as error:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+    except PeakError as error:
+        # Note it in all that wait: no process can be started.
+        for candidate in candidates:
+            if candidate.peak_bytes is None:
+                candidate.left_out.append(f"peak memory: {first_line(error)}")
+    finally:
+        for one in running.values():
+            one.stop()
 
 
 def _resident() -> tuple[int, int]:

@@ -4,71 +4,17 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import bench
-import halfspace_native
 import numpy as np
 import pytest
+from sweep_runs import OPTIONS, table
 
-from addon.core.measure import benchmark, rows, thesis
+from addon.core.measure import benchmark, thesis
 from addon.core.scene import workload
 from lab.bench import cluster, sweep
-
-LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
-"""Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
-
-SPECS = "kd:triangle_cost=2|5,traversal=dir,kd-sah:traversal=dir,kd-median:leaf_size=2..4,traversal=dir"
-ROWS = 6
-OPTIONS = ["--structures", SPECS, "--size", "64x64", "--repeats", "2", "--check-rays", "512", "--curve", "none"]
-OPTIONS += ["--only-rays", "--seconds", "2"]
-
-
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: Any) -> list[str]:
-    """Two small files."""
-    return soups(tmp_path_factory.mktemp("scenes"), 2, 300)
-
-
-def soups(folder: Path, count: int, triangles: int) -> list[str]:
-    """So many files of random triangles."""
-    found = []
-    for seed in range(1, count + 1):
-        rng = np.random.default_rng(seed)
-        corners = rng.normal(size=(triangles, 1, 3)) + 0.3 * rng.normal(size=(triangles, 3, 3))
-        path = folder / f"soup-{seed}.npz"
-        np.savez(
-            path,
-            vertices=corners.reshape(-1, 3).astype(np.float32),
-            triangles=np.arange(3 * triangles, dtype=np.int32).reshape(-1, 3),
-            camera_eye=np.array([0.0, -5.0, 1.0]),
-            camera_target=np.zeros(3),
-            camera_up=np.array([0.0, 0.0, 1.0]),
-            camera_vfov_deg=np.float64(45.0),
-        )
-        found.append(str(path))
-    return found
-
-
-def table(folder: Path) -> list[dict[str, Any]]:
-    """The rows of a report without what the clock decides; Embree's values are not ours to promise."""
-    found = json.loads((folder / "bench.json").read_text(encoding="utf-8"))["rows"]
-    return [rows.without_times(row) for row in found if row["spec"] != "embree"]
-
-
-@pytest.fixture
-def whole(scenes: list[str], tmp_path: Path) -> list[dict[str, Any]]:
-    """The rows of one uninterrupted run in this process."""
-    assert bench.main([*scenes, *OPTIONS, "--out", str(tmp_path / "whole")]) == 0
-    found = table(tmp_path / "whole")
-    assert len(found) == 2 * ROWS
-    return found
 
 
 def test_parts_merge_to_the_whole(scenes: list[str], tmp_path: Path, whole: list[Any], capsys: Any) -> None:
@@ -311,164 +257,6 @@ def test_merging_nothing_is_one_line(arguments: list[str], tmp_path: Path, capsy
     assert bench.main([*arguments, "--merge"]) == 2
     assert "--merge" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
-def test_a_sweep_on_a_cluster_that_is_killed_twice_ends_as_if_it_had_not(
-    scenes: list[str], tmp_path: Path, whole: list[Any]
-) -> None:
-    out = tmp_path / "out"
-    command = [sys.executable, bench.__file__, *scenes, *OPTIONS, "--cluster", "local:2", "--out", str(out)]
-    resumed_after_kills(command, out, (2, 6), seconds=500)
-    assert _finished(out) <= 2 * (ROWS + 1), "nothing is doubled"
-    assert table(out) == whole
-
-
-@pytest.mark.timeout(0)
-@pytest.mark.skipif(not LARGE, reason="takes minutes; set HALFSPACE_LARGE_SWEEP=1")
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(tmp_path: Path) -> None:
-    structures = halfspace_native.structures()
-    with_both = [s["id"] for s in structures if {"k", "seed"} <= {p["name"] for p in s["parameters"]}]
-    assert len(with_both) == 12
-    chosen = ",".join(f"{name}:traversal=dir" for name in with_both)
-    command = [*soups(tmp_path, 3, 64), "--structures", chosen, "--k", "2-10", "--seeds", "1-7"]
-    command += ["--size", "16x16", "--repeats", "1", "--check-rays", "64", "--curve", "none", "--only-rays"]
-    assert bench.main([*command, "--out", str(tmp_path / "whole")]) == 0
-    whole = table(tmp_path / "whole")
-    # Where the axes are among the directions there are three at least.
-    assert len(whole) == 3 * 7 * sum(8 if "-plus" in name else 9 for name in with_both)
-    out = tmp_path / "out"
-    command = [sys.executable, bench.__file__, *command, "--cluster", "local:2", "--out", str(out)]
-    resumed_after_kills(command, out, (len(whole) // 3, 2 * len(whole) // 3), seconds=3600)
-    assert _finished(out) <= len(whole) + 3, "nothing is doubled"
-    assert table(out) == whole
-
-
-def resumed_after_kills(command: list[str], out: Path, rows_at_kills: tuple[int, ...], seconds: float) -> None:
-    """Run it, kill it with all its workers after so many rows, each time, and let it end. Checks what was kept."""
-    for enough in rows_at_kills:
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
-        try:
-            deadline = time.monotonic() + seconds
-            while _finished(out) < enough:
-                assert process.poll() is None, "it ended before it could be killed"
-                assert time.monotonic() < deadline
-                time.sleep(0.02)
-        finally:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        assert not (out / "report.html").exists()
-    kept = _finished(out)
-    done = subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
-    assert done.returncode == 0, done.stderr
-    assert kept < _finished(out), "what was kept is not measured again"
-
-
-def _finished(folder: Path) -> int:
-    journal = folder / "rows.jsonl"
-    return journal.read_text(encoding="utf-8").count('"key"') if journal.is_file() else 0
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_a_scheduler_that_goes_is_no_folder_that_cannot_be_written(scenes: list[str]) -> None:
-    class Gone:
-        def scatter(self, *_: Any, **__: Any) -> None:
-            """The scene was still taken."""
-
-        def scheduler_info(self, **_: Any) -> Any:
-            raise OSError("ConnectionPool closing.")
-
-    loaded = workload.load_npz(Path(scenes[0]))
-    with pytest.raises(cluster.ClusterError, match="the cluster is gone, rows of soup-1 are missing: Connection"):
-        list(cluster._measure(Gone(), loaded, ["kd"], None, benchmark.Options(), lambda _: None))
-
-
-LOSSES = {"killed, and another comes": 0, "gone for good": 2}
-"""What befalls the only worker, which alone has the scene, and the exit status."""
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
-@pytest.mark.parametrize("loss", LOSSES)
-def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
-    scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any, loss: str
-) -> None:
-    import distributed
-
-    lost: list[str] = []
-
-    def say(text: str) -> None:
-        if " on tcp:" in text and not lost:
-            lost.append(text)
-            client = distributed.default_client()
-            if LOSSES[loss]:
-                monkeypatch.setattr(cluster, "START_SECONDS", 1.0)
-                client.cluster.scale(0)
-            else:
-                (worker,) = client.run(os.getpid).values()
-                os.kill(worker, signal.SIGKILL)
-
-    monkeypatch.setattr(bench, "say", say)
-    out = tmp_path / "out"
-    asked = [scenes[0], *OPTIONS, "--curve", "none", "--cluster", "local:1", "--out", str(out)]
-    assert bench.main(asked) == LOSSES[loss]
-    assert lost
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
-    if LOSSES[loss]:
-        assert len(lines) == 1
-        assert "workers are gone" in lines[0]
-    else:
-        assert len(table(out)) == ROWS
-        assert not lines
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
-def test_a_finished_row_that_goes_with_its_worker_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    import distributed
-
-    monkeypatch.setattr(cluster, "HANDING_SECONDS", 1.0)
-    with cluster.measurer("local:1", benchmark.Options(), lambda _: None):
-        client = distributed.default_client()
-        (worker,) = cluster._workers(client)
-        task = client.submit(os.getpid, pure=False, workers=[worker], allow_other_workers=False)
-        distributed.wait([task], timeout=300)
-        assert task.done()
-        (process,) = client.run(os.getpid).values()
-        os.kill(process, signal.SIGKILL)
-        assert cluster._ended(task) == (None, None)
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_workers_here_are_started_whoever_else_has_some() -> None:
-    import socket
-    import urllib.request
-
-    import distributed
-
-    with socket.socket() as taken:
-        try:
-            taken.bind(("", 8787))  # where a Dask scheduler listens if nobody tells it otherwise
-            taken.listen()
-        except OSError:
-            pass  # somebody has some
-        with cluster.measurer("local:1", benchmark.Options(), lambda _: None):
-            port = distributed.default_client().scheduler_info()["services"]["dashboard"]
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/health", timeout=300) as answer:
-                assert answer.status == 200
-
-
-@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_a_cluster_that_is_not_there_is_one_line(
-    scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any
-) -> None:
-    monkeypatch.setattr(cluster, "START_SECONDS", 0.5)
-    assert bench.main([*scenes, *OPTIONS, "--cluster", "tcp://127.0.0.1:9", "--out", str(tmp_path / "out")]) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
-    assert len(lines) == 1
-    assert "no workers" in lines[0]
 
 
 def test_many_missing_rows_are_not_looked_for_in_a_list() -> None:
