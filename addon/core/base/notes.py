@@ -8,6 +8,9 @@ from collections.abc import Sequence
 NAMES_SHOWN = 8
 """Largest number of names that a line lists; the others are counted."""
 
+NAMES_IN_A_SENTENCE = 3
+"""Largest number of configurations that a sentence names."""
+
 
 class Notes:
     """Remarks, each with the names of the objects, materials or lights it applies to, in order of appearance."""
@@ -42,3 +45,8 @@ def some(names: Sequence[str], most: int = NAMES_SHOWN) -> str:
     """The first `most` names, joined, and the number of the others."""
     rest = len(names) - most
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def few(names: Sequence[str]) -> str:
+    """As many names as a sentence holds, joined, and the number of the others."""
+    return some(names, NAMES_IN_A_SENTENCE)

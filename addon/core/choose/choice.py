@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.notes import some
+from ..base.notes import few
 from ..measure import benchmark, yardstick
 from ..measure.curve import Curve
 from ..measure.rows import Bound, building
@@ -27,9 +27,6 @@ NOT_COMPARED = "answers not compared"
 
 BOUNDS: tuple[Bound, ...] = ("med", "max", "min")
 """Keys of speeds: for the predicted time, the smallest, and the largest."""
-
-NAMED = 3
-"""Largest number of configurations that a sentence names."""
 
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
@@ -172,7 +169,7 @@ class Comparison:
         if not self.equal:
             return ""
         low, high = self.best.spread if self.best is not None else (0.0, 0.0)
-        others = some([line.spec for line in self.equal], NAMED)
+        others = few([line.spec for line in self.equal])
         return f" This is not certain: its repeats took {low:.2f} to {high:.2f} s, and those of {others} overlap them."
 
     def _reason(self) -> str:

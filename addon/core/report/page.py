@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from ..base.notes import some
+from ..base.notes import few
 from ..measure import ranking, thesis, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
 from . import answer as answers
 from . import plots, statistics_page, tables
-from .report import OTHERS, PICTURES, by_scene, findings, heading, image_total, set_names, worth, worth_it
+from .report import PICTURES, by_scene, findings, heading, image_total, set_names, worth, worth_it
 
 MOST_ROWS_INSIDE = 200
 """Largest number of rows whose full content is in the page; beyond it the numbers link to `bench.json`."""
@@ -286,7 +286,7 @@ def _left_out(rows: Sequence[Row]) -> str:
 def _reason(told: Sequence[tuple[str, str]]) -> str:
     """A reason, the structures it applies to, and whether the numbers of some of them are others."""
     text, first = told[0]
-    names = some(list(dict.fromkeys(name for _, name in told)), OTHERS)
+    names = few(list(dict.fromkeys(name for _, name in told)))
     differ = f"; numbers of {first}, the others have their own" if any(other != text for other, _ in told) else ""
     return f"{_safe(text)} <span class=note>({_safe(names + differ)})</span>"
 

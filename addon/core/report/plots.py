@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ..base.notes import some
+from ..base.notes import few
 from ..measure import counting, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
 from . import charts, costs, ksweep, picture_charts, tradeoff_charts
 from . import marks as marking
 from .marks import Mark
-from .report import OTHERS
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -79,7 +78,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     marks = marking.marks(measured, [charts.tracing_seconds(row) for row in measured])
     ours = [row for row in measured if row["spec"] != yardstick.SPEC]
     close, far = _without_outliers(measured)
-    remark = f" Too slow to be drawn in scale: {some(far, OTHERS)}." if far else ""
+    remark = f" Too slow to be drawn in scale: {few(far)}." if far else ""
     if len(measured) < len(everything):
         remark += " Of each structure its fastest configuration is drawn."
     # Only *Speed* marks wrong answers; in other figures their times would look valid.
@@ -124,7 +123,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
-        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent, OTHERS)}." if silent else ""
+        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {few(silent)}." if silent else ""
         add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 

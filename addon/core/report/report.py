@@ -13,13 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..base.notes import some
+from ..base.notes import NAMES_IN_A_SENTENCE, few
 from ..measure import counting, curve, ranking, yardstick
 from ..measure.rows import Row, agrees, building, eager, is_lazy
-
-OTHERS = 3
-"""Largest number of structures that a sentence names."""
-
 
 PICTURES = ("map", "portrait")
 """Columns of rows that hold pictures."""
@@ -28,8 +24,8 @@ PICTURES = ("map", "portrait")
 def names(rows: Sequence[Row]) -> str:
     """The configurations of rows in a sentence: at most three names, and the number of the others."""
     specs = [row["spec"] for row in rows]
-    if len(specs) > OTHERS:
-        return f"{len(specs)} structures ({some(specs, OTHERS)})"
+    if len(specs) > NAMES_IN_A_SENTENCE:
+        return f"{len(specs)} structures ({few(specs)})"
     return " and ".join(filter(None, [", ".join(specs[:-1]), *specs[-1:]]))
 
 
@@ -95,7 +91,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
     sentences += [*_about_pictures(right), *_about_yardstick(rows)]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
     if failed:
-        sentences.append(f"Failed, with the reason below: {some(failed, OTHERS)}.")
+        sentences.append(f"Failed, with the reason below: {few(failed)}.")
     return sentences
 
 
@@ -138,7 +134,7 @@ def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
     if wrong:
         yield (
             "On the grid of touching boxes, moved away from the origin, other answers than brute force's, where they "
-            f"are most: {some(wrong, OTHERS)}."
+            f"are most: {few(wrong)}."
         )
 
 

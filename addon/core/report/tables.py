@@ -10,11 +10,11 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from ..base.notes import some
+from ..base.notes import few
 from ..measure import ranking, yardstick
 from ..measure.rows import Row, agrees
 from ..structures import specs
-from .report import OTHERS, by_scene, set_names
+from .report import by_scene, set_names
 
 TITLES = {
     "single": "One ray at a time: each structure through its own nodes",
@@ -204,7 +204,7 @@ def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
         if name in unsure:
             continue
         if one.equal:
-            yield f"Fastest, {name}: {best}; equal within noise: {some([row['spec'] for row in one.equal], OTHERS)}"
+            yield f"Fastest, {name}: {best}; equal within noise: {few([row['spec'] for row in one.equal])}"
         else:
             assert one.second is not None, "two rows are ranked"
             yield f"Fastest, {name}: {best}, {one.times:.2f} times {one.second['spec']}"
