@@ -164,7 +164,7 @@ def check_pip(words: list[str]) -> None:
 
 def check_cargo(words: list[str]) -> None:
     """A command of cargo: what it names exists. Raises Problem."""
-    for option, folder in (("--test", "tests"), ("--example", "examples"), ("--bench", "benches")):
+    for option, folder in (("--test", "tests"), ("--example", "examples"), ("--bench", "benches/benches")):
         if option in words and not (ROOT / "native" / folder / f"{words[words.index(option) + 1]}.rs").is_file():
             raise Problem(f"{option} {words[words.index(option) + 1]} does not exist")
 
