@@ -61,7 +61,7 @@ def _family(family: str, rows: Iterable[Row]) -> str:
     for row in rows:
         aliases = f" (also {_ids(row['aliases'])})" if row["aliases"] else ""
         cells = (f"`{row['id']}`{aliases}", row["label"], row["summary"], row["paper"])
-        lines.append("| " + " | ".join(map(_cell, cells)) + " |")
+        lines.append("| " + " | ".join(map(cell, cells)) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -84,7 +84,7 @@ def _traversals(rows: Sequence[Row]) -> str:
             lines.append(f"| {whose} | `{nodes}` | {_ids(filter(None, names)) or 'one by one'} |")
     lines += ["", "| nodes | traversal | name | what it does |", "| --- | --- | --- | --- |"]
     for (nodes, name), way in known.items():
-        lines.append(f"| `{nodes}` | `{name}` | {way['label']} | {_cell(way['doc'])} |")
+        lines.append(f"| `{nodes}` | `{name}` | {way['label']} | {cell(way['doc'])} |")
     return "\n".join(lines) + "\n"
 
 
@@ -95,18 +95,18 @@ def _parameters(rows: Sequence[Row]) -> str:
     names = dict.fromkeys(parameter["name"] for row in rows for parameter in row["parameters"])
     for name in sorted(names):
         having = {row["id"]: one for row in rows for one in row["parameters"] if one["name"] == name}
-        texts = _grouped(having, _text)
+        texts = _grouped(having, text_of)
         lines += [f"### {name}", ""]
         if len(texts) == 1:
             lines += [*texts, ""]
         else:
             lines += [f"- {_whose(ids, every)}: {text}" for text, ids in texts.items()]
-        lines += [f"- {_whose(ids, every)}: {text}." for text, ids in _grouped(having, _values).items()]
+        lines += [f"- {_whose(ids, every)}: {text}." for text, ids in _grouped(having, values_of).items()]
         lines.append("")
     return "\n".join(lines[:-1]) + "\n"
 
 
-def _text(parameter: Row) -> str:
+def text_of(parameter: Row) -> str:
     """Label, description and unit."""
     unit = f" Unit: {parameter['unit']}." if parameter["unit"] else ""
     doc = "How rays traverse the nodes, see above" if parameter["name"] == "traversal" else parameter["doc"]
@@ -121,7 +121,7 @@ def _grouped(having: Mapping[str, Row], key: Any) -> dict[Any, list[str]]:
     return found
 
 
-def _values(parameter: Row) -> str:
+def values_of(parameter: Row) -> str:
     """Default and range of a parameter, and where it has an effect."""
     found = [_range(parameter)]
     for option, needs in parameter["option_needs"].items():
@@ -168,7 +168,8 @@ def _ids(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def _cell(text: str) -> str:
+def cell(text: str) -> str:
+    """A text as a cell of a table."""
     return text.replace("|", "\\|").replace("\n", " ")
 
 

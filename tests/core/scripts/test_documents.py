@@ -23,7 +23,7 @@ import package_python
 import pytest
 
 ROOT: Path = environment.ROOT
-DOCUMENTS = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LONGEST = {"README.md": 120, "CHANGELOG.md": 60}
 """Lines that these documents may have at most."""
 

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The documents as a site: `python scripts/dev/documents_site.py [--no-pictures] [--out DIR]`.
+
+Stages docs/, README, CHANGELOG and the list of deliberate faults in a temporary folder, adds a page for each structure
+and the reference of the Python package, and builds all with mkdocs, whose warnings are errors. Pictures of structures
+that build/pictures lacks are drawn first, which takes minutes and needs Blender 5.2 or newer. Exit status: 0 built; 2
+bad usage, or a warning, with mkdocs' last lines; 130 stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import package_python
+import structure_pages
+
+from addon.core.base import command, native
+from lab.base.usage import Parser, output
+
+ROOT = Path(__file__).resolve().parents[2]
+
+PICTURES = ROOT / "build" / "pictures"
+"""Drawn pictures of structures, `ID.jpg`."""
+
+OUTSIDE = {"README.md": "readme.md", "CHANGELOG.md": "changelog.md", "tests/MUTATIONS.md": "mutations.md"}
+"""Documents outside of docs/ to their names in the site."""
+
+LINK = re.compile(r"(\]\()([^)\s]+)(\))")
+
+REFERENCE = """\
+# Python reference
+
+What `import halfspace` offers, see [the Python package](manual.md#the-python-package). The module `halfspace_native`,
+on which it stands, can be used alone.
+
+::: halfspace
+    options:
+      members: [load, expand, measure, agrees, table, Options, Workload, View, register, unregister]
+
+::: halfspace_native
+"""
+
+NAVIGATION: dict[str, list[Any]] = {
+    "Start": ["index.md", "readme.md", "changelog.md"],
+    "Use": ["manual.md", "rendering.md", "benchmark.md", "trees.md"],
+    "Structures": ["structures.md", "structures/index.md"],
+    "Lessons": [],
+    "Read": ["results.md", "papers.md", "correctness.md"],
+    "Develop": ["architecture.md", "reference.md", "mutations.md"],
+}
+"""Parts of the site to their pages; lessons and pages of structures are added."""
+
+PICTURE_SIZE, DEPTH = "640x400", "1-9"
+
+DEPTHS = {"space": "9-13", "objects": "5-8", "octants": "1-5"}
+"""Levels of a family at which its planes have the size of the scene's objects."""
+
+LAST_LINES = 30
+
+
+class SiteError(RuntimeError):
+    """The site cannot be built. The message states why."""
+
+
+def retargeted(text: str, place: str) -> str:
+    """The text of a document with its links turned to the places of the staged files.
+
+    place: the document's path from the root of the repository.
+    """
+
+    def changed(found: re.Match[str]) -> str:
+        target, sharp, anchor = found[2].partition("#")
+        if not target or ":" in target:
+            return found[0]
+        path = os.path.normpath((Path(place).parent / target).as_posix()).replace(os.sep, "/")
+        at_home = OUTSIDE.get(place, place.removeprefix("docs/"))
+        goal = OUTSIDE.get(path, path.removeprefix("docs/").replace(".pictures/", "pictures/"))
+        return f"{found[1]}{os.path.relpath(goal, Path(at_home).parent).replace(os.sep, '/')}{sharp}{anchor}{found[3]}"
+
+    return LINK.sub(changed, text)
+
+
+def stage(folder: Path, pictures: Path | None) -> None:
+    """Fill an empty folder with the pages of the site. pictures: the folder of those of structures, None for none."""
+    for path in sorted((ROOT / "docs").rglob("*")):
+        target = folder / path.relative_to(ROOT / "docs")
+        if path.suffix == ".md":
+            target.parent.mkdir(parents=True, exist_ok=True)
+            place = path.relative_to(ROOT).as_posix()
+            target.write_text(retargeted(path.read_text(encoding="utf-8"), place), encoding="utf-8")
+        elif path.is_file() and path.name != "mkdocs.yml":
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, target)
+    for place, name in OUTSIDE.items():
+        (folder / name).write_text(retargeted((ROOT / place).read_text(encoding="utf-8"), place), encoding="utf-8")
+    for name in ("LICENSE", "CITATION.cff"):
+        shutil.copy2(ROOT / name, folder)
+    shutil.copytree(ROOT / ".pictures", folder / "pictures")
+    (folder / "reference.md").write_text(REFERENCE, encoding="utf-8")
+    # The pages of structures, with the pictures that there are.
+    module = native.load()
+    scene = structure_pages.Scene(module)
+    drawn = {path.stem: path for path in pictures.glob("*.jpg")} if pictures is not None else {}
+    for path in drawn.values():
+        shutil.copy2(path, folder / "pictures")
+    rows = module.structures()
+    (folder / "structures").mkdir()
+    (folder / "structures" / "index.md").write_text(structure_pages.index(rows, drawn), encoding="utf-8")
+    for row in rows:
+        text = structure_pages.page(row, scene.cost(module, row["id"]), drawn)
+        (folder / "structures" / f"{row['id']}.md").write_text(text, encoding="utf-8")
+
+
+def navigation(folder: Path) -> list[Any]:
+    """The navigation of the staged pages: lessons and structures are those that there are."""
+    lessons = sorted(path.relative_to(folder).as_posix() for path in (folder / "lessons").glob("*.md"))
+    each = [f"structures/{row['id']}.md" for row in native.load().structures()]
+    more: dict[str, list[Any]] = {"Lessons": lessons, "Structures": [{"One by one": each}]}
+    found = {name: [*pages, *more.get(name, ())] for name, pages in NAVIGATION.items()}
+    return [{name: pages} for name, pages in found.items() if pages]
+
+
+def build(out: Path, *, pictures: bool) -> None:
+    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing. Raises SiteError."""
+    if importlib.util.find_spec("mkdocs") is None:
+        raise SiteError("mkdocs is not installed: set up the environment with scripts/test.py")
+    if pictures:
+        draw()
+    with tempfile.TemporaryDirectory(prefix="site-") as name:
+        folder = Path(name)
+        (folder / "docs").mkdir()
+        stage(folder / "docs", PICTURES if pictures else None)
+        package_python.stage(folder / "package")
+        config = {
+            "INHERIT": str(ROOT / "docs" / "mkdocs.yml"),
+            "docs_dir": str(folder / "docs"),
+            "site_dir": str(out.resolve()),
+            "nav": navigation(folder / "docs"),
+        }
+        # YAML contains JSON.
+        (folder / "mkdocs.yml").write_text(json.dumps(config), encoding="utf-8")
+        words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file", "mkdocs.yml"]
+        variables = {**os.environ, "HALFSPACE_PACKAGE": str(folder / "package")}
+        done = subprocess.run(words, cwd=folder, env=variables, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SiteError("mkdocs: " + "\n".join((done.stdout + done.stderr).splitlines()[-LAST_LINES:]))
+
+
+def draw() -> None:
+    """Draw the pictures of structures that are missing. Raises SiteError."""
+    import overlay_picture
+
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for row in native.load().structures():
+        path = PICTURES / f"{row['id']}.jpg"
+        if path.is_file() or row["family"] == "oracle":
+            continue
+        options = ["--structure", row["id"], "--size", PICTURE_SIZE, "--depth", DEPTHS.get(row["family"], DEPTH)]
+        style = ["--style", "OUTLINE"] if row["family"] == "octants" else []
+        if overlay_picture.main([*options, *style, "--out", str(path)]):
+            raise SiteError(f"the picture of {row['id']} cannot be drawn; --no-pictures builds the site without")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line. Returns the exit status."""
+    parser = Parser(prog="documents_site", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--no-pictures", action="store_true", help="without the pictures of structures")
+    parser.add_argument("--out", type=output, default=ROOT / "build" / "site", help="default: build/site")
+    return command.run(
+        "documents_site", arguments, parser.parse_args, run, told=(SiteError, package_python.DistributionError)
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Build as the arguments say. Returns the exit status."""
+    build(asked.out, pictures=not asked.no_pictures)
+    print(asked.out / "index.html")
+    return 0
+
+
+if __name__ == "__main__":
+    result = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(result)  # Blender as a module may hang at the interpreter's end

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A page for each structure: what it is, its picture, source, cost, claims and parameters, from the registry.
+
+Costs are counters and sizes, which depend on no machine: every structure over one torus, the same rays.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import structures_page
+
+from addon.core.measure import counting
+from addon.core.scene import rays
+from lab.claims.table import CLAIMS
+from lab.growth import growth
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
+    from addon.core.scene.rays import RaySet
+    from addon.core.scene.workload import Workload
+
+TRIANGLES, SIZE, SETS = 2000, (64, 64), ("primary", "diffuse")
+"""The torus, the pixels of its view, and the ray sets that are counted."""
+
+CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "ta-b-*": ("traversal-by-entry-and-exit-points-ta-b", ("kd-sah", "kd")),
+    "intervals-*": ("bounding-interval-hierarchies", ("bih", "bih[!-o]*", "bih-sah", "bih-n", "bih-bvh", "bih-obl")),
+    "beams-*": ("beams-through-octrees", ("octree-beam",)),
+    "shadow-beams": ("beams-through-octrees", ("octree-beam",)),
+    "shadow-cache": ("other-sources", ("brute",)),
+    "octrees-beat-boxes": ("beams-through-octrees", ("octree-*", "bbox-gs*")),
+    "boxes-beat-octrees": ("beams-through-octrees", ("octree-samet", "octree-net", "bbox-gs*")),
+    "links-gain": ("beams-through-octrees", ("octree-net",)),
+    "neighbour-search": ("beams-through-octrees", ("octree-samet",)),
+    "teapot-*": ("beams-through-octrees", ("octree-samet", "octree-net", "bbox-gs*")),
+    "sweep-trees-*": ("bsp-trees-along-normals", ("bsp-random-plus-kd", "bsp-wn-plus-kd", "bsp-cn-plus-kd")),
+    "other-trees-time": ("bsp-trees-along-normals", ("bsp-ize-kd", "rbsp-kd")),
+    "three-directions-are-kd": ("bsp-trees-along-normals", ("bsp-*-plus", "bsp-*-plus-kd")),
+    "without-axes": ("bsp-trees-along-normals", ("bsp-random", "bsp-wn", "bsp-cn")),
+    "one-normal": ("bsp-trees-along-normals", ("bsp-wn-plus-kd",)),
+    "long-builds": ("bsp-trees-along-normals", ("bsp-ize*", "bsp-random*", "bsp-wn*", "bsp-cn*")),
+    "fixed-directions": ("bsp-trees-along-normals", ("rbsp", "rbsp-kd")),
+}
+"""Claims, by their beginnings, to the heading of docs/papers.md about them and to the structures they are about."""
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Sizes of a tree over the torus, and mean counters of a ray of each set: steps and triangle tests."""
+
+    statistics: Mapping[str, Any]
+    steps: Mapping[str, float]
+    tests: Mapping[str, float]
+
+
+class Scene:
+    """The torus and its rays, made once for all structures."""
+
+    def __init__(self, native: Native) -> None:
+        self.workload: Workload = growth.torus(TRIANGLES)
+        tracer = native.build(self.workload.vertices, self.workload.triangles, "kd", threads=1)
+        made = rays.make(self.workload, tracer, size=SIZE, seed=1, names=SETS)
+        self.rays: list[RaySet] = [replace(some, order="none") for some in made]
+
+    def cost(self, native: Native, name: str) -> Cost:
+        """The cost of a structure with its default parameters, rays one by one."""
+        tree = native.build(self.workload.vertices, self.workload.triangles, name, threads=1)
+        counted = {some.name: counting.counters(tree, some, 1) for some in self.rays}
+        steps, tests = (
+            {name: float(found[key].mean()) for name, found in counted.items()} for key in ("steps", "tests")
+        )
+        return Cost(tree.statistics, steps, tests)
+
+
+def claims_of(name: str) -> Iterator[tuple[str, str]]:
+    """The claims about a structure: statement, and heading of docs/papers.md."""
+    for claim in CLAIMS:
+        for pattern, (heading, structures) in CLAIMED.items():
+            if fnmatch.fnmatch(claim.id, pattern) and any(fnmatch.fnmatch(name, one) for one in structures):
+                yield f"{claim.says} ({claim.paper}; `{claim.id}`)", heading
+
+
+def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
+    """The page of a row of `halfspace_native.structures()`. pictures: names of the pictures that there are."""
+    lines = [f"# {row['label']} {{#{row['id']}}}", "", f"`{row['id']}`. {row['summary']}", ""]
+    if row["id"] in pictures:
+        lines += [f"![{row['label']} of the built-in scene](../pictures/{row['id']}.jpg)", ""]
+    if row["aliases"]:
+        lines += ["Also known as " + ", ".join(f"`{name}`" for name in row["aliases"]) + ".", ""]
+    lines += [
+        "## Source",
+        "",
+        f"{row['paper']}.",
+        "",
+        *_claims(row["id"]),
+        *_costs(cost),
+        *_ways(row),
+        *_parameters(row),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _claims(name: str) -> list[str]:
+    found = list(claims_of(name))
+    if not found:
+        return []
+    lines = ["## Claims", "", "What its authors claim; the links lead to what was measured.", ""]
+    return [*lines, *(f"- {text}: [measured](../papers.md#{heading})" for text, heading in found), ""]
+
+
+def _costs(cost: Cost) -> list[str]:
+    """Sizes and counters as a table."""
+    size = cost.statistics
+    rows = [
+        ("bytes per triangle", f"{size['bytes'] / TRIANGLES:.1f}"),
+        ("nodes along axes, oblique", f"{size['nodes_axis']:,}, {size['nodes_oblique']:,}"),
+        ("leaves, of which empty", f"{size['leaves']:,}, {size['leaves_empty']:,}"),
+        ("references per triangle", f"{size['references'] / TRIANGLES:.2f}"),
+        ("depth, mean and largest", f"{size['depth_mean']:.1f}, {size['depth_max']}"),
+        ("expected cost (SAH)", f"{size['sah_cost']:.0f}"),
+    ]
+    rows += [
+        (f"steps and triangle tests of a {name} ray", f"{cost.steps[name]:.1f}, {cost.tests[name]:.1f}")
+        for name in cost.steps
+    ]
+    text = (
+        f"Over a torus of {TRIANGLES:,} triangles, with the default parameters and rays one by one. These numbers "
+        "depend on no machine; times are in [results](../results.md)."
+    )
+    return ["## Cost", "", text, "", "| measure | value |", "| --- | ---: |", *(f"| {a} | {b} |" for a, b in rows), ""]
+
+
+def _ways(row: Row) -> list[str]:
+    lines = [
+        "## Nodes and rays",
+        "",
+        "The default first.",
+        "",
+        "| nodes | traversal | what it does |",
+        "| --- | --- | --- |",
+    ]
+    for way in row["ways"]:
+        traversal = f"`{way['traversal']}`" if way["traversal"] else ""
+        lines.append(f"| `{way['nodes']}` | {traversal} | {structures_page.cell(way['doc'])} |")
+    return [*lines, ""]
+
+
+def _parameters(row: Row) -> list[str]:
+    if not row["parameters"]:
+        return ["It has no parameters."]
+    lines = ["## Parameters", "", "| parameter | meaning | values |", "| --- | --- | --- |"]
+    for one in row["parameters"]:
+        cells = (f"`{one['name']}`", structures_page.text_of(one), structures_page.values_of(one))
+        lines.append("| " + " | ".join(map(structures_page.cell, cells)) + " |")
+    return lines
+
+
+def index(rows: Sequence[Row], pictures: Collection[str]) -> str:
+    """The page that links all structures by family, with their pictures."""
+    families: dict[str, list[Row]] = {}
+    for row in rows:
+        families.setdefault(row["family"], []).append(row)
+    lines = ["# Gallery", "", "Every structure with its picture, source, cost and claims.", ""]
+    for family, members in families.items():
+        lines += [f"## {structures_page.FAMILIES.get(family, family.capitalize())}", ""]
+        lines += ['<div class="gallery" markdown>', ""]
+        for row in members:
+            picture = f"![{row['label']}](../pictures/{row['id']}.jpg)" if row["id"] in pictures else ""
+            lines += [f"[{picture} {row['label']}]({row['id']}.md)".replace("[ ", "["), ""]
+        lines += ["</div>", ""]
+    return "\n".join(lines)

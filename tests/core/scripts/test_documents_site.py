@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The site of the documents: it builds without warnings, every link leads somewhere, every structure has its page."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+import urllib.parse
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import documents_site
+import halfspace_native as native
+import pytest
+import structure_pages
+from one_line import told
+
+from lab.claims.table import CLAIMS
+
+ROOT = documents_site.ROOT
+
+
+class Page(HTMLParser):
+    """The links of a page, those that are loaded with it, and the places in it that links can lead to."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+        self.places: set[str] = set()
+        self.words = re.sub(r"<[^>]+>", " ", text)
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if value and (name == "src" or (name == "href" and tag in ("a", "link"))):
+                self.links.append(value)
+                self.loaded += [value] * (tag != "a")
+            if value and name in ("id", "name"):
+                self.places.add(value)
+
+
+def dead(folder: Path) -> Iterator[str]:
+    """The links of all pages of a site that lead nowhere, or to another server when a page is shown."""
+    pages = {path: Page(path.read_text(encoding="utf-8")) for path in folder.rglob("*.html")}
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urllib.parse.urlsplit(link)
+            if parts.scheme or parts.netloc:
+                if link in page.loaded and parts.scheme != "data":
+                    yield f"{path.name}: {link}: outside"
+                continue
+            target = (path.parent / urllib.parse.unquote(parts.path)).resolve() if parts.path else path
+            if path.name == "404.html" and parts.path.startswith("/"):
+                target = folder / parts.path.lstrip("/")
+            target = target / "index.html" if target.is_dir() else target
+            if not target.is_file():
+                yield f"{path.name}: {link}: no such file"
+            elif target in pages and urllib.parse.unquote(parts.fragment) not in {"", "__skip", *pages[target].places}:
+                yield f"{path.name}: {link}: no such place"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site").resolve()
+    documents_site.build(folder, pictures=False)
+    return folder
+
+
+def test_no_link_is_dead(site: Path) -> None:
+    assert len(list(site.rglob("*.html"))) > 50
+    assert list(dead(site)) == []
+
+
+def test_a_dead_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text('<a href="b.html#there">x</a><a href="b.html#gone">x</a><a href="c.html">x</a>')
+    (tmp_path / "b.html").write_text('<h1 id="there"><img src="https://example.org/x.png"></h1><a href="a.html">x</a>')
+    assert sorted(line.rpartition(": ")[2] for line in dead(tmp_path)) == ["no such file", "no such place", "outside"]
+
+
+def test_every_structure_has_a_page_with_source_cost_and_parameters(site: Path) -> None:
+    gallery = (site / "structures" / "index.html").read_text(encoding="utf-8")
+    for row in native.structures():
+        words = " ".join(Page((site / "structures" / f"{row['id']}.html").read_text(encoding="utf-8")).words.split())
+        assert f'href="{row["id"]}.html"' in gallery
+        for expected in ("Source", "bytes per triangle", "triangle tests of a diffuse ray", "Nodes and rays"):
+            assert expected in words, row["id"]
+
+
+def test_every_claim_stands_on_a_page_of_a_structure() -> None:
+    ids = [row["id"] for row in native.structures()]
+    shown = {text for name in ids for text, _ in structure_pages.claims_of(name)}
+    assert [claim.id for claim in CLAIMS if not any(f"`{claim.id}`" in text for text in shown)] == []
+    patterns = {one for _, structures in structure_pages.CLAIMED.values() for one in structures}
+    assert [one for one in patterns if not any(structure_pages.fnmatch.fnmatch(name, one) for name in ids)] == []
+
+
+def test_the_cost_on_a_page_is_the_structures_own() -> None:
+    scene = structure_pages.Scene(native)
+    plain, oblique = (scene.cost(native, name) for name in ("kd", "bsp-wn-plus-kd"))
+    row = native.structures()[0]
+    assert structure_pages.page(row, plain, ()) == structure_pages.page(row, scene.cost(native, "kd"), ())
+    assert structure_pages.page(row, plain, ()) != structure_pages.page(row, oblique, ())
+    assert "pictures/kd.jpg" not in structure_pages.page(row, plain, ())
+    assert "![kd-tree of the built-in scene](../pictures/kd.jpg)" in structure_pages.page(row, plain, {"kd"})
+
+
+def test_the_reference_describes_what_can_be_called(site: Path) -> None:
+    page = Page((site / "reference.html").read_text(encoding="utf-8"))
+    for name in ("halfspace.load", "halfspace.measure", "halfspace.expand", "halfspace_native.build"):
+        assert name in page.places
+    assert "Build a configuration" in page.words or "Builds" in page.words
+
+
+def test_links_lead_to_the_staged_places() -> None:
+    text = "[a](../README.md#top) [b](papers.md) ![c](../.pictures/x.jpg) [d](https://x.org) [e](#here)"
+    assert documents_site.retargeted(text, "docs/index.md") == (
+        "[a](readme.md#top) [b](papers.md) ![c](pictures/x.jpg) [d](https://x.org) [e](#here)"
+    )
+    assert documents_site.retargeted("[a](docs/manual.md) [b](LICENSE)", "README.md") == "[a](manual.md) [b](LICENSE)"
+    assert documents_site.retargeted("[a](../manual.md)", "docs/lessons/1.md") == "[a](../manual.md)"
+
+
+def test_a_warning_of_mkdocs_ends_the_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stage(folder: Path, _: Path | None) -> None:
+        (folder / "index.md").write_text("# Index\n\n[gone](gone.md)\n", encoding="utf-8")
+
+    monkeypatch.setattr(documents_site, "stage", stage)
+    monkeypatch.setattr(documents_site, "navigation", lambda _: ["index.md"])
+    monkeypatch.setattr(documents_site.package_python, "stage", lambda folder: folder.mkdir())
+    said = told(documents_site, ["--no-pictures", "--out", str(tmp_path / "out")], capsys)
+    assert said.startswith("documents_site: mkdocs: ")
+    assert "'gone.md', but the target is not found" in said
+
+
+def test_the_citation_is_the_same_everywhere() -> None:
+    lines = (ROOT / "CITATION.cff").read_text(encoding="utf-8").splitlines()
+    cited = {name: value.strip(' "') for name, _, value in (line.partition(":") for line in lines if line[0] != " ")}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert (cited["version"], cited["license"]) == (project["version"], project["license"])
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    for part in (f"title = {{{cited['title']}}}", f"version = {{{cited['version']}}}", cited["license"]):
+        assert part in readme
