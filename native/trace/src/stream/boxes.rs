@@ -2,8 +2,8 @@
 //! Streams through nodes of eight boxes. The children of a node lie in slots named by its corners, so the rays of
 //! one octant share an order, the one of [`crate::flight::boxes`].
 
-use crate::stream::course::{Course, Line};
-use crate::stream::lists::{Stream, Waiting, small};
+use crate::stream::lists::{Entry, Stream, small};
+use crate::stream::ray_state::{Line, RayState};
 use crate::stream::{OCTANTS, Steps};
 use fearless_simd::{
     Bytes, Simd, SimdBase, SimdMask, f32x8, f32x16, mask32x16, u8x16, u32x16, u64x2,
@@ -53,7 +53,7 @@ pub struct Child {
 }
 
 impl Steps for BoxTree<CHILDREN> {
-    type Place = Child;
+    type Node = Child;
     type Scratch<S: Simd> = Vec<u8x16<S>>;
     const INTERVALS: bool = false;
 
@@ -67,21 +67,21 @@ impl Steps for BoxTree<CHILDREN> {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &Child) -> Option<Leaf> {
-        (place.count != INNER).then_some(Leaf {
-            first: place.link,
-            count: place.count as usize,
+    fn leaf(&self, child: &Child) -> Option<Leaf> {
+        (child.count != INNER).then_some(Leaf {
+            first: child.link,
+            count: child.count as usize,
         })
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
-        BoxTree::fetch_ahead(self, place.link, place.count, blocks);
+    fn fetch_ahead(&self, child: &Child, blocks: &Blocks) {
+        BoxTree::fetch_ahead(self, child.link, child.count, blocks);
     }
 
     #[inline(always)]
-    fn enters(place: &Child, line: &Line) -> bool {
-        line.enters(place.near)
+    fn enters(child: &Child, line: &Line) -> bool {
+        line.enters(child.near)
     }
 
     #[inline(always)]
@@ -94,16 +94,16 @@ impl Steps for BoxTree<CHILDREN> {
         &self,
         simd: S,
         stream: &mut Stream<Child>,
-        own: Waiting<Child>,
-        courses: &[Course],
+        own: Entry<Child>,
+        states: &[RayState],
         masks: &mut Vec<u8x16<S>>,
     ) {
-        let node = &self.nodes[own.place.link as usize];
+        let node = &self.nodes[own.node.link as usize];
         let sides = Sides::new(simd, node, stream.octant);
         let list = stream.list(&own);
         if own.rays == 1 {
-            let line = &courses[list[0] as usize].line;
-            if !line.enters(own.place.near) {
+            let line = &states[list[0] as usize].line;
+            if !line.enters(own.node.near) {
                 return;
             }
             let octant = stream.octant % OCTANTS;
@@ -114,13 +114,13 @@ impl Steps for BoxTree<CHILDREN> {
             }
         } else if own.rays as usize <= GROUP {
             // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
-            let Met { masks, some } = met(simd, list, courses, &sides);
+            let Met { masks, some } = met(simd, list, states, &sides);
             distribute(simd, stream, node, own, std::slice::from_ref(&masks), some);
         } else {
             masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
             let mut some = 0;
             for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
-                let met = met(simd, group, courses, &sides);
+                let met = met(simd, group, states, &sides);
                 *masks = met.masks;
                 some |= met.some;
             }
@@ -169,13 +169,13 @@ fn take(octant: usize, left: &mut u8) -> Option<usize> {
 #[inline(always)]
 fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: u32, rays: u32) {
     let side = |k: usize| node.bounds[k + 3 * (stream.octant >> k & 1)][child];
-    let place = Child {
+    let node = Child {
         link: node.link[child],
         count: node.count[child],
         near: [side(0), side(1), side(2)],
     };
     // A ray whose bounds are NaN on every axis meets missing children, too.
-    stream.push(Waiting { place, first, rays }, place.count != 0);
+    stream.push(Entry { node, first, rays }, node.count != 0);
 }
 
 /// Distributes a list over the children that its rays meet: `masks` has one byte per ray, `some` is their
@@ -185,7 +185,7 @@ fn distribute<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
     node: &Wide<CHILDREN>,
-    own: Waiting<Child>,
+    own: Entry<Child>,
     masks: &[u8x16<S>],
     some: u64,
 ) {
@@ -223,11 +223,11 @@ struct Met<S: Simd> {
 
 /// Tests at most sixteen rays against eight boxes.
 #[inline(always)]
-fn met<S: Simd>(simd: S, list: &[u32], courses: &[Course], sides: &Sides<S>) -> Met<S> {
+fn met<S: Simd>(simd: S, list: &[u32], states: &[RayState], sides: &Sides<S>) -> Met<S> {
     let mut words = [0_u64; 2];
     for (word, rays) in words.iter_mut().zip(list.chunks(8)) {
         for (i, &ray) in rays.iter().enumerate() {
-            let line = &courses[ray as usize].line;
+            let line = &states[ray as usize].line;
             *word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
         }
     }
@@ -259,33 +259,33 @@ mod tests {
             (node.link[child], node.count[child]) = (small(child), 1);
         }
         let tree = BoxTree { nodes: vec![node] };
-        let course = || {
-            let mut course = Course::nothing();
-            course.line.start = 0.0;
-            course.line.set_reach(1.0);
-            course
+        let state = || {
+            let mut state = RayState::nothing();
+            state.line.start = 0.0;
+            state.line.set_reach(1.0);
+            state
         };
-        let courses = [course(), course()];
+        let states = [state(), state()];
         for octant in 0..OCTANTS {
             for rays in 1..3 {
                 let mut stream = Stream::new(octant);
-                for (place, course) in courses.iter().enumerate().take(rays) {
-                    stream.put(place, &course.line, false);
+                for (ray, state) in states.iter().enumerate().take(rays) {
+                    stream.put(ray, &state.line, false);
                 }
                 assert!(stream.begin(tree.root()));
                 let root = stream.pop().expect("it waits");
                 dispatch!(Level::new(), simd => {
-                    tree.visit(simd, &mut stream, root, &courses, &mut Vec::new());
+                    tree.visit(simd, &mut stream, root, &states, &mut Vec::new());
                 });
                 let links: Vec<_> = (stream.stack().iter())
-                    .map(|next| next.place.link as usize)
+                    .map(|next| next.node.link as usize)
                     .collect();
                 // A ray that descends along an axis comes from its upper end.
                 let far_to_near = [7, 6, 5, 4, 3, 2, 1, 0].map(|corner: usize| corner ^ octant);
                 assert_eq!(links, far_to_near, "octant {octant}, {rays} rays");
                 for next in stream.stack() {
                     let list = stream.list(next).iter();
-                    assert!(list.map(|&place| place as usize).eq(0..rays));
+                    assert!(list.map(|&ray| ray as usize).eq(0..rays));
                 }
             }
         }

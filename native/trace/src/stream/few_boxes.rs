@@ -3,9 +3,9 @@
 //! centres along the diagonal of the octant.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
 use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -24,7 +24,7 @@ pub struct Child {
 macro_rules! few_boxes {
     ($children:literal) => {
         impl Steps for BoxTree<$children> {
-            type Place = Child;
+            type Node = Child;
             type Scratch<S: Simd> = ();
             const INTERVALS: bool = true;
 
@@ -36,16 +36,16 @@ macro_rules! few_boxes {
             }
 
             #[inline(always)]
-            fn leaf(&self, place: &Child) -> Option<Leaf> {
-                (place.count != INNER).then_some(Leaf {
-                    first: place.link,
-                    count: place.count as usize,
+            fn leaf(&self, node: &Child) -> Option<Leaf> {
+                (node.count != INNER).then_some(Leaf {
+                    first: node.link,
+                    count: node.count as usize,
                 })
             }
 
             #[inline(always)]
-            fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
-                BoxTree::fetch_ahead(self, place.link, place.count, blocks);
+            fn fetch_ahead(&self, node: &Child, blocks: &Blocks) {
+                BoxTree::fetch_ahead(self, node.link, node.count, blocks);
             }
 
             #[inline(always)]
@@ -58,11 +58,11 @@ macro_rules! few_boxes {
                 &self,
                 simd: S,
                 stream: &mut Stream<Child>,
-                own: Waiting<Child>,
-                courses: &[Course],
+                own: Entry<Child>,
+                states: &[RayState],
                 (): &mut (),
             ) {
-                let node = &self.nodes[own.place.link as usize];
+                let node = &self.nodes[own.node.link as usize];
                 let octant = stream.octant;
                 let order = order(node, octant);
                 let children = order.map(|child| {
@@ -72,7 +72,7 @@ macro_rules! few_boxes {
                 stream.distribute(
                     simd,
                     own,
-                    courses,
+                    states,
                     children,
                     #[inline(always)]
                     |group| parts(simd, group, node, octant, &order),

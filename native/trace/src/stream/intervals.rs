@@ -2,8 +2,8 @@
 //! Lists whose entries have the ray's interval in the node, for nodes that cut intervals: eight rays at a time, one to
 //! a lane.
 
-use crate::stream::course::{Course, FAR, INV, NEAR, REACH};
-use crate::stream::lists::{Stream, Waiting, small};
+use crate::stream::lists::{Entry, Stream, small};
+use crate::stream::ray_state::{FAR, INV, NEAR, REACH, RayState};
 use fearless_simd::{
     Simd, SimdBase, SimdCombine, SimdFloat, SimdMask, f32x4, f32x8, mask32x8, u32x8,
 };
@@ -34,19 +34,19 @@ pub struct Inside<S: Simd> {
 /// Up to eight rays of a list. The lanes beyond its end hold any rays, whose results are ignored.
 pub struct Group<'a, S: Simd> {
     simd: S,
-    courses: &'a [Course],
+    states: &'a [RayState],
     rays: [u32; LANES],
     /// The intervals in the node, as they were when its parent was visited.
     pub inside: Inside<S>,
 }
 
 impl<S: Simd> Group<'_, S> {
-    /// The rows of an axis of all rays ([`crate::stream::course::Line::axes`]), one vector per column.
+    /// The rows of an axis of all rays ([`crate::stream::ray_state::Line::axes`]), one vector per column.
     #[inline(always)]
     pub fn axis(&self, axis: usize) -> [f32x8<S>; 4] {
         self.columns(
             #[inline(always)]
-            |course| &course.line.axes[axis],
+            |state| &state.line.axes[axis],
         )
     }
 
@@ -55,7 +55,7 @@ impl<S: Simd> Group<'_, S> {
     pub fn origins(&self) -> [f32x8<S>; 4] {
         self.columns(
             #[inline(always)]
-            |course| &course.origin,
+            |state| &state.origin,
         )
     }
 
@@ -64,7 +64,7 @@ impl<S: Simd> Group<'_, S> {
     pub fn directions(&self) -> [f32x8<S>; 4] {
         self.columns(
             #[inline(always)]
-            |course| &course.direction,
+            |state| &state.direction,
         )
     }
 
@@ -85,10 +85,10 @@ impl<S: Simd> Group<'_, S> {
 
     /// Transposes a row of four numbers of each ray.
     #[inline(always)]
-    fn columns(&self, row: impl Fn(&Course) -> &[f32; 4]) -> [f32x8<S>; 4] {
+    fn columns(&self, row: impl Fn(&RayState) -> &[f32; 4]) -> [f32x8<S>; 4] {
         let quad = |i: usize| {
-            let course = &self.courses[self.rays[i] as usize];
-            f32x4::from_slice(self.simd, row(course))
+            let state = &self.states[self.rays[i] as usize];
+            f32x4::from_slice(self.simd, row(state))
         };
         let low = transpose([quad(0), quad(1), quad(2), quad(3)]);
         let high = transpose([quad(4), quad(5), quad(6), quad(7)]);
@@ -120,8 +120,8 @@ impl<P: Copy> Stream<P> {
     pub fn distribute<S: Simd, const N: usize>(
         &mut self,
         simd: S,
-        own: Waiting<P>,
-        courses: &[Course],
+        own: Entry<P>,
+        states: &[RayState],
         children: [Option<P>; N],
         mut cut: impl FnMut(&Group<'_, S>) -> [Inside<S>; N],
     ) {
@@ -136,7 +136,7 @@ impl<P: Copy> Stream<P> {
             let indices = u32x8::from_slice(simd, &self.lists[at.clone()]);
             let group = Group {
                 simd,
-                courses,
+                states,
                 rays: self.lists[at.clone()].try_into().expect("eight"),
                 inside: Inside {
                     enter: f32x8::from_slice(simd, &self.enter[at.clone()]),
@@ -157,9 +157,9 @@ impl<P: Copy> Stream<P> {
                 counts[child] += lanes.count_ones() as usize;
             }
         }
-        for (child, place) in children.into_iter().enumerate() {
+        for (child, node) in children.into_iter().enumerate() {
             let begins = first + child * room;
-            self.push_list(place, own.place, begins..begins + counts[child]);
+            self.push_list(node, own.node, begins..begins + counts[child]);
         }
     }
 
@@ -169,19 +169,19 @@ impl<P: Copy> Stream<P> {
     pub fn halve<S: Simd>(
         &mut self,
         simd: S,
-        own: Waiting<P>,
-        courses: &[Course],
+        own: Entry<P>,
+        states: &[RayState],
         children: [Option<P>; 2],
         gap: Gap,
     ) {
         if own.rays <= FEW {
-            self.halve_few(own, courses, children, gap);
+            self.halve_few(own, states, children, gap);
             return;
         }
         self.distribute(
             simd,
             own,
-            courses,
+            states,
             children,
             #[inline(always)]
             |group| {
@@ -200,8 +200,8 @@ impl<P: Copy> Stream<P> {
     #[inline(always)]
     fn halve_few(
         &mut self,
-        own: Waiting<P>,
-        courses: &[Course],
+        own: Entry<P>,
+        states: &[RayState],
         [far, near]: [Option<P>; 2],
         gap: Gap,
     ) {
@@ -212,7 +212,7 @@ impl<P: Copy> Stream<P> {
         let (mut behind, mut before) = (first, other);
         for at in first..other {
             let ray = self.lists[at];
-            let axis = &courses[ray as usize].line.axes[gap.axis % 3];
+            let axis = &states[ray as usize].line.axes[gap.axis % 3];
             let (enter, leave) = (self.enter[at], keep_min(self.leave[at], axis[REACH]));
             let soon = keep_max(gap.begins * axis[INV] + axis[NEAR], enter);
             let late = keep_min(gap.ends * axis[INV] + axis[FAR], leave);
@@ -222,15 +222,15 @@ impl<P: Copy> Stream<P> {
             (self.lists[before], self.enter[before], self.leave[before]) = (ray, enter, late);
             before += usize::from(enter <= late);
         }
-        self.push_list(far, own.place, first..behind);
-        self.push_list(near, own.place, other..before);
+        self.push_list(far, own.node, first..behind);
+        self.push_list(near, own.node, other..before);
     }
 
     /// Pushes a child with its list, unless the list is empty or the child is missing; `any` is any node.
     #[inline(always)]
     fn push_list(&mut self, child: Option<P>, any: P, list: std::ops::Range<usize>) {
-        let entry = Waiting {
-            place: child.unwrap_or(any),
+        let entry = Entry {
+            node: child.unwrap_or(any),
             first: small(list.start),
             rays: small(list.len()),
         };

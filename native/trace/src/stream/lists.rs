@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The lists of rays of a stream, and its stack of nodes to visit.
 
-use crate::stream::course::Line;
+use crate::stream::ray_state::Line;
 
 /// Number of lanes that vectors read and write beyond the end of a list.
 pub const ROOM: usize = 16;
 
 /// A stack entry: a node or a leaf, to be visited by the rays that meet it.
 #[derive(Clone, Copy)]
-pub struct Waiting<P> {
+pub struct Entry<P> {
     /// The node or leaf.
-    pub place: P,
+    pub node: P,
     /// Start of its list of rays.
     pub first: u32,
     /// Length of the list.
@@ -30,9 +30,9 @@ pub struct Stream<P> {
     /// whose lists have no intervals.
     pub enter: Vec<f32>,
     pub leave: Vec<f32>,
-    /// The stack, the next entry last; entries from `waiting` on are unused.
-    entries: Vec<Waiting<P>>,
-    waiting: usize,
+    /// The stack, the next entry last; entries from `size` on are unused.
+    entries: Vec<Entry<P>>,
+    size: usize,
 }
 
 impl<P: Copy> Stream<P> {
@@ -45,15 +45,15 @@ impl<P: Copy> Stream<P> {
             enter: Vec::new(),
             leave: Vec::new(),
             entries: Vec::new(),
-            waiting: 0,
+            size: 0,
         }
     }
 
     /// Adds a ray. `intervals`: whether the lists have intervals.
     #[inline(always)]
-    pub fn put(&mut self, place: usize, line: &Line, intervals: bool) {
+    pub fn put(&mut self, ray: usize, line: &Line, intervals: bool) {
         self.make_room(self.rays + 1, intervals);
-        self.lists[self.rays] = small(place);
+        self.lists[self.rays] = small(ray);
         if intervals {
             self.enter[self.rays] = line.start;
             self.leave[self.rays] = line.reach();
@@ -81,8 +81,8 @@ impl<P: Copy> Stream<P> {
     /// Pushes the root, if there are rays; returns whether there are.
     pub fn begin(&mut self, root: P) -> bool {
         let rays = small(std::mem::take(&mut self.rays));
-        let root = Waiting {
-            place: root,
+        let root = Entry {
+            node: root,
             first: 0,
             rays,
         };
@@ -97,36 +97,36 @@ impl<P: Copy> Stream<P> {
 
     /// Pushes a stack entry if `live`, without a branch.
     #[inline(always)]
-    pub fn push(&mut self, entry: Waiting<P>, live: bool) {
-        if self.waiting == self.entries.len() {
-            self.entries.resize(2 * self.waiting + ROOM, entry);
+    pub fn push(&mut self, entry: Entry<P>, live: bool) {
+        if self.size == self.entries.len() {
+            self.entries.resize(2 * self.size + ROOM, entry);
         }
-        self.entries[self.waiting] = entry;
-        self.waiting += usize::from(live);
+        self.entries[self.size] = entry;
+        self.size += usize::from(live);
     }
 
     /// Pops the next stack entry.
     #[inline(always)]
-    pub fn pop(&mut self) -> Option<Waiting<P>> {
-        self.waiting = self.waiting.checked_sub(1)?;
-        Some(self.entries[self.waiting])
+    pub fn pop(&mut self) -> Option<Entry<P>> {
+        self.size = self.size.checked_sub(1)?;
+        Some(self.entries[self.size])
     }
 
     /// The stack, the next entry last.
     #[inline(always)]
-    pub fn stack(&self) -> &[Waiting<P>] {
-        &self.entries[..self.waiting]
+    pub fn stack(&self) -> &[Entry<P>] {
+        &self.entries[..self.size]
     }
 
     /// The list of a stack entry.
     #[inline(always)]
-    pub fn list(&self, own: &Waiting<P>) -> &[u32] {
+    pub fn list(&self, own: &Entry<P>) -> &[u32] {
         &self.lists[own.first as usize..(own.first + own.rays) as usize]
     }
 
     /// The distances at which the rays of a list enter and leave its node, if lists have intervals.
     #[inline(always)]
-    pub fn intervals(&self, own: &Waiting<P>) -> (&[f32], &[f32]) {
+    pub fn intervals(&self, own: &Entry<P>) -> (&[f32], &[f32]) {
         let range = own.first as usize..(own.first + own.rays) as usize;
         (&self.enter[range.clone()], &self.leave[range])
     }

@@ -19,25 +19,25 @@
 pub mod kernel;
 
 mod boxes;
-mod course;
 mod few_boxes;
 mod intervals;
 mod lists;
 mod octants;
 mod planes;
 mod prepare;
+mod ray_state;
 mod slabs;
 mod slanted;
 mod traversal;
 mod wide_planes;
 mod wide_slabs;
 
-use course::{Course, Line};
 use fearless_simd::Simd;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::query::Counters;
-use lists::{Stream, Waiting};
+use lists::{Entry, Stream};
+use ray_state::{Line, RayState};
 
 /// Number of octants of directions.
 const OCTANTS: usize = 8;
@@ -52,7 +52,7 @@ pub const STREAM: usize = 8192;
 /// A tree that streams of rays traverse: the visits to its nodes.
 pub trait Steps: Sync {
     /// A node or a leaf, as stack entries hold it.
-    type Place: Copy;
+    type Node: Copy;
 
     /// Working memory that visits share one after another.
     type Scratch<S: Simd>: Default;
@@ -61,32 +61,32 @@ pub trait Steps: Sync {
     const INTERVALS: bool;
 
     /// The root.
-    fn root(&self) -> Self::Place;
+    fn root(&self) -> Self::Node;
 
-    /// The leaf at a place, `None` for an inner node.
-    fn leaf(&self, place: &Self::Place) -> Option<Leaf>;
+    /// The leaf of a node, `None` for an inner node.
+    fn leaf(&self, node: &Self::Node) -> Option<Leaf>;
 
     /// Prefetches what a visit reads.
-    fn fetch_ahead(&self, place: &Self::Place, blocks: &Blocks);
+    fn fetch_ahead(&self, node: &Self::Node, blocks: &Blocks);
 
     /// Whether a ray of a list without intervals enters the node before its best hit.
     #[inline(always)]
-    fn enters(place: &Self::Place, line: &Line) -> bool {
-        let _ = (place, line);
+    fn enters(node: &Self::Node, line: &Line) -> bool {
+        let _ = (node, line);
         true
     }
 
     /// Counts the visit to an inner node.
-    fn count<C: Counters>(&self, place: &Self::Place, counters: &mut C);
+    fn count<C: Counters>(&self, node: &Self::Node, counters: &mut C);
 
     /// Visits an inner node, whose entry was the last of the stack: pushes the children that any of its rays
     /// meets, the nearest last.
     fn visit<S: Simd>(
         &self,
         simd: S,
-        stream: &mut Stream<Self::Place>,
-        own: Waiting<Self::Place>,
-        courses: &[Course],
+        stream: &mut Stream<Self::Node>,
+        own: Entry<Self::Node>,
+        states: &[RayState],
         scratch: &mut Self::Scratch<S>,
     );
 

@@ -2,9 +2,9 @@
 //! Streams through octrees: the steps of [`crate::single::octants::param`] with one ray per lane.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
 use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_geom::vec3::map;
@@ -24,7 +24,7 @@ pub struct Cell {
 }
 
 impl Steps for Octree {
-    type Place = Cell;
+    type Node = Cell;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -36,16 +36,16 @@ impl Steps for Octree {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &Cell) -> Option<Leaf> {
-        (!place.node.is_inner()).then(|| place.node.blocks())
+    fn leaf(&self, cell: &Cell) -> Option<Leaf> {
+        (!cell.node.is_inner()).then(|| cell.node.blocks())
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &Cell, blocks: &Blocks) {
-        if place.node.is_inner() {
-            self.fetch_children(place.node);
+    fn fetch_ahead(&self, cell: &Cell, blocks: &Blocks) {
+        if cell.node.is_inner() {
+            self.fetch_children(cell.node);
         } else {
-            blocks.fetch_ahead(place.node.blocks().first);
+            blocks.fetch_ahead(cell.node.blocks().first);
         }
     }
 
@@ -59,11 +59,11 @@ impl Steps for Octree {
         &self,
         simd: S,
         stream: &mut Stream<Cell>,
-        own: Waiting<Cell>,
-        courses: &[Course],
+        own: Entry<Cell>,
+        states: &[RayState],
         (): &mut (),
     ) {
-        let Cell { node, low } = own.place;
+        let Cell { node, low } = own.node;
         let half = self.cube().edge(node.level() + 1);
         let mid = map(low, |x| x + half);
         // Octant `i` in the order of the direction lies beyond the mid planes of the axes in `i`; the farthest is
@@ -82,7 +82,7 @@ impl Steps for Octree {
         stream.distribute(
             simd,
             own,
-            courses,
+            states,
             children,
             #[inline(always)]
             |group| parts(simd, group, mid),

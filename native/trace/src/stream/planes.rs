@@ -4,9 +4,9 @@
 //! each ray keeps its own interval in both children.
 
 use crate::stream::Steps;
-use crate::stream::course::Course;
 use crate::stream::intervals::{Gap, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::RayState;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -16,7 +16,7 @@ use halfspace_ray::query::Counters;
 
 impl Steps for PlaneTree {
     /// The node's own words: a visit reads those of its children, which lie side by side.
-    type Place = Words;
+    type Node = Words;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -25,21 +25,21 @@ impl Steps for PlaneTree {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &Words) -> Option<Leaf> {
-        place.leaf()
+    fn leaf(&self, node: &Words) -> Option<Leaf> {
+        node.leaf()
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &Words, blocks: &Blocks) {
-        match place.leaf() {
+    fn fetch_ahead(&self, node: &Words, blocks: &Blocks) {
+        match node.leaf() {
             Some(leaf) => blocks.fetch_ahead(leaf.first),
-            None => self.fetch_children(*place),
+            None => self.fetch_children(*node),
         }
     }
 
     #[inline(always)]
-    fn count<C: Counters>(&self, place: &Words, counters: &mut C) {
-        match self.decode(*place) {
+    fn count<C: Counters>(&self, node: &Words, counters: &mut C) {
+        match self.decode(*node) {
             Node::Axis { .. } => counters.step_axis(),
             Node::Oblique { .. } => counters.step_oblique(),
             Node::Leaf { .. } => {}
@@ -51,11 +51,11 @@ impl Steps for PlaneTree {
         &self,
         simd: S,
         stream: &mut Stream<Words>,
-        own: Waiting<Words>,
-        courses: &[Course],
+        own: Entry<Words>,
+        states: &[RayState],
         (): &mut (),
     ) {
-        match self.decode(own.place) {
+        match self.decode(own.node) {
             Node::Axis {
                 axis,
                 split,
@@ -70,7 +70,7 @@ impl Steps for PlaneTree {
                     ends: split,
                     begins: split,
                 };
-                stream.halve(simd, own, courses, children, gap);
+                stream.halve(simd, own, states, children, gap);
             }
             Node::Oblique {
                 normal,
@@ -79,7 +79,7 @@ impl Steps for PlaneTree {
                 empty,
             } => {
                 // The first ray decides the order of the children.
-                let [x, y, z, _] = courses[stream.lists[own.first as usize] as usize].direction;
+                let [x, y, z, _] = states[stream.lists[own.first as usize] as usize].direction;
                 let speed = normal[0] * x + normal[1] * y + normal[2] * z;
                 let down = speed.is_sign_negative();
                 let near = children + u32::from(down);
@@ -88,7 +88,7 @@ impl Steps for PlaneTree {
                 stream.distribute(
                     simd,
                     own,
-                    courses,
+                    states,
                     places,
                     #[inline(always)]
                     |group| {

@@ -6,8 +6,8 @@ use crate::packet::boxes::slabs;
 use crate::packet::{MOST, Packet, Sixteen};
 use crate::slabs::Slabs;
 use crate::stream::OCTANTS;
-use crate::stream::course::{Course, Line};
 use crate::stream::lists::Stream;
+use crate::stream::ray_state::{Line, RayState};
 use fearless_simd::{Simd, SimdBase};
 use halfspace_geom::vec3::map;
 
@@ -19,10 +19,10 @@ impl Launch<'_> {
         &self,
         simd: S,
         streams: &mut [Stream<P>; OCTANTS],
-        courses: &mut Vec<Course>,
+        states: &mut Vec<RayState>,
         intervals: bool,
     ) {
-        courses.clear();
+        states.clear();
         for stream in &mut *streams {
             stream.forget();
         }
@@ -44,27 +44,33 @@ impl Launch<'_> {
             }
             // Store the state of each ray; irregular ones are framed by themselves.
             for (lane, own) in rays.iter().enumerate().take(MOST) {
-                let place = first + lane;
+                let index = first + lane;
                 let still = map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
-                let course = match packet.framed(lane) {
+                let state = match packet.framed(lane) {
                     Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
                         let line = Line::new(&ray, row(0), row(1), row(2));
-                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
+                        (
+                            ray.signs,
+                            RayState::new(&ray, line, ray.certain(own), still),
+                        )
                     }),
                     // An irregular ray.
-                    None => self.framed(place).map(|ray| {
+                    None => self.framed(index).map(|ray| {
                         let Slabs { inv, near, far, .. } = Slabs::new(&ray);
                         let line = Line::new(&ray, inv, near, far);
-                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
+                        (
+                            ray.signs,
+                            RayState::new(&ray, line, ray.certain(own), still),
+                        )
                     }),
                 };
-                courses.push(match course {
-                    Some((signs, course)) => {
-                        streams[signs as usize % OCTANTS].put(place, &course.line, intervals);
-                        course
+                states.push(match state {
+                    Some((signs, state)) => {
+                        streams[signs as usize % OCTANTS].put(index, &state.line, intervals);
+                        state
                     }
-                    None => Course::nothing(),
+                    None => RayState::nothing(),
                 });
             }
         }

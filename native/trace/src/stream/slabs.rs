@@ -2,9 +2,9 @@
 //! Streams through interval hierarchies: the steps of [`crate::single::objects::slabs`] with one ray per lane.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
 use crate::stream::intervals::{Gap, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
@@ -23,7 +23,7 @@ const EVERYWHERE: Aabb = Aabb {
 
 impl<N: SlabNode> Steps for SlabTree<N> {
     /// The node itself.
-    type Place = N;
+    type Node = N;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -32,16 +32,16 @@ impl<N: SlabNode> Steps for SlabTree<N> {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &N) -> Option<Leaf> {
-        match place.kind() {
+    fn leaf(&self, node: &N) -> Option<Leaf> {
+        match node.kind() {
             SlabKind::Leaf { first, count } => Some(Leaf { first, count }),
             _ => None,
         }
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &N, blocks: &Blocks) {
-        match place.kind() {
+    fn fetch_ahead(&self, node: &N, blocks: &Blocks) {
+        match node.kind() {
             SlabKind::Leaf { first, .. } => blocks.fetch_ahead(first),
             SlabKind::Pair { link, .. } | SlabKind::Only { link, .. } => {
                 // The second child may begin in the next cache line.
@@ -61,15 +61,15 @@ impl<N: SlabNode> Steps for SlabTree<N> {
         &self,
         simd: S,
         stream: &mut Stream<N>,
-        own: Waiting<N>,
-        courses: &[Course],
+        own: Entry<N>,
+        states: &[RayState],
         (): &mut (),
     ) {
-        match own.place.kind() {
+        match own.node.kind() {
             SlabKind::Pair { axis, link } => {
                 // The near child ends at its plane, and the far child begins at its own.
                 let back = stream.octant >> axis & 1;
-                let [below, above] = own.place.parts(axis, &EVERYWHERE);
+                let [below, above] = own.node.parts(axis, &EVERYWHERE);
                 let (ends, begins) = if back == 0 {
                     (below.max[axis], above.min[axis])
                 } else {
@@ -79,16 +79,16 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                 let far = link as usize + (back ^ 1);
                 let children = [self.held(far), self.held(near)];
                 let gap = Gap { axis, ends, begins };
-                stream.halve(simd, own, courses, children, gap);
+                stream.halve(simd, own, states, children, gap);
             }
             SlabKind::Only { axis, link } => {
                 let back = stream.octant >> axis & 1;
-                let [inside, _] = own.place.parts(axis, &EVERYWHERE);
+                let [inside, _] = own.node.parts(axis, &EVERYWHERE);
                 let sides = [inside.min[axis], inside.max[axis]];
                 stream.distribute(
                     simd,
                     own,
-                    courses,
+                    states,
                     [self.held(link as usize)],
                     #[inline(always)]
                     |group| {

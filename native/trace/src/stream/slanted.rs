@@ -4,9 +4,9 @@
 //! interval in both.
 
 use crate::stream::Steps;
-use crate::stream::course::Course;
 use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::RayState;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8, mask32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -18,7 +18,7 @@ use prefetch_index::prefetch_index;
 
 impl Steps for SlantTree {
     /// The node itself.
-    type Place = Node;
+    type Node = Node;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -27,16 +27,16 @@ impl Steps for SlantTree {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &Node) -> Option<Leaf> {
-        match place.kind() {
+    fn leaf(&self, node: &Node) -> Option<Leaf> {
+        match node.kind() {
             SlantKind::Leaf { first, count } => Some(Leaf { first, count }),
             SlantKind::Inner { .. } => None,
         }
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &Node, blocks: &Blocks) {
-        match place.kind() {
+    fn fetch_ahead(&self, node: &Node, blocks: &Blocks) {
+        match node.kind() {
             SlantKind::Leaf { first, .. } => blocks.fetch_ahead(first),
             SlantKind::Inner { link, .. } => {
                 // The second child may begin in the next cache line.
@@ -47,8 +47,8 @@ impl Steps for SlantTree {
     }
 
     #[inline(always)]
-    fn count<C: Counters>(&self, place: &Node, counters: &mut C) {
-        match place.kind() {
+    fn count<C: Counters>(&self, node: &Node, counters: &mut C) {
+        match node.kind() {
             SlantKind::Inner {
                 direction: 0..3, ..
             } => counters.step_boxes(),
@@ -61,8 +61,8 @@ impl Steps for SlantTree {
         &self,
         simd: S,
         stream: &mut Stream<Node>,
-        own: Waiting<Node>,
-        courses: &[Course],
+        own: Entry<Node>,
+        states: &[RayState],
         (): &mut (),
     ) {
         let SlantKind::Inner {
@@ -70,7 +70,7 @@ impl Steps for SlantTree {
             alone,
             planes,
             link,
-        } = own.place.kind()
+        } = own.node.kind()
         else {
             return;
         };
@@ -81,7 +81,7 @@ impl Steps for SlantTree {
             stream.distribute(
                 simd,
                 own,
-                courses,
+                states,
                 [Some(self.nodes[link])],
                 #[inline(always)]
                 |group| {
@@ -93,7 +93,7 @@ impl Steps for SlantTree {
             return;
         }
         // The first ray decides the order of the children.
-        let [x, y, z, _] = courses[stream.lists[own.first as usize] as usize].direction;
+        let [x, y, z, _] = states[stream.lists[own.first as usize] as usize].direction;
         let speed = normal[0] * x + normal[1] * y + normal[2] * z;
         let down = speed.is_sign_negative();
         let places =
@@ -101,7 +101,7 @@ impl Steps for SlantTree {
         stream.distribute(
             simd,
             own,
-            courses,
+            states,
             places,
             #[inline(always)]
             |group| {

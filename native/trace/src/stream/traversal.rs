@@ -3,8 +3,8 @@
 
 use crate::batch::{Launch, baseline};
 use crate::flight::late::Late;
-use crate::stream::course::{Course, EdgedBlock};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::{EdgedBlock, RayState};
 use crate::stream::{AHEAD, OCTANTS, STREAM, Steps};
 use fearless_simd::Simd;
 use halfspace_geom::bound::keep_min;
@@ -16,7 +16,7 @@ use halfspace_ray::{Hit, RayCounters, RayRef};
 
 /// The rays of a part of a batch, and the counters of each.
 struct Riders<'a, C> {
-    courses: &'a mut [Course],
+    states: &'a mut [RayState],
     counters: &'a mut [C],
 }
 
@@ -78,15 +78,15 @@ impl Launch<'_> {
         write: &mut dyn FnMut(usize, Hit),
         mut counter: impl FnMut(usize) -> C,
     ) {
-        let mut streams: [Stream<T::Place>; OCTANTS] = std::array::from_fn(Stream::new);
-        let mut courses = Vec::with_capacity(self.rays.len().min(STREAM));
+        let mut streams: [Stream<T::Node>; OCTANTS] = std::array::from_fn(Stream::new);
+        let mut states = Vec::with_capacity(self.rays.len().min(STREAM));
         let mut scratch = T::Scratch::default();
         let mut late = Late::default();
         for (part, rays) in self.rays.chunks(STREAM).enumerate() {
             let own = Launch { rays, ..*self };
-            let mut write = |place: usize, hit: Hit| write(STREAM * part + place, hit);
+            let mut write = |index: usize, hit: Hit| write(STREAM * part + index, hit);
             let mut counters: Vec<C> = (0..rays.len()).map(&mut counter).collect();
-            own.set_out(simd, &mut streams, &mut courses, T::INTERVALS);
+            own.set_out(simd, &mut streams, &mut states, T::INTERVALS);
             let mut open = 0;
             for stream in &mut streams {
                 open += usize::from(stream.begin(tree.root()));
@@ -97,23 +97,23 @@ impl Launch<'_> {
                     let Some(next) = stream.pop() else {
                         continue;
                     };
-                    if let Some(leaf) = tree.leaf(&next.place) {
+                    if let Some(leaf) = tree.leaf(&next.node) {
                         let mut riders = Riders {
-                            courses: &mut courses,
+                            states: &mut states,
                             counters: &mut counters,
                         };
                         own.visit_leaf::<S, T, Q, C>(simd, stream, &next, leaf, &mut riders);
                     } else {
                         if C::COUNTS {
-                            count_node(tree, stream, &next, &courses, &mut counters);
+                            count_node(tree, stream, &next, &states, &mut counters);
                         }
-                        tree.visit(simd, stream, next, &courses, &mut scratch);
+                        tree.visit(simd, stream, next, &states, &mut scratch);
                     }
-                    own.fetch_next(tree, stream, &courses);
+                    own.fetch_next(tree, stream, &states);
                     open -= usize::from(stream.stack().is_empty());
                 }
             }
-            own.answer(simd, &mut courses, &mut late, &mut write);
+            own.answer(simd, &mut states, &mut late, &mut write);
         }
     }
 
@@ -123,20 +123,20 @@ impl Launch<'_> {
     fn answer<S: Simd>(
         &self,
         simd: S,
-        courses: &mut [Course],
+        states: &mut [RayState],
         late: &mut Late,
         write: &mut dyn FnMut(usize, Hit),
     ) {
         simd.vectorize(
             #[inline(always)]
             || {
-                for (place, course) in courses.iter_mut().enumerate() {
-                    let (ray, frame) = (&self.rays[place], course.ray());
-                    match course.best.held() {
+                for (index, state) in states.iter_mut().enumerate() {
+                    let (ray, frame) = (&self.rays[index], state.ray());
+                    match state.best.held() {
                         Some(held) if self.frame.is_scene() => {
-                            late.push(simd, place, self.rays, &frame, held, &mut &mut *write);
+                            late.push(simd, index, self.rays, &frame, held, &mut &mut *write);
                         }
-                        _ => write(place, course.best.answer(RayRef { ray, frame: &frame })),
+                        _ => write(index, state.best.answer(RayRef { ray, frame: &frame })),
                     }
                 }
                 late.settle(simd, self.rays, &mut &mut *write);
@@ -149,8 +149,8 @@ impl Launch<'_> {
     fn visit_leaf<S: Simd, T: Steps, Q: Query, C: Counters>(
         &self,
         simd: S,
-        stream: &Stream<T::Place>,
-        own: &Waiting<T::Place>,
+        stream: &Stream<T::Node>,
+        own: &Entry<T::Node>,
         leaf: Leaf,
         riders: &mut Riders<'_, C>,
     ) {
@@ -163,8 +163,8 @@ impl Launch<'_> {
             let listed = Listed { list, enter, leave };
             self.test_inside::<S, Q, C>(simd, leaf, listed, riders);
         } else {
-            let part = |_: usize, course: &Course| {
-                T::enters(&own.place, &course.line).then(|| course.line.reach())
+            let part = |_: usize, state: &RayState| {
+                T::enters(&own.node, &state.line).then(|| state.line.reach())
             };
             self.test_list::<S, Q, C, false>(simd, leaf, list, part, riders);
         }
@@ -182,8 +182,8 @@ impl Launch<'_> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let part = |i: usize, course: &Course| {
-                    let reach = course.line.reach();
+                let part = |i: usize, state: &RayState| {
+                    let reach = state.line.reach();
                     (enter[i] <= reach).then(|| keep_min(leave[i], reach))
                 };
                 self.test_list::<S, Q, C, true>(simd, leaf, list, part, riders);
@@ -200,8 +200,8 @@ impl Launch<'_> {
         simd: S,
         leaf: Leaf,
         list: &[u32],
-        part: impl Fn(usize, &Course) -> Option<f32>,
-        Riders { courses, counters }: &mut Riders<'_, C>,
+        part: impl Fn(usize, &RayState) -> Option<f32>,
+        Riders { states, counters }: &mut Riders<'_, C>,
     ) {
         let mut room = [0.0; SPAN];
         let (mut at, mut left) = (leaf.first, leaf.count);
@@ -214,13 +214,13 @@ impl Launch<'_> {
             };
             let edges = Edges::new(simd, words, n);
             // Prefetch later rays in the first pass.
-            for (i, &place) in list.iter().enumerate() {
+            for (i, &index) in list.iter().enumerate() {
                 if let (true, Some(&later)) = (at == leaf.first, list.get(i + AHEAD)) {
-                    courses[later as usize].fetch_ahead();
+                    states[later as usize].fetch_ahead();
                 }
-                let place = place as usize;
-                let course = &mut courses[place];
-                if let Some(reach) = part(i, course) {
+                let index = index as usize;
+                let state = &mut states[index];
+                if let Some(reach) = part(i, state) {
                     let block = EdgedBlock {
                         block: Block {
                             job: Job {
@@ -232,8 +232,8 @@ impl Launch<'_> {
                         },
                         edges: &edges,
                     };
-                    let (ray, counters) = (&self.rays[place], &mut counters[place]);
-                    course.test::<S, Q, C>(simd, block, ray, reach, counters);
+                    let (ray, counters) = (&self.rays[index], &mut counters[index]);
+                    state.test::<S, Q, C>(simd, block, ray, reach, counters);
                 }
             }
             (at, left) = (next, left - n);
@@ -242,20 +242,20 @@ impl Launch<'_> {
 
     /// Prefetches the data of the next visit.
     #[inline(always)]
-    fn fetch_next<T: Steps>(&self, tree: &T, stream: &Stream<T::Place>, courses: &[Course]) {
+    fn fetch_next<T: Steps>(&self, tree: &T, stream: &Stream<T::Node>, states: &[RayState]) {
         let Some(next) = stream.stack().last() else {
             return;
         };
         let first = next.first as usize;
         let list = &stream.lists[first..first + AHEAD.min(next.rays as usize)];
-        tree.fetch_ahead(&next.place, self.blocks);
-        let inner = tree.leaf(&next.place).is_none();
-        for &place in list {
-            let course = &courses[place as usize];
+        tree.fetch_ahead(&next.node, self.blocks);
+        let inner = tree.leaf(&next.node).is_none();
+        for &index in list {
+            let state = &states[index as usize];
             if inner {
-                course.fetch_line();
+                state.fetch_line();
             } else {
-                course.fetch_ahead();
+                state.fetch_ahead();
             }
         }
     }
@@ -263,52 +263,52 @@ impl Launch<'_> {
 
 /// The rays of a list whose best hits do not lie before the node.
 fn visitors<'a, T: Steps>(
-    stream: &'a Stream<T::Place>,
-    own: &'a Waiting<T::Place>,
-    courses: &'a [Course],
+    stream: &'a Stream<T::Node>,
+    own: &'a Entry<T::Node>,
+    states: &'a [RayState],
 ) -> impl Iterator<Item = usize> + 'a {
     let list = stream.list(own).iter().enumerate();
-    list.filter_map(move |(i, &place)| {
-        let line = &courses[place as usize].line;
+    list.filter_map(move |(i, &index)| {
+        let line = &states[index as usize].line;
         let enters = if T::INTERVALS {
             stream.intervals(own).0[i] <= line.reach()
         } else {
-            T::enters(&own.place, line)
+            T::enters(&own.node, line)
         };
-        enters.then_some(place as usize)
+        enters.then_some(index as usize)
     })
 }
 
 /// Counts a visit to an inner node.
 fn count_node<T: Steps, C: Counters>(
     tree: &T,
-    stream: &Stream<T::Place>,
-    own: &Waiting<T::Place>,
-    courses: &[Course],
+    stream: &Stream<T::Node>,
+    own: &Entry<T::Node>,
+    states: &[RayState],
     counters: &mut [C],
 ) {
-    for (i, place) in visitors::<T>(stream, own, courses).enumerate() {
+    for (i, index) in visitors::<T>(stream, own, states).enumerate() {
         if i == 0 {
-            tree.count(&own.place, &mut counters[place]);
+            tree.count(&own.node, &mut counters[index]);
         } else {
-            counters[place].joined();
+            counters[index].joined();
         }
     }
 }
 
 /// Counts a visit to a leaf, and announces it to all its rays.
 fn count_leaf<T: Steps, C: Counters>(
-    stream: &Stream<T::Place>,
-    own: &Waiting<T::Place>,
+    stream: &Stream<T::Node>,
+    own: &Entry<T::Node>,
     leaf: Leaf,
-    Riders { courses, counters }: &mut Riders<'_, C>,
+    Riders { states, counters }: &mut Riders<'_, C>,
 ) {
-    for (i, place) in visitors::<T>(stream, own, courses).enumerate() {
+    for (i, index) in visitors::<T>(stream, own, states).enumerate() {
         if i == 0 {
-            counters[place].leaf(leaf.count);
+            counters[index].leaf(leaf.count);
         } else {
-            counters[place].joined();
+            counters[index].joined();
         }
-        counters[place].visit(leaf.first, leaf.count);
+        counters[index].visit(leaf.first, leaf.count);
     }
 }

@@ -4,10 +4,10 @@
 //! children; each ray keeps its own interval in all of them.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
 use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
 use crate::stream::planes::{Plane, oblique};
+use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -21,7 +21,7 @@ const CHILDREN: usize = PLANES + 1;
 
 impl Steps for WideTree {
     /// The word of a node or a leaf.
-    type Place = u32;
+    type Node = u32;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -30,22 +30,22 @@ impl Steps for WideTree {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &u32) -> Option<Leaf> {
-        (Next::of(*place) == Next::LEAF).then(|| WideTree::leaf(self, *place))
+    fn leaf(&self, node: &u32) -> Option<Leaf> {
+        (Next::of(*node) == Next::LEAF).then(|| WideTree::leaf(self, *node))
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &u32, blocks: &Blocks) {
-        match Next::of(*place) {
-            Next::PLAIN => WideTree::fetch_ahead::<1>(self, *place),
-            Next::GENERAL => WideTree::fetch_ahead::<3>(self, *place),
-            _ => blocks.fetch_ahead(WideTree::leaf(self, *place).first),
+    fn fetch_ahead(&self, node: &u32, blocks: &Blocks) {
+        match Next::of(*node) {
+            Next::PLAIN => WideTree::fetch_ahead::<1>(self, *node),
+            Next::GENERAL => WideTree::fetch_ahead::<3>(self, *node),
+            _ => blocks.fetch_ahead(WideTree::leaf(self, *node).first),
         }
     }
 
     #[inline(always)]
-    fn count<C: Counters>(&self, place: &u32, counters: &mut C) {
-        if Next::of(*place) == Next::GENERAL {
+    fn count<C: Counters>(&self, node: &u32, counters: &mut C) {
+        if Next::of(*node) == Next::GENERAL {
             counters.step_oblique();
         } else {
             counters.step_axis();
@@ -57,13 +57,13 @@ impl Steps for WideTree {
         &self,
         simd: S,
         stream: &mut Stream<u32>,
-        own: Waiting<u32>,
-        courses: &[Course],
+        own: Entry<u32>,
+        states: &[RayState],
         (): &mut (),
     ) {
-        if Next::of(own.place) == Next::GENERAL {
-            let lines = self.lines(own.place);
-            let lead = courses[stream.lists[own.first as usize] as usize].direction;
+        if Next::of(own.node) == Next::GENERAL {
+            let lines = self.lines(own.node);
+            let lead = states[stream.lists[own.first as usize] as usize].direction;
             let signs = signs(|i| {
                 let [x, y, z] = normal(lines, i);
                 (x * lead[0] + y * lead[1] + z * lead[2]).is_sign_negative()
@@ -72,20 +72,20 @@ impl Steps for WideTree {
             stream.distribute(
                 simd,
                 own,
-                courses,
+                states,
                 children,
                 #[inline(always)]
                 |group| across(simd, group, lines, signs),
             );
         } else {
-            let line = self.line(own.place);
+            let line = self.line(own.node);
             let octant = stream.octant;
             let signs = signs(|i| octant >> axis(line, i) & 1 == 1);
             let children = children(line, signs);
             stream.distribute(
                 simd,
                 own,
-                courses,
+                states,
                 children,
                 #[inline(always)]
                 |group| along(simd, group, line, signs),

@@ -4,9 +4,9 @@
 //! planes of entry.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
 use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Stream, Waiting};
+use crate::stream::lists::{Entry, Stream};
+use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -17,7 +17,7 @@ use prefetch_index::prefetch_index;
 
 impl<const W: usize> Steps for WideSlabs<W> {
     /// Index of the node.
-    type Place = u32;
+    type Node = u32;
     type Scratch<S: Simd> = ();
     const INTERVALS: bool = true;
 
@@ -26,8 +26,8 @@ impl<const W: usize> Steps for WideSlabs<W> {
     }
 
     #[inline(always)]
-    fn leaf(&self, place: &u32) -> Option<Leaf> {
-        let node = &self.nodes[*place as usize];
+    fn leaf(&self, node: &u32) -> Option<Leaf> {
+        let node = &self.nodes[*node as usize];
         (node.word & LEAF == LEAF).then(|| Leaf {
             first: node.planes[0][0].to_bits(),
             count: node.link() as usize,
@@ -35,10 +35,10 @@ impl<const W: usize> Steps for WideSlabs<W> {
     }
 
     #[inline(always)]
-    fn fetch_ahead(&self, place: &u32, blocks: &Blocks) {
-        match Steps::leaf(self, place) {
+    fn fetch_ahead(&self, node: &u32, blocks: &Blocks) {
+        match Steps::leaf(self, node) {
             Some(leaf) => blocks.fetch_ahead(leaf.first),
-            None => prefetch_index(&self.nodes, self.nodes[*place as usize].link() as usize),
+            None => prefetch_index(&self.nodes, self.nodes[*node as usize].link() as usize),
         }
     }
 
@@ -52,11 +52,11 @@ impl<const W: usize> Steps for WideSlabs<W> {
         &self,
         simd: S,
         stream: &mut Stream<u32>,
-        own: Waiting<u32>,
-        courses: &[Course],
+        own: Entry<u32>,
+        states: &[RayState],
         (): &mut (),
     ) {
-        let node = &self.nodes[own.place as usize];
+        let node = &self.nodes[own.node as usize];
         let axis = (node.word & LEAF) as usize % 3;
         let cuts = Cuts {
             node,
@@ -74,7 +74,7 @@ impl<const W: usize> Steps for WideSlabs<W> {
         stream.distribute(
             simd,
             own,
-            courses,
+            states,
             children,
             #[inline(always)]
             |group| cuts.parts(simd, group, &order),

@@ -88,7 +88,7 @@ pub struct EdgedBlock<'a, S: Simd> {
 /// The state of one ray: the part of a [`FrameRay`] that the traversal needs, which is smaller, since thousands
 /// of rays are in use at once. A visit to a node of axis planes or boxes reads one cache line of it.
 #[repr(C, align(64))]
-pub struct Course {
+pub struct RayState {
     pub line: Line,
     span: f32,
     last_place: f32,
@@ -104,7 +104,7 @@ pub struct Course {
     pub best: Best,
 }
 
-impl Course {
+impl RayState {
     /// The state of a ray of the scene. `certain` is [`FrameRay::certain`]; `still` must be computed from the
     /// caller's direction, since the frame may round it to 0.
     #[inline(always)]
