@@ -3,46 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Fault:
-    """In `file`, the expression `old` becomes `new`; `test` (program and name) must notice."""
-
-    what: str
-    file: str
-    old: str
-    new: str
-    test: tuple[str, str]
-
-    @property
-    def is_rust(self) -> bool:
-        """Whether it is behind a switch, in the native module."""
-        return self.file.startswith("native/")
-
-
-ALL = ("contract", "every_structure_answers_like_brute_force")
-"""Every structure on every extreme case."""
-
-EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
-"""Brute force against exact arithmetic: faults that all structures share."""
-
-ENDS = ("contract", "the_ray_interval_is_closed")
-PACKETS = ("packets", "packets_lose_nothing_on_hard_scenes")
-AFAR = ("lib", "candidates::tests::no_tiny_triangle_is_rejected_from_afar")
-AFAR_BEAMS = ("lib", "lanes::tests::no_tiny_triangle_is_rejected_from_afar")
-BLOCK = ("lib", "candidates::tests::no_hit_is_ever_rejected")
-VERDICT = ("lib", "verdict::tests")
-INTEGERS = ("lib", "exact")
-BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
-STABILITY = ("tests/core/lab/test_stability.py", "lie")
+from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
+from faults_of_traversals import TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
-_FRAME_RAY = "native/ray/src/frame_ray.rs"
-_QUERY = "native/ray/src/query.rs"
 _RAY = "native/ray/src/ray.rs"
-_STREAM = "native/trace/src/stream"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _VERDICT = "native/geom/src/verdict.rs"
 _MONITOR = "native/base/src/monitor.rs"
@@ -318,121 +283,7 @@ FAULTS = (
         "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
         ("tests/core/scripts/test_faults.py", "full_disk"),
     ),
-    Fault(
-        "rays of a packet not split by their signs",
-        "native/trace/src/packet/rays.rs",
-        "*own == signs",
-        "true",
-        ALL,
-    ),
-    Fault(
-        "odd rays in packets with others",
-        "native/trace/src/packet/fill.rs",
-        "ordinary.to_bitmask() & filled",
-        "filled",
-        PACKETS,
-    ),
-    Fault(
-        "triangles skipped that some rays of a packet see edge-on",
-        "native/trace/src/packet/prepare.rs",
-        "(one_sided & (outside | beyond))",
-        "(outside | beyond)",
-        PACKETS,
-    ),
-    Fault(
-        "packets that look no farther than their middle",
-        "native/trace/src/packet/prepare.rs",
-        "(det + det_half).mul_add(far, doubt)",
-        "(det - det_half).mul_add(far, doubt)",
-        PACKETS,
-    ),
-    Fault(
-        "uncertain steps along ropes",
-        "native/trace/src/single/planes/rope.rs",
-        "ahead[k].low > next.high",
-        "true",
-        ALL,
-    ),
-    Fault(
-        "heights of points without their error bound",
-        "native/trace/src/single/planes/ta_b_poly.rs",
-        "frame.oblique_pad + wild",
-        "0.0 * frame.oblique_pad",
-        ALL,
-    ),
-    Fault(
-        "cells left before it is certain",
-        "native/trace/src/single/grid.rs",
-        "axes[k].leaves(may[k][0]) < now",
-        "true",
-        ("grid", "triangles_that_reach_a_corner"),
-    ),
-    Fault("pending hits forgotten for one at the same distance", _QUERY, "far >= self.held.low", "false", ALL),
-    Fault(
-        "no allowance for the rounding of pending hits",
-        _FRAME_RAY,
-        "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
-        "high",
-        BLOCK,
-    ),
-    Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
-    Fault("sure hits outside the interval", _QUERY, "low > from && high < to", "low < high", ENDS),
-    Fault(
-        "triangles that planes cut end at the plane",
-        "native/builders/src/plane_objects/mod.rs",
-        "parts[1].min[axis] = split",
-        "parts[1].min[axis] = parts[1].max[axis]",
-        ("plane_boxes", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
-    ),
-    Fault(
-        "triangles cut by oblique planes count for one side only",
-        "native/geom/src/oblique_part.rs",
-        "high.min(-low) <= self.little",
-        "high.max(-low) >= self.little",
-        ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
-    ),
-    Fault(
-        "rays through boxes reported as rays through planes",
-        "native/trees/src/boxes.rs",
-        'Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))',
-        'Plan::single("planes", "ordered", boxes8(&self.tree, &self.leaves))',
-        ("plane_boxes", "all_rays_go_through_the_boxes_and_the_planes_are_freed"),
-    ),
-    Fault(
-        "lists of children written over the list that is split",
-        f"{_STREAM}/boxes.rs",
-        "first + rays",
-        "first",
-        ("streams", "batches_of_any_size_answer_like_brute_force"),
-    ),
-    Fault(
-        "groups of a list after the eighth forgotten",
-        f"{_STREAM}/boxes.rs",
-        "masks.iter().enumerate()",
-        "masks[..masks.len().min(8)].iter().enumerate()",
-        ("streams", "rays_that_meet_everything_answer_like_brute_force"),
-    ),
-    Fault(
-        "directions within a wall recognised by the frame's rounded direction",
-        f"{_STREAM}/prepare.rs",
-        "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
-        "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
-        ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
-    ),
-    Fault(
-        "lists of the children of a plane written over one another",
-        f"{_STREAM}/intervals.rs",
-        "first + child * room + counts[child]",
-        "first + counts[child]",
-        ("lib", "stream::tests::answers::batches_of_any_size_answer_like_brute_force"),
-    ),
-    Fault(
-        "all rays of a list crossing an oblique plane upwards",
-        f"{_STREAM}/planes.rs",
-        "inv.simd_lt(splat(0.0))",
-        "inv.simd_lt(splat(f32::NEG_INFINITY))",
-        ("lib", "stream::tests::answers::streams_answer_like_brute_force_in_difficult_scenes"),
-    ),
+    *TRAVERSALS,
 )
 
 

@@ -19,7 +19,8 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from deliberate_faults import FAULTS, Fault, table
+from deliberate_faults import FAULTS, table
+from fault import Fault
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import mutations
 import pytest
-from deliberate_faults import FAULTS, Fault, table
+from deliberate_faults import FAULTS, table
+from fault import Fault
 
 
 def test_every_fault_has_its_place_and_its_line_in_the_list() -> None:
