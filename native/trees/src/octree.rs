@@ -73,7 +73,7 @@ fn default_depth(triangles: usize) -> u32 {
 
 /// How rays traverse an octree, which decides what the build provides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Method {
+enum Traversal {
     /// From the root down.
     FromRoot,
     /// From leaf to leaf by the common ancestor: leaves allow for the rounding of the steps.
@@ -143,7 +143,7 @@ pub const PARAM: StructureSpec = StructureSpec {
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
     params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
     ways: &FROM_ROOT,
-    build: |scene, config, monitor| build(scene, config, monitor, Method::FromRoot),
+    build: |scene, config, monitor| build(scene, config, monitor, Traversal::FromRoot),
 };
 
 /// The registry's row: a name, not a structure of its own. The traversal is that of [`PARAM`].
@@ -165,7 +165,7 @@ pub const NET: StructureSpec = StructureSpec {
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
-    build: |scene, config, monitor| build(scene, config, monitor, Method::Links),
+    build: |scene, config, monitor| build(scene, config, monitor, Traversal::Links),
     ..PARAM
 };
 
@@ -184,7 +184,7 @@ pub const BEAM: StructureSpec = StructureSpec {
         BEAM_LEAST,
     ],
     ways: &BEAM_WAYS,
-    build: |scene, config, monitor| build(scene, config, monitor, Method::Beams),
+    build: |scene, config, monitor| build(scene, config, monitor, Traversal::Beams),
     ..PARAM
 };
 
@@ -197,7 +197,7 @@ pub const SAMET: StructureSpec = StructureSpec {
     paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
-    build: |scene, config, monitor| build(scene, config, monitor, Method::Ascent),
+    build: |scene, config, monitor| build(scene, config, monitor, Traversal::Ascent),
     ..PARAM
 };
 
@@ -210,18 +210,23 @@ pub const GLASSNER: StructureSpec = StructureSpec {
     paper: "Glassner 1984, Space subdivision for fast ray tracing",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
-    build: |scene, config, monitor| build(scene, config, monitor, Method::Location),
+    build: |scene, config, monitor| build(scene, config, monitor, Traversal::Location),
     ..PARAM
 };
 
 /// Builds an octree, and makes its plan.
-fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) -> Result<Built> {
+fn build(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    traversal: Traversal,
+) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
     let depth = match config.integer("max_depth") {
         0 => default_depth(scene.live().len()),
         depth => u32::try_from(depth).expect("in range"),
     };
-    let steps = method != Method::FromRoot;
+    let steps = traversal != Traversal::FromRoot;
     let cube = Cube::new(&frame, depth, steps);
     let params = Params {
         cube,
@@ -240,14 +245,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) 
         },
         &mut blocks,
     )?;
-    if matches!(method, Method::Links | Method::Beams) {
+    if matches!(traversal, Traversal::Links | Traversal::Beams) {
         tree = tree.with_links();
     }
     let shape = tree.shape(&frame);
     let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
     Ok(Built {
         frame,
-        plan: plan(&tree, &leaves, config, method),
+        plan: plan(&tree, &leaves, config, traversal),
         tree: Some(tree),
         leaves,
         derived: Vec::new(),
@@ -257,29 +262,33 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) 
     })
 }
 
-fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, method: Method) -> Plan {
-    let mut plan = match method {
-        Method::FromRoot => Plan::single("octants", "param", param::param(tree, leaves)),
-        Method::Links | Method::Beams => Plan::single("octants", "net", net::net(tree, leaves)),
-        Method::Ascent => Plan::single("octants", "samet", samet::samet(tree, leaves)),
-        Method::Location => Plan::single("octants", "glassner", glassner::glassner(tree, leaves)),
+fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Traversal) -> Plan {
+    let mut plan = match traversal {
+        Traversal::FromRoot => Plan::single("octants", "param", param::param(tree, leaves)),
+        Traversal::Links | Traversal::Beams => {
+            Plan::single("octants", "net", net::net(tree, leaves))
+        }
+        Traversal::Ascent => Plan::single("octants", "samet", samet::samet(tree, leaves)),
+        Traversal::Location => {
+            Plan::single("octants", "glassner", glassner::glassner(tree, leaves))
+        }
     };
-    if method == Method::Beams && config.way().rays == Rays::Beam {
+    if traversal == Traversal::Beams && config.way().rays == Rays::Beam {
         let least = u32::try_from(config.integer("beam_least")).expect("in range");
         plan = plan.with_tiles(Rays::Beam, beam::kernel::octants(tree, leaves, least));
     }
-    if method == Method::FromRoot {
+    if traversal == Traversal::FromRoot {
         let streams = Streams {
             closest: stream::kernel::octants(tree, leaves),
             any: stream::kernel::shadow_octants(tree, leaves),
         };
         plan = streams.take_chosen(plan, config.way());
     }
-    let beams = match method {
-        Method::FromRoot => beam::kernel::shadow_param,
-        Method::Links | Method::Beams => beam::kernel::shadow_net,
-        Method::Ascent => beam::kernel::shadow_samet,
-        Method::Location => beam::kernel::shadow_glassner,
+    let beams = match traversal {
+        Traversal::FromRoot => beam::kernel::shadow_param,
+        Traversal::Links | Traversal::Beams => beam::kernel::shadow_net,
+        Traversal::Ascent => beam::kernel::shadow_samet,
+        Traversal::Location => beam::kernel::shadow_glassner,
     };
     let choice = config.choice("shadow");
     plan.with_shadow(choice, (choice == "beam").then(|| beams(tree, leaves)))
