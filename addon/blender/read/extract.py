@@ -25,9 +25,9 @@ SKIPPED_TYPES = {
     "CURVES": "hair curves",
     "POINTCLOUD": "point cloud",
     "VOLUME": "volume",
-    "GREASEPENCIL": "grease pencil",
-    "GPENCIL": "grease pencil",
 }
+"""Objects that are reported as left out. Grease pencil is not among them: Blender draws it over any engine's picture."""
+
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 

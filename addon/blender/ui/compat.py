@@ -26,11 +26,7 @@ UNREAD = {
     "OBJECT_PT_shading",
     "PARTICLE_PT_render_path",
     "PARTICLE_PT_render_path_timing",
-    "RENDER_PT_gpencil",
-    "RENDER_PT_grease_pencil_render",
-    "RENDER_PT_grease_pencil_viewport",
     "RENDER_PT_output_views",
-    "RENDER_PT_simplify_greasepencil",
     "RENDER_PT_stereoscopy",
 }
 """Panels whose settings do not change a picture of this engine, or that are empty."""
@@ -55,7 +51,6 @@ REPLACED = {
 UNREAD_ROOMS = {
     "bl_ui.properties_data_lightprobe",
     "bl_ui.properties_freestyle",
-    "bl_ui.properties_material_gpencil",
 }
 """Modules of panels that all belong to a feature that this engine does not have."""
 

@@ -295,6 +295,17 @@ def test_hair_volumes_and_points_are_named(stage: Any, add: Any, tmp_path: Path)
     assert not [line for line in report.warnings if "Nowhere" in line]
 
 
+def test_grease_pencil_is_drawn_by_blender_and_not_reported(stage: Any, tmp_path: Path) -> None:
+    without = render(stage, tmp_path)["Combined.R"]
+    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0, -3, 0))
+    bpy.context.object.scale = (2, 2, 2)
+    picture = render(stage, tmp_path)["Combined.R"]
+    assert (np.abs(picture - without) > 0.1).mean() > 0.01
+    report = reports.last(stage)
+    assert report is not None
+    assert not report.warnings
+
+
 def test_every_view_layer_shows_what_it_holds(stage: Any, tmp_path: Path) -> None:
     away = bpy.data.collections.new("Away")
     stage.collection.children.link(away)
