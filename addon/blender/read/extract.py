@@ -26,7 +26,7 @@ SKIPPED_TYPES = {
     "POINTCLOUD": "point cloud",
     "VOLUME": "volume",
 }
-"""Objects that are reported as left out. Grease pencil is not among them: Blender draws it over any engine's picture."""
+"""Objects that are reported as left out. Grease pencil is not among them: Blender draws it over any picture."""
 
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
