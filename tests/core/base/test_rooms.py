@@ -16,7 +16,7 @@ ORDER = tuple(
         ("addon", "refusal"),
         ("addon.core", "base scene structures session measure choose overlay report"),
         ("addon.blender", "read settings session samples measure render overlay ui"),
-        ("lab", "base reported stability claims growth export bench pictures"),
+        ("lab", "base reported stability claims growth export bench pictures lessons"),
     )
     for room in rooms.split()
 )
