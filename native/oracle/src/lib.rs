@@ -43,7 +43,7 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
             continue;
         };
         let t = exact.t + 0.0;
-        // Of equal distances the first triangle is kept, which has the smallest number.
+        // Keep the first of several triangles at one distance, which has the smallest number.
         if ray.t_min <= t && t <= ray.t_max && t.is_finite() && t < answer.hit.t {
             answer.hit = Hit {
                 t,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A built structure: the tree over its scene, and the plan that says which kernel answers which rays.
+//! A built structure: the tree over its scene, and the plan that assigns kernels to rays.
 
 pub mod instances;
 pub mod leaf_depth;

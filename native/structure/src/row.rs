@@ -189,7 +189,7 @@ pub struct Named {
     pub name: &'static str,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// One clause for the documentation; empty where the parameter's own text says it.
+    /// One clause for the documentation; empty where the parameter's own text has it.
     pub doc: &'static str,
     /// Where it can be chosen: where each of these holds.
     pub needs: &'static [Need],

@@ -113,7 +113,7 @@ pub const fn empty_factor(costs: Costs) -> ParamSpec {
         name: "empty_factor",
         label: "Empty Factor",
         doc: "Factor on the cost of a split that leaves one side empty. Less cuts off more empty \
-              space, at the price of longer walks",
+              space, at the price of longer traversals",
         unit: "",
         kind: Kind::Float { min: 0.1, max: 1.0 },
         default: Value::Float(costs.empty as f64),

@@ -65,8 +65,8 @@ impl Features {
         if !self.surfaces {
             return vec!["shading: no triangles".to_owned()];
         }
-        // One row per feature: whether it is present, and what is left out if not. Without lights the first row says
-        // all there is to say about them.
+        // One row per feature: whether it is present, and what is left out if not. Without lights the first row
+        // covers them all.
         let rows = [
             (self.lights, "shadow rays: no lights"),
             (

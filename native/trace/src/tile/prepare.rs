@@ -62,15 +62,15 @@ const ROW_ERROR: f32 = 8.0;
 
 /// Error bounds of eight triangles.
 struct Errors<S: Simd> {
-    /// Of determinants.
+    /// Error of determinants.
     det: f32x8<S>,
-    /// Of weights, times the determinant.
+    /// Error of weights, times the determinant.
     uv: f32x8<S>,
-    /// Of distances, times the determinant.
+    /// Error of distances, times the determinant.
     t: f32x8<S>,
-    /// Of determinants over a row's part of the pyramid.
+    /// Error of determinants over a row's part of the pyramid.
     det_row: f32x8<S>,
-    /// Of weights over a row's part of the pyramid.
+    /// Error of weights over a row's part of the pyramid.
     uv_row: f32x8<S>,
 }
 
