@@ -372,6 +372,8 @@ class Structure:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: bool = False,
+        triangle_mask: npt.NDArray[np.uint32] | None = None,
+        ray_mask: int | npt.NDArray[np.uint32] | None = None,
     ) -> Hits:
         """The nearest triangle that each ray hits; the same bits for every structure.
 
@@ -380,8 +382,10 @@ class Structure:
         number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
         overflows float32 is a miss. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
+        triangle_mask: (m,) uint32, ray_mask: one number or (n,) uint32, all bits when not given: a ray meets only the
+        triangles with which it shares a bit. Such rays go one by one, and are not counted.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
-        (order).
+        (order; counters with masks).
         """
 
     @overload
@@ -395,6 +399,8 @@ class Structure:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: Literal[False] = False,
+        triangle_mask: npt.NDArray[np.uint32] | None = None,
+        ray_mask: int | npt.NDArray[np.uint32] | None = None,
     ) -> npt.NDArray[np.bool_]:
         """Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
         and the counters of Hits. Arguments and errors as for closest().
@@ -411,6 +417,35 @@ class Structure:
         threads: int = 0,
         counters: Literal[True],
     ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
+    def all_hits(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        max_hits: int | None = None,
+        threads: int = 0,
+    ) -> tuple[npt.NDArray[np.int64], Hits]:
+        """Every triangle that each ray hits, nearest first; of equal distances, the smallest index first. The same for
+        every structure, to the bit.
+
+        Returns (offsets, hits): offsets, (n + 1,) int64, where the hits of each ray begin, and the number of all hits;
+        hits, those of one ray after another. max_hits: keep so many of the nearest of a ray; None = all. Rays go one by
+        one. Other arguments and errors as for closest(); MemoryError if the hits do not fit.
+        """
+
+    def count_hits(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        threads: int = 0,
+    ) -> npt.NDArray[np.int64]:
+        """The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest()."""
+
     def record(
         self,
         origins: F32,
@@ -549,6 +584,8 @@ class Instances:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: bool = False,
+        triangle_mask: npt.NDArray[np.uint32] | None = None,
+        ray_mask: int | npt.NDArray[np.uint32] | None = None,
     ) -> Hits:
         """Like Structure.closest(). Steps include those of the tree over the instances."""
 
@@ -563,6 +600,8 @@ class Instances:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: Literal[False] = False,
+        triangle_mask: npt.NDArray[np.uint32] | None = None,
+        ray_mask: int | npt.NDArray[np.uint32] | None = None,
     ) -> npt.NDArray[np.bool_]:
         """Like Structure.occluded()."""
     @overload
@@ -577,6 +616,29 @@ class Instances:
         threads: int = 0,
         counters: Literal[True],
     ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
+    def all_hits(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        max_hits: int | None = None,
+        threads: int = 0,
+    ) -> tuple[npt.NDArray[np.int64], Hits]:
+        """Like Structure.all_hits()."""
+
+    def count_hits(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        threads: int = 0,
+    ) -> npt.NDArray[np.int64]:
+        """Like Structure.count_hits()."""
+
     def flattened(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
         """Vertices (n, 3) and triangles (m, 3) of the scene with all instances copied: a vertex becomes x * m[0] + y *
         m[1] + z * m[2] + m[3] for each row m of the matrix, in float64 and in this order, then rounded to float32.

@@ -2,17 +2,18 @@
 //! Instances of structures.
 
 use crate::args::arrays::{check_copy, describe};
-use crate::args::integers::{MemoryLimit, Threads};
+use crate::args::integers::{MaxHits, MemoryLimit, Threads};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::Hits;
 use crate::monitor::{self, Monitor};
+use crate::selective::{self, MaskArrays};
 use crate::structure::Structure;
 use crate::trace::{self, CountedTracer};
 use halfspace_base::error::{Error, Result, caught};
 use halfspace_geom::Transform;
 use halfspace_structure::instances;
-use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -28,7 +29,7 @@ pub struct Instances(pub Arc<instances::Instances>);
 #[pymethods]
 impl Instances {
     /// Like Structure.closest(). Steps include those of the tree over the instances.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -40,13 +41,19 @@ impl Instances {
         order: &str,
         threads: Threads,
         counters: bool,
+        triangle_mask: Option<&Bound<'_, PyAny>>,
+        ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Hits> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
+        if let Some(masks) = masks {
+            return selective::closest(py, &*self.0, &rays, threads, &masks);
+        }
         trace::closest(py, self.counted(), &rays, threads, counters)
     }
 
     /// Like Structure.occluded().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -58,9 +65,47 @@ impl Instances {
         order: &str,
         threads: Threads,
         counters: bool,
+        triangle_mask: Option<&Bound<'_, PyAny>>,
+        ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
+        if let Some(masks) = masks {
+            return selective::occluded(py, &*self.0, &rays, threads, &masks);
+        }
         trace::occluded(py, self.counted(), &rays, threads, counters)
+    }
+
+    /// Like Structure.all_hits().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn all_hits<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        max_hits: Option<MaxHits>,
+        threads: Threads,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        selective::all_hits(py, &*self.0, &rays, threads, max_hits)
+    }
+
+    /// Like Structure.count_hits().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0)")]
+    fn count_hits<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        threads: Threads,
+    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        selective::count_hits(py, &*self.0, &rays, threads)
     }
 
     /// Number of instances, including dropped ones.

@@ -14,6 +14,7 @@ mod oracle;
 mod ray_path;
 mod registry;
 mod render;
+mod selective;
 mod structure;
 mod trace;
 

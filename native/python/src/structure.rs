@@ -2,11 +2,14 @@
 //! Structures: building, tracing, statistics, validation, inspection.
 
 use crate::args::arrays;
-use crate::args::integers::{MaxCount, MaxDepth, MaxNodes, MemoryLimit, MinTriangles, Threads};
+use crate::args::integers::{
+    MaxCount, MaxDepth, MaxHits, MaxNodes, MemoryLimit, MinTriangles, Threads,
+};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::{self, Hits};
 use crate::monitor::{self, Monitor};
+use crate::selective::{self, MaskArrays};
 use crate::trace::{self, CountedTracer};
 use crate::{analysis, inspection, ray_path};
 use halfspace_base::error::{Error, caught};
@@ -101,9 +104,11 @@ impl Structure {
     /// number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
     /// overflows float32 is a miss. order: "tile8" promises that every 64 consecutive
     /// rays are an 8x8-pixel tile. threads: 0 = one per core.
+    /// triangle_mask: (m,) uint32, ray_mask: one number or (n,) uint32, all bits when not given: a ray meets only the
+    /// triangles with which it shares a bit. Such rays go one by one, and are not counted.
     /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
-    /// (order).
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    /// (order; counters with masks).
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -115,14 +120,20 @@ impl Structure {
         order: &str,
         threads: Threads,
         counters: bool,
+        triangle_mask: Option<&Bound<'_, PyAny>>,
+        ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Hits> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
+        if let Some(masks) = masks {
+            return selective::closest(py, &*self.0, &rays, threads, &masks);
+        }
         trace::closest(py, self.counted(), &rays, threads, counters)
     }
 
     /// Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
     /// and the counters of Hits. Arguments and errors as for closest().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -134,9 +145,52 @@ impl Structure {
         order: &str,
         threads: Threads,
         counters: bool,
+        triangle_mask: Option<&Bound<'_, PyAny>>,
+        ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
+        if let Some(masks) = masks {
+            return selective::occluded(py, &*self.0, &rays, threads, &masks);
+        }
         trace::occluded(py, self.counted(), &rays, threads, counters)
+    }
+
+    /// Every triangle that each ray hits, nearest first; of equal distances, the smallest index first. The same for
+    /// every structure, to the bit.
+    ///
+    /// Returns (offsets, hits): offsets, (n + 1,) int64, where the hits of each ray begin, and the number of all hits;
+    /// hits, those of one ray after another. max_hits: keep so many of the nearest of a ray; None = all. Rays go one by
+    /// one. Other arguments and errors as for closest(); MemoryError if the hits do not fit.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn all_hits<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        max_hits: Option<MaxHits>,
+        threads: Threads,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        selective::all_hits(py, &*self.0, &rays, threads, max_hits)
+    }
+
+    /// The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0)")]
+    fn count_hits<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        threads: Threads,
+    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        selective::count_hits(py, &*self.0, &rays, threads)
     }
 
     /// Traces the rays one by one, on one thread, and records the answer of every leaf, so that the

@@ -4,6 +4,7 @@
 use crate::cases::CASES;
 use crate::ray::{Hit, RayCounters};
 use crate::replay::Record;
+use crate::selection::{Gathered, Visible};
 
 /// Observer of a traversal's events; by default each event is ignored.
 pub trait Counters {
@@ -60,6 +61,12 @@ pub trait Counters {
     /// A better hit was found.
     #[inline(always)]
     fn improved(&mut self, _: Hit) {}
+    /// Decides whether a proven hit is set aside: `None` if it may become the answer, or the distance up to which the
+    /// traversal goes on without it, in units of the direction.
+    #[inline(always)]
+    fn set_aside(&mut self, _: Hit) -> Option<f32> {
+        None
+    }
     /// Returns the recorded hit of the next leaf.
     #[inline(always)]
     fn replay(&mut self) -> Option<Hit> {
@@ -87,8 +94,8 @@ impl Counters for NoCountLate {
     const LATE: bool = true;
 }
 
-/// The events of a traversal that are recorded in addition to its counters. A value and not a type parameter, so that
-/// counting, recording and path queries share one compiled traversal.
+/// What a traversal does in addition to counting: it records its events, gathers all hits, or ignores hidden triangles.
+/// A value and not a type parameter, so that all of these share one compiled traversal.
 pub enum Log<'a> {
     /// Nothing.
     Nothing,
@@ -96,6 +103,23 @@ pub enum Log<'a> {
     Answers(&'a mut Record),
     /// The leaves with triangles to test: first block and number of triangles.
     Leaves(&'a mut Vec<(u32, usize)>),
+    /// All hits; the traversal itself finds none.
+    Hits(&'a mut Gathered),
+    /// Nothing, but only triangles that the ray can see are hit.
+    Visible(Visible<'a>),
+}
+
+impl Log<'_> {
+    /// Borrows the same for a part of the traversal.
+    pub fn reborrow(&mut self) -> Log<'_> {
+        match self {
+            Self::Nothing => Log::Nothing,
+            Self::Answers(record) => Log::Answers(record),
+            Self::Leaves(leaves) => Log::Leaves(leaves),
+            Self::Hits(gathered) => Log::Hits(gathered),
+            Self::Visible(visible) => Log::Visible(*visible),
+        }
+    }
 }
 
 /// Adds to the counters of one ray, and records.
@@ -205,6 +229,18 @@ impl Counters for Count<'_> {
         }
         if let Log::Answers(record) = &mut self.log {
             record.improved(hit);
+        }
+    }
+    #[inline(always)]
+    fn set_aside(&mut self, hit: Hit) -> Option<f32> {
+        match &mut self.log {
+            Log::Hits(gathered) => {
+                let limit = gathered.add(hit);
+                self.improved(hit);
+                Some(limit)
+            }
+            Log::Visible(visible) if !visible.sees(hit.triangle) => Some(f32::INFINITY),
+            _ => None,
         }
     }
     #[inline(always)]

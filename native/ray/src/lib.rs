@@ -12,9 +12,10 @@ pub mod ray;
 pub mod ray_ref;
 pub mod rays;
 pub mod replay;
+pub mod selection;
 
 pub use frame_ray::FrameRay;
 pub use interval::Interval;
-pub use ray::{Hit, HitKey, Order, Ray, RayCounters, Tracer};
+pub use ray::{Hit, HitKey, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 pub use ray_ref::{BoundedRay, FramedScene, RayRef, RaySlice};
 pub use rays::Rays;

@@ -141,14 +141,20 @@ impl Best {
         if !ray.reaches(found.t) {
             return false;
         }
+        let hit = Hit {
+            t: found.t,
+            triangle: id,
+            u: found.u,
+            v: found.v,
+        };
+        // Go on as if there were no hit where all hits are gathered, or where the ray does not see this one.
+        if let Some(limit) = counters.set_aside(hit) {
+            self.reach = keep_min(frame.reach(limit), self.reach);
+            return false;
+        }
         // Keep the hit if it is nearer, or as near with a smaller number.
         if HitKey::new(found.t, id).precedes(HitKey::new(self.hit.t, self.hit.triangle)) {
-            self.hit = Hit {
-                t: found.t,
-                triangle: id,
-                u: found.u,
-                v: found.v,
-            };
+            self.hit = hit;
             self.reach = keep_min(frame.reach(found.t), self.reach);
             counters.improved(self.hit);
         }

@@ -2,6 +2,7 @@
 //! The public types of ray tracing: rays, hits, counters and the trait of everything that traces them.
 
 use crate::cases::CASES;
+use crate::counters::Log;
 use halfspace_geom::Aabb;
 use halfspace_scene::Triangles;
 
@@ -79,6 +80,14 @@ impl HitKey {
     #[inline(always)]
     pub fn precedes(self, other: Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
+    }
+
+    /// Returns the order of two hits, whose distances are not NaN.
+    pub fn order(self, other: Self) -> std::cmp::Ordering {
+        let distances = self.t.partial_cmp(&other.t);
+        distances
+            .expect("no distance is NaN")
+            .then(self.triangle.cmp(&other.triangle))
     }
 }
 
@@ -189,4 +198,18 @@ pub trait Tracer: Sync {
     }
     /// Writes whether each ray hits any triangle, on the calling thread. All slices have the same length.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
+}
+
+/// A tracer whose rays may ask for other hits than the nearest of all triangles.
+pub trait SelectiveTracer: Tracer {
+    /// Traces rays one by one on the calling thread, for the nearest hits or for any hits, and passes each answer to
+    /// `write`. `log` returns what is recorded or hidden for the ray with this index; it is called once per ray, in
+    /// their order.
+    fn observe<'l>(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
+    );
 }

@@ -8,10 +8,11 @@ use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
+use halfspace_ray::counters::Log;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Query};
+use halfspace_ray::query::{Any, Closest, Count, Query};
 use halfspace_ray::replay::{Record, Recording};
-use halfspace_ray::{FrameRay, Hit, Order, Ray, RayCounters, Tracer};
+use halfspace_ray::{FrameRay, Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 use halfspace_scene::Triangles;
 use halfspace_trace::batch::{Batch, Write};
 use halfspace_trace::kernel::{Kernel, SingleRays};
@@ -88,6 +89,29 @@ impl Structure {
             placed: Some(placed),
         };
         self.built.plan.single.cast(&batch, Q::ANY, write, counters);
+    }
+
+    /// Traces one ray that was transformed into the space of an instance of this mesh, with the counters given.
+    pub(crate) fn observe_placed<Q: Query>(
+        &self,
+        ray: &Ray,
+        placed: &FrameRay<'_>,
+        write: Write<'_>,
+        count: Count<'_>,
+    ) {
+        let batch = Batch {
+            scene: &self.scene,
+            frame: &self.built.frame,
+            rays: slice::from_ref(ray),
+            level: Level::new(),
+            shadow_cache: false,
+            placed: Some(slice::from_ref(placed)),
+        };
+        let mut count = Some(count);
+        let single = &self.built.plan.single;
+        single.observe(&batch, Q::ANY, write, &mut |_| {
+            count.take().expect("one ray")
+        });
     }
 
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
@@ -233,5 +257,27 @@ impl Tracer for Structure {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         self.at_level(Level::new())
             .occluded(rays, occluded, counters);
+    }
+}
+
+impl SelectiveTracer for Structure {
+    fn observe<'l>(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
+    ) {
+        let batch = Batch {
+            // A remembered blocker may be one that the next ray does not see.
+            shadow_cache: false,
+            ..self.batch(Level::new(), rays)
+        };
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        let mut counters = counters.iter_mut();
+        let single = &self.built.plan.single;
+        single.observe(&batch, any, write, &mut |i| {
+            Count::with(counters.next().expect("one set per ray"), log(i))
+        });
     }
 }

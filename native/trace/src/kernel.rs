@@ -5,7 +5,7 @@
 use crate::batch::{Batch, Write};
 use halfspace_base::error::Result;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Query};
+use halfspace_ray::query::{Any, Closest, Count, Query};
 use halfspace_ray::replay::{Record, Recording};
 use halfspace_ray::{Hit, RayCounters};
 use std::fmt::Debug;
@@ -49,6 +49,17 @@ pub trait SingleRays: Kernel<Closest> + Kernel<Any> {
         any: bool,
         write: Write<'_>,
         counters: Option<&mut [RayCounters]>,
+    );
+
+    /// Finds the nearest hits, or any hits, and passes each to `write`; `count` returns the counters of each ray, which
+    /// may also gather all hits or hide triangles ([`halfspace_ray::counters::Log`]). It is called once per ray, in
+    /// their order.
+    fn observe<'c>(
+        &self,
+        batch: &Batch<'_>,
+        any: bool,
+        write: Write<'_>,
+        count: &mut dyn FnMut(usize) -> Count<'c>,
     );
 
     /// The nearest hit of the only ray of the batch, and the leaves on its path.

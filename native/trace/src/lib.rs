@@ -9,6 +9,7 @@ pub mod input;
 pub mod kernel;
 pub mod packet;
 pub mod reorder;
+pub mod selective;
 pub mod shadow_cache;
 pub mod single;
 pub mod slabs;

@@ -67,6 +67,10 @@ argument!(
     MaxCount(usize), "max_count", usize::MAX as u64
 );
 argument!(
+    /// Largest number of hits per ray.
+    MaxHits(usize), "max_hits", usize::MAX as u64
+);
+argument!(
     /// Smallest number of triangles.
     MinTriangles(usize), "min_triangles", usize::MAX as u64
 );

@@ -11,9 +11,10 @@ use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::ItemKind;
+use halfspace_ray::counters::Log;
 use halfspace_ray::frame::Placed;
 use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef, Tracer};
+use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef, SelectiveTracer, Tracer};
 use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
@@ -51,6 +52,8 @@ struct RayState<'a> {
     frame: FrameRay<'static>,
     slabs: Slabs,
     best: Best,
+    /// What is recorded or hidden; if anything, the ray goes through the meshes alone.
+    log: Log<'a>,
 }
 
 /// A ray that is to traverse the mesh of an instance.
@@ -80,12 +83,14 @@ impl Instances {
         }
     }
 
-    /// Traces rays in groups of [`TOGETHER`]; `write` receives the index and hit of each ray once.
-    fn trace<Q: Query>(
+    /// Traces rays in groups of [`TOGETHER`]; `write` receives the index and hit of each ray once, and `log` returns
+    /// what is recorded or hidden for a ray.
+    fn trace<'l, Q: Query>(
         &self,
         level: Level,
         rays: &[Ray],
-        mut write: impl FnMut(usize, Hit),
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
         mut counters: Option<&mut [RayCounters]>,
     ) {
         let mut states = Vec::with_capacity(TOGETHER);
@@ -97,6 +102,7 @@ impl Instances {
             states.clear();
             // Start each ray at the root; rays that miss the scene's frame are done.
             for (i, ray) in rays.iter().enumerate() {
+                let log = log(first + i);
                 let Some(frame) = self.frame.ray(ray) else {
                     write(first + i, Hit::MISS);
                     continue;
@@ -116,6 +122,7 @@ impl Instances {
                     slabs: Slabs::new(&frame),
                     best: Best::new(&frame),
                     frame,
+                    log,
                 });
             }
             active.clear();
@@ -175,6 +182,13 @@ impl Instances {
         // Trace the rays of each mesh as one batch.
         calls.queued.sort_by_key(|call| call.mesh);
         for batch in calls.queued.chunk_by(|a, b| a.mesh == b.mesh) {
+            if !matches!(states[batch[0].state].log, Log::Nothing) {
+                for call in batch {
+                    let mesh = &self.meshes[call.mesh as usize];
+                    states[call.state].observe::<Q>(mesh, &call.ray);
+                }
+                continue;
+            }
             calls.rays.clear();
             let rays = batch.iter().map(|call| *states[call.state].ray);
             calls.rays.extend(rays);
@@ -342,7 +356,7 @@ impl RayState<'_> {
     ) -> bool {
         // Only the hit is shared: the reach of this copy is in the instance's space, that of the ray in the scene's.
         let mut best = Best::known(self.best.hit());
-        let counters = &mut Count::new(counters);
+        let counters = &mut Count::with(counters, self.log.reborrow());
         let ended = ids.iter().any(|&id| {
             counters.test_alone();
             best.offer::<Q, _>(
@@ -357,6 +371,14 @@ impl RayState<'_> {
         });
         self.found(best.hit());
         ended
+    }
+
+    /// Traces the ray alone through the mesh of an instance, in whose space `placed` is.
+    fn observe<Q: Query>(&mut self, mesh: &Structure, placed: &FrameRay<'_>) {
+        let (mut counters, mut nearest) = (RayCounters::default(), Hit::MISS);
+        let count = Count::with(&mut counters, self.log.reborrow());
+        mesh.observe_placed::<Q>(self.ray, placed, &mut |_, hit| nearest = hit, count);
+        self.found(nearest);
     }
 
     /// Replaces the nearest hit and shortens the ray interval to it.
@@ -384,16 +406,18 @@ impl Tracer for AtLevel<'_> {
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
         assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        let write = |i: usize, hit: Hit| hits[i] = hit;
+        let write = &mut |i: usize, hit: Hit| hits[i] = hit;
+        let log = &mut |_| Log::Nothing;
         self.instances
-            .trace::<Closest>(self.level, rays, write, counters);
+            .trace::<Closest>(self.level, rays, write, log, counters);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let write = |i: usize, hit: Hit| occluded[i] = hit.is_hit();
+        let write = &mut |i: usize, hit: Hit| occluded[i] = hit.is_hit();
+        let log = &mut |_| Log::Nothing;
         self.instances
-            .trace::<Any>(self.level, rays, write, counters);
+            .trace::<Any>(self.level, rays, write, log, counters);
     }
 }
 
@@ -420,5 +444,21 @@ impl Tracer for Instances {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         self.at_level(Level::new())
             .occluded(rays, occluded, counters);
+    }
+}
+
+impl SelectiveTracer for Instances {
+    fn observe<'l>(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
+    ) {
+        if any {
+            self.trace::<Any>(Level::new(), rays, write, log, None);
+        } else {
+            self.trace::<Closest>(Level::new(), rays, write, log, None);
+        }
     }
 }

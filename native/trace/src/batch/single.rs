@@ -123,7 +123,7 @@ impl<'a> Launch<'a> {
     /// Traces the rays one by one; `count` returns the counters of each. Out of line, and its callers differ in values
     /// only, so one compiled traversal serves them all.
     #[inline(never)]
-    fn counted<'c, T: SingleTraversal, Q: Query>(
+    pub fn counted<'c, T: SingleTraversal, Q: Query>(
         &self,
         traversal: &T,
         write: Write<'_>,

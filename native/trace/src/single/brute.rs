@@ -39,7 +39,7 @@ pub fn brute(leaves: &Arc<Blocks>, count: usize) -> Arc<dyn SingleRays> {
 impl<Q: Query> Kernel<Q> for Brute {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         let launch = batch.on(&self.leaves);
-        launch.brute::<Q>(self.count, &mut store::<Q>(answers), None);
+        launch.uncounted_brute::<Q>(self.count, &mut store::<Q>(answers));
     }
 
     fn count(
@@ -49,7 +49,10 @@ impl<Q: Query> Kernel<Q> for Brute {
         counters: &mut [RayCounters],
     ) -> bool {
         let launch = batch.on(&self.leaves);
-        launch.brute::<Q>(self.count, &mut store::<Q>(answers), Some(counters));
+        let mut counters = counters.iter_mut();
+        launch.brute::<Q>(self.count, &mut store::<Q>(answers), &mut |_| {
+            Count::new(counters.next().expect("one set of counters per ray"))
+        });
         true
     }
 
@@ -66,11 +69,32 @@ impl SingleRays for Brute {
         write: Write<'_>,
         counters: Option<&mut [RayCounters]>,
     ) {
+        let Some(counters) = counters else {
+            let launch = batch.on(&self.leaves);
+            return if any {
+                launch.uncounted_brute::<Any>(self.count, write);
+            } else {
+                launch.uncounted_brute::<Closest>(self.count, write);
+            };
+        };
+        let mut counters = counters.iter_mut();
+        self.observe(batch, any, write, &mut |_| {
+            Count::new(counters.next().expect("one set of counters per ray"))
+        });
+    }
+
+    fn observe<'c>(
+        &self,
+        batch: &Batch<'_>,
+        any: bool,
+        write: Write<'_>,
+        count: &mut dyn FnMut(usize) -> Count<'c>,
+    ) {
         let launch = batch.on(&self.leaves);
         if any {
-            launch.brute::<Any>(self.count, write, counters);
+            launch.brute::<Any>(self.count, write, count);
         } else {
-            launch.brute::<Closest>(self.count, write, counters);
+            launch.brute::<Closest>(self.count, write, count);
         }
     }
 
@@ -94,30 +118,38 @@ impl SingleRays for Brute {
 struct RayState<'a, 'c> {
     frame: FrameRay<'a>,
     best: Best,
-    counters: &'c mut RayCounters,
+    counters: Count<'c>,
     /// Whether the answer is final.
     done: bool,
 }
 
 impl Launch<'_> {
-    /// Tests every ray against all `count` triangles; passes each hit to `write`. `counters`: one per ray, or none.
-    fn brute<Q: Query>(
+    /// [`Self::brute`] without counting.
+    fn uncounted_brute<Q: Query>(&self, count: usize, write: Write<'_>) {
+        let mut unused = vec![RayCounters::default(); self.rays.len()];
+        let mut unused = unused.iter_mut();
+        self.brute::<Q>(count, write, &mut |_| {
+            Count::new(unused.next().expect("one set of counters per ray"))
+        });
+    }
+
+    /// Tests every ray against all `count` triangles; passes each hit to `write`. `counter` returns the counters of
+    /// each ray.
+    fn brute<'c, Q: Query>(
         &self,
         count: usize,
         write: Write<'_>,
-        counters: Option<&mut [RayCounters]>,
+        counter: &mut dyn FnMut(usize) -> Count<'c>,
     ) {
-        let mut none = vec![RayCounters::default(); self.rays.len()];
-        let counters = counters.unwrap_or(&mut none);
-        let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
         let mut cache = self.cache::<Q>();
-        for (group, (rays, counters)) in groups.enumerate() {
+        for (group, rays) in self.rays.chunks(RAYS).enumerate() {
             // Test the blockers that the previous group left in the cache.
-            let mut states: Vec<_> = (rays.iter().zip(counters).enumerate())
-                .map(|(i, (ray, counters))| {
+            let mut states: Vec<_> = (rays.iter().enumerate())
+                .map(|(i, ray)| {
+                    let mut counters = counter(group * RAYS + i);
                     let frame = self.framed(group * RAYS + i)?;
                     let own = RayRef { ray, frame: &frame };
-                    let known = self.cached(&cache, own, &mut Count::new(counters));
+                    let known = self.cached(&cache, own, &mut counters);
                     Some(RayState {
                         best: known.map_or_else(|| Best::new(&frame), Best::known),
                         frame,
@@ -169,7 +201,7 @@ impl Launch<'_> {
                         RayRef { ray, frame },
                         frame.t_max,
                         &mut state.best,
-                        &mut Count::new(state.counters),
+                        &mut state.counters,
                     );
                 }
             }

@@ -12,7 +12,7 @@ use crate::kernel::{Kernel, SingleRays, store};
 use halfspace_base::error::Result;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Query};
+use halfspace_ray::query::{Any, Closest, Count, Query};
 use halfspace_ray::replay::{Record, Recording};
 use halfspace_ray::{Hit, RayCounters};
 use std::fmt::Debug;
@@ -75,6 +75,21 @@ impl<T: OwnedTraversal> SingleRays for Single<T> {
             launch.trace::<_, Any>(&traversal, write, counters);
         } else {
             launch.trace::<_, Closest>(&traversal, write, counters);
+        }
+    }
+
+    fn observe<'c>(
+        &self,
+        batch: &Batch<'_>,
+        any: bool,
+        write: Write<'_>,
+        count: &mut dyn FnMut(usize) -> Count<'c>,
+    ) {
+        let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
+        if any {
+            launch.counted::<_, Any>(&traversal, write, count);
+        } else {
+            launch.counted::<_, Closest>(&traversal, write, count);
         }
     }
 
