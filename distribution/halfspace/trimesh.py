@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ray queries of a trimesh.Trimesh: the methods and results of trimesh's own `RayMeshIntersector`, with exact answers.
+
+`mesh.ray = RayMeshIntersector(mesh)` lets trimesh use it. Every hit of a ray is found, each triangle once: no ray is
+moved past a hit and cast again. trimesh is imported only by `contains_points`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import halfspace_native as native
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from halfspace_native import Structure
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class RayMeshIntersector:
+    """Answers rays on one mesh. Its structure is built at the first query, and again when the mesh has changed.
+
+    geometry: a trimesh.Trimesh, or any object with `vertices`, (n, 3) float64, and `faces`, (m, 3) integers.
+    scale_to_box: accepted for compatibility, and without effect: answers depend on neither size nor place, since the
+    vertices are rounded to float32 in the units of the mesh around its centre. structure: a configuration, such as
+    "bvh-sah" or "kd"; the answers are the same for all.
+    """
+
+    def __init__(self, geometry: Any, scale_to_box: bool = True, *, structure: str = "bvh-sah") -> None:
+        self.mesh = geometry
+        self.scale_to_box = scale_to_box
+        self.structure = structure
+        self._built: tuple[Any, Structure, Floats] | None = None
+
+    def intersects_location(
+        self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike, multiple_hits: bool = True
+    ) -> tuple[Floats, Integers, Integers]:
+        """Where rays hit the mesh: (points, index_ray, index_tri), (h, 3) float64 and twice (h,) int64.
+
+        Arguments and errors as for intersects_id().
+        """
+        triangles, rays, points = self.intersects_id(ray_origins, ray_directions, multiple_hits, return_locations=True)
+        return points, rays, triangles
+
+    def intersects_id(
+        self,
+        ray_origins: npt.ArrayLike,
+        ray_directions: npt.ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int | None = None,
+        return_locations: bool = False,
+    ) -> Any:
+        """The triangles that rays hit: (index_tri, index_ray), each (h,) int64, and with return_locations the points,
+        (h, 3) float64. Hits are grouped by ray, nearest first.
+
+        ray_origins, ray_directions: (n, 3), directions of any length. multiple_hits: whether all hits of a ray count,
+        else the nearest. max_hits: the largest number of hits of a ray, None = all. Raises ValueError for arrays of
+        different shapes, halfspace_native.ShapeError and NonFiniteError.
+        """
+        origins, directions = _rays(ray_origins, ray_directions)
+        structure, centre = self._structure()
+        most = max_hits if multiple_hits else 1
+        offsets, hits = structure.all_hits(*_framed(origins, directions, centre), max_hits=most)
+        rays = np.repeat(np.arange(len(origins)), np.diff(offsets))
+        triangles = hits.triangle.astype(np.int64)
+        if not return_locations:
+            return triangles, rays
+        return triangles, rays, self._points(hits, triangles)
+
+    def intersects_first(self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike) -> Integers:
+        """The nearest triangle of each ray: (n,) int64, -1 for a miss. Arguments and errors as for intersects_id()."""
+        origins, directions = _rays(ray_origins, ray_directions)
+        structure, centre = self._structure()
+        return structure.closest(*_framed(origins, directions, centre)).triangle.astype(np.int64)
+
+    def intersects_any(self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether each ray hits the mesh: (n,) bool. Arguments and errors as for intersects_id()."""
+        origins, directions = _rays(ray_origins, ray_directions)
+        structure, centre = self._structure()
+        return structure.occluded(*_framed(origins, directions, centre))
+
+    def contains_points(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether the mesh, if it is closed, contains each point: (n,) bool, by trimesh's count of crossings."""
+        from trimesh.ray.ray_util import contains_points
+
+        found: npt.NDArray[np.bool_] = contains_points(self, points)
+        return found
+
+    def _structure(self) -> tuple[Structure, Floats]:
+        """The structure over the mesh around its centre, and the centre."""
+        # trimesh hashes the content of a mesh; other objects are taken as constant.
+        key = hash(self.mesh) if hasattr(self.mesh, "is_watertight") else 0
+        if self._built is None or self._built[0] != key:
+            vertices = np.asarray(self.mesh.vertices, np.float64).reshape(-1, 3)
+            centre = (vertices.min(0) + vertices.max(0)) / 2 if len(vertices) else np.zeros(3)
+            faces = np.ascontiguousarray(np.asarray(self.mesh.faces).reshape(-1, 3), np.int32)
+            built = native.build((vertices - centre).astype(np.float32), faces, self.structure)
+            self._built = key, built, centre
+        return self._built[1:]
+
+    def _points(self, hits: native.Hits, triangles: Integers) -> Floats:
+        """The points of hits, from the weights of the corners: points lie on their triangles."""
+        corners = np.asarray(self.mesh.vertices, np.float64)[np.asarray(self.mesh.faces)[triangles]]
+        u, v = hits.u.astype(np.float64)[:, None], hits.v.astype(np.float64)[:, None]
+        points: Floats = corners[:, 0] + u * (corners[:, 1] - corners[:, 0]) + v * (corners[:, 2] - corners[:, 0])
+        return points
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The state without the structure, which is built again."""
+        return {**self.__dict__, "_built": None}
+
+    def __copy__(self) -> RayMeshIntersector:
+        """Another one over the same mesh."""
+        return RayMeshIntersector(self.mesh, self.scale_to_box, structure=self.structure)
+
+    def __deepcopy__(self, *_: Any) -> RayMeshIntersector:
+        """Another one over the same mesh, as trimesh's own copies are."""
+        return self.__copy__()
+
+
+def _rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[Floats, Floats]:
+    """Rays as arrays of float64. Raises ValueError if their shapes differ."""
+    found = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+    if found[0].shape != found[1].shape:
+        raise ValueError(f"origins and directions differ in shape: {found[0].shape} and {found[1].shape}")
+    return found[0].reshape(-1, 3), found[1].reshape(-1, 3)
+
+
+def _framed(origins: Floats, directions: Floats, centre: Floats) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Rays of the structure: around its centre, directions of unit length, in float32."""
+    length = np.linalg.norm(directions, axis=1, keepdims=True)
+    unit = np.divide(directions, length, out=np.zeros_like(directions), where=length > 0)
+    return (origins - centre).astype(np.float32), unit.astype(np.float32)

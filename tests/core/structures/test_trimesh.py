@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The intersector for trimesh: its methods, its results, and places far from the origin."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import sys
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import foreign_tests
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def module() -> Any:
+    """The module of the Python package, by its file."""
+    name = "trimesh_intersector"
+    yield foreign_tests.module(name)
+    del sys.modules[name]
+
+
+def sheets(count: int, offset: float = 0.0) -> SimpleNamespace:
+    """Squares of two triangles at heights offset, offset + 1, ...; those at height h have indices 2 h and 2 h + 1."""
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    vertices = np.concatenate([square + np.array([offset, offset, offset + height]) for height in range(count)])
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * height for height in range(count)])
+    return SimpleNamespace(vertices=vertices, faces=faces)
+
+
+UP = np.array([[0.5, 0.25, -1.0], [5.0, 0.0, -1.0], [0.5, 0.25, 1.5]]), np.array([[0, 0, 3.0]] * 3)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6, -3e9])
+def test_hits_are_grouped_by_ray_nearest_first_wherever_the_mesh_is(module: Any, offset: float) -> None:
+    intersector = module.RayMeshIntersector(sheets(4, offset))
+    rays = UP[0] + offset, UP[1]
+    triangles, indices, points = intersector.intersects_id(*rays, return_locations=True)
+    assert triangles.tolist() == [0, 2, 4, 6, 4, 6]
+    assert indices.tolist() == [0, 0, 0, 0, 2, 2]
+    assert (triangles.dtype, indices.dtype, points.dtype) == (np.int64, np.int64, np.float64)
+    # The mesh's own coordinates are rounded to float64 at this place.
+    tolerance = max(1e-6, 4 * np.spacing(abs(offset)))
+    wanted = np.array([[0.5, 0.25, z] for z in (0, 1, 2, 3, 2, 3)]) + offset
+    np.testing.assert_allclose(points, wanted, rtol=0, atol=tolerance)
+    points, by_ray, again = intersector.intersects_location(*rays, multiple_hits=False)
+    assert (again.tolist(), by_ray.tolist(), points.shape) == ([0, 4], [0, 2], (2, 3))
+    assert intersector.intersects_id(*rays, max_hits=2)[0].tolist() == [0, 2, 4, 6]
+    assert intersector.intersects_first(*rays).tolist() == [0, -1, 4]
+    assert intersector.intersects_any(*rays).tolist() == [True, False, True]
+
+
+def test_a_mesh_that_has_changed_is_built_again(module: Any) -> None:
+    class Mesh(SimpleNamespace):
+        is_watertight = False
+
+        def __hash__(self) -> int:
+            return hash(self.vertices.tobytes())
+
+    mesh = Mesh(**vars(sheets(1)))
+    intersector = module.RayMeshIntersector(mesh, structure="kd")
+    assert intersector.intersects_first(*UP).tolist() == [0, -1, -1]
+    mesh.vertices = mesh.vertices + np.array([0, 0, 2.0])
+    assert intersector.intersects_first(*UP).tolist() == [0, -1, 0]
+
+
+def test_an_intersector_can_be_copied_and_pickled(module: Any) -> None:
+    intersector = module.RayMeshIntersector(sheets(2), False, structure="bih")
+    intersector.intersects_any(*UP)
+    pickled = pickle.loads(pickle.dumps(intersector))  # noqa: S301 - our own bytes
+    for other in (copy.copy(intersector), copy.deepcopy(intersector), pickled):
+        assert (other.structure, other.scale_to_box) == ("bih", False)
+        assert other.intersects_first(*UP).tolist() == [0, -1, -1]
+
+
+def test_rays_of_different_shapes_are_refused_and_none_are_answered(module: Any) -> None:
+    intersector = module.RayMeshIntersector(sheets(1))
+    with pytest.raises(ValueError, match=r"differ in shape: \(3, 3\) and \(2, 3\)"):
+        intersector.intersects_any(UP[0], UP[1][:2])
+    empty = np.zeros((0, 3))
+    assert [len(part) for part in intersector.intersects_id(empty, empty, return_locations=True)] == [0, 0, 0]
+    nothing = module.RayMeshIntersector(SimpleNamespace(vertices=empty, faces=np.zeros((0, 3), int)))
+    assert nothing.intersects_first(*UP).tolist() == [-1, -1, -1]
+
+
+def test_a_zero_direction_hits_nothing(module: Any) -> None:
+    found = module.RayMeshIntersector(sheets(1)).intersects_first(UP[0], np.zeros((3, 3)))
+    assert found.tolist() == [-1, -1, -1]
+
+
+def test_a_folder_without_tests_of_trimesh_is_named(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert foreign_tests.main([str(tmp_path)]) == 2
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_our_module_takes_the_place_of_the_one_for_embree(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "trimesh.ray.ray_pyembree"
+    monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    assert foreign_tests.module(name).RayMeshIntersector.__module__ == name
+    assert sys.modules[name].__file__ == str(foreign_tests.INTERSECTOR)
