@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -124,6 +125,34 @@ def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
     path.write_bytes(whole[: int(len(whole) * share)])
     with pytest.raises(WorkloadError, match=r"cannot be read as \.npz"):
         workload.load_npz(path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be changed")
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_file_that_changes_while_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, replaced: bool
+) -> None:
+    # More than the buffer of a file holds.
+    vertices = np.random.default_rng(1).random((200_000, 3))
+    path, load = save(tmp_path, vertices=vertices), np.load
+
+    def changing(raw: Any, **named: Any) -> Any:
+        file = load(raw, **named)
+        if replaced:
+            other = tmp_path / "other.npz"
+            other.write_bytes(b"of another program")
+            other.replace(path)
+        else:
+            os.truncate(path, path.stat().st_size // 3)
+        return file
+
+    monkeypatch.setattr(np, "load", changing)
+    if not replaced:
+        with pytest.raises(WorkloadError, match=r"scene\.npz: cannot be read as \.npz"):
+            workload.load_npz(path)
+        return
+    # What was opened is read as it was.
+    assert np.array_equal(workload.load_npz(path).vertices, vertices.astype(np.float32))
 
 
 def test_objects_in_a_file_are_never_loaded(tmp_path: Path) -> None:
