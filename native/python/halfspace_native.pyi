@@ -3,7 +3,8 @@
 
 Usable without Blender. Arrays are NumPy's; what is called F32 accepts float32 and float64, the
 latter rounded once. Every error names the argument, the first bad index and what was expected.
-Long calls release the GIL.
+Long calls release the GIL. Results do not depend on the caller's floating-point mode (flush-to-zero,
+rounding), which is restored after each call; RuntimeError where it cannot be set.
 """
 
 from collections.abc import Mapping, Sequence
@@ -147,7 +148,7 @@ def level() -> str:
     """The SIMD level chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
 
 def free_memory() -> int:
-    """Memory limit of a build that is given none, in bytes: seven eighths of the machine's free memory."""
+    """Memory limit of a build that is given none, in bytes: seven eighths of what machine, container and process have free."""
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""

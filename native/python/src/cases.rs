@@ -3,6 +3,7 @@
 
 use crate::args::integers::Seed;
 use crate::errors::raise;
+use crate::float_mode::DefaultMode;
 use halfspace_base::error::{Error, Result};
 use halfspace_oracle::cases::{self, Case, Size};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
@@ -59,6 +60,7 @@ fn size_of(name: &str) -> Result<Size> {
 #[pyfunction]
 #[pyo3(name = "cases", signature = (size="small", *, seed=Seed(7)), text_signature = "(size='small', *, seed=7)")]
 fn all<'py>(py: Python<'py>, size: &str, seed: Seed) -> PyResult<Bound<'py, PyList>> {
+    let _mode = DefaultMode::set(py)?;
     let size = size_of(size).map_err(raise)?;
     let made = py.detach(|| cases::cases(size, seed.0));
     let list = PyList::empty(py);

@@ -5,6 +5,7 @@ use crate::args::arrays::{check_copy, describe};
 use crate::args::integers::{MaxHits, MemoryLimit, Threads};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
+use crate::float_mode::DefaultMode;
 use crate::hits::Hits;
 use crate::monitor::{self, Monitor};
 use crate::selective::{self, MaskArrays};
@@ -44,6 +45,7 @@ impl Instances {
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Hits> {
+        let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
@@ -68,6 +70,7 @@ impl Instances {
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
@@ -150,6 +153,7 @@ impl Instances {
     /// Mirrored instances swap the second and third corner of each triangle. Dropped instances have NaN vertices.
     /// Raises MemoryError.
     fn flattened<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let _mode = DefaultMode::set(py)?;
         let (vertices, triangles) = py.detach(|| self.0.flattened()).map_err(raise)?;
         let triangles: Vec<[i32; 3]> = (triangles.iter())
             .map(|triangle| triangle.map(u32::cast_signed))
@@ -211,6 +215,7 @@ fn build(
     monitor: Option<&Monitor>,
     memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Instances> {
+    let _mode = DefaultMode::set(py)?;
     // Convert the arguments to what the build takes.
     let limit = monitor::memory_limit(memory_limit);
     let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();

@@ -6,6 +6,7 @@ mod analysis;
 mod args;
 mod cases;
 mod errors;
+mod float_mode;
 mod hits;
 mod inspection;
 mod instances;
@@ -45,7 +46,7 @@ fn level() -> &'static str {
     "fallback"
 }
 
-/// Memory limit of a build that is given none, in bytes: seven eighths of the machine's free memory.
+/// Memory limit of a build that is given none, in bytes: seven eighths of what machine, container and process have free.
 #[pyfunction]
 fn free_memory() -> u64 {
     halfspace_base::memory::default_limit()

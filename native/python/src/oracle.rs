@@ -5,6 +5,7 @@ use crate::args::arrays;
 use crate::args::integers::Threads;
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
+use crate::float_mode::DefaultMode;
 use crate::hits::Hits;
 use halfspace_base::error::Error;
 use halfspace_oracle::exact_closest;
@@ -30,6 +31,7 @@ fn exact(
     t_max: Option<&Bound<'_, PyAny>>,
     threads: Threads,
 ) -> PyResult<Hits> {
+    let _mode = DefaultMode::set(py)?;
     // Check the arguments while the GIL is held.
     let vertices = arrays::points("vertices", vertices).map_err(raise)?;
     let indices = arrays::indices("triangles", triangles, vertices.len()).map_err(raise)?;

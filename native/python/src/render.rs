@@ -5,6 +5,7 @@ use crate::args::arrays::describe;
 use crate::args::integers::{Milliseconds, Threads};
 use crate::args::{camera_settings, scene as scene_args, shader, surface};
 use crate::errors::raise;
+use crate::float_mode::DefaultMode;
 use crate::instances::Instances;
 use crate::structure::Structure;
 use halfspace_base::error::{Error, Result};
@@ -95,6 +96,7 @@ impl RenderScene {
         object_index: Option<&Bound<'_, PyAny>>,
         origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
+        let _mode = DefaultMode::set(py)?;
         // Rays are traced through a single structure or through instances.
         let (tracer, instanced): (SharedTracer, _) = match structure.cast::<Instances>() {
             Err(_) => {
@@ -249,6 +251,7 @@ impl RenderJob {
     /// Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
     /// array). Releases the GIL.
     fn copy_into(&self, py: Python<'_>, name: &str, out: &Bound<'_, PyAny>) -> PyResult<()> {
+        let _mode = DefaultMode::set(py)?;
         let pass = pass(name).map_err(raise)?;
         let wrong = |what: &str| {
             Error::Shape(format!(
@@ -323,6 +326,7 @@ fn render(
     settings: &Bound<'_, PyDict>,
     threads: Threads,
 ) -> PyResult<RenderJob> {
+    let _mode = DefaultMode::set(py)?;
     let (camera, settings) = (
         camera_settings::camera(camera).map_err(raise)?,
         camera_settings::settings(settings).map_err(raise)?,

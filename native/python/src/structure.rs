@@ -7,6 +7,7 @@ use crate::args::integers::{
 };
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
+use crate::float_mode::DefaultMode;
 use crate::hits::{self, Hits};
 use crate::monitor::{self, Monitor};
 use crate::selective::{self, MaskArrays};
@@ -47,6 +48,7 @@ impl Recording {
     /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
     /// other leaves than recorded, which is a bug.
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let _mode = DefaultMode::set(py)?;
         let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
         if strayed > 0 {
             return Err(PyRuntimeError::new_err(format!(
@@ -123,6 +125,7 @@ impl Structure {
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Hits> {
+        let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
@@ -148,6 +151,7 @@ impl Structure {
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
@@ -208,6 +212,7 @@ impl Structure {
         t_max: Option<&Bound<'_, PyAny>>,
         any_hit: bool,
     ) -> PyResult<Recording> {
+        let _mode = DefaultMode::set(py)?;
         let arguments = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
         let rays = arguments.rays().all().map_err(raise)?;
         let recording = py.detach(|| self.0.record(rays, any_hit)).map_err(raise)?;
@@ -220,6 +225,7 @@ impl Structure {
     /// Statistics of the build.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
         let dict = PyDict::new(py);
         let progress = self.0.progress();
         let shape = progress.shape;
@@ -244,8 +250,9 @@ impl Structure {
     }
 
     /// Descriptions of broken invariants; empty for a valid structure. Slow, for tests.
-    fn validate(&self, py: Python<'_>) -> Vec<String> {
-        py.detach(|| validate::validate(&self.0))
+    fn validate(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let _mode = DefaultMode::set(py)?;
+        Ok(py.detach(|| validate::validate(&self.0)))
     }
 
     /// Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
@@ -255,11 +262,13 @@ impl Structure {
     /// Raises SpecError for numbers below 0.
     #[pyo3(signature = (max_nodes=MaxNodes(200_000)), text_signature = "($self, max_nodes=200000)")]
     fn analysis<'py>(&self, py: Python<'py>, max_nodes: MaxNodes) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
         analysis::analysis(py, &self.0, max_nodes.0)
     }
 
     /// The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it.
     fn export<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
         analysis::export(py, &self.0)
     }
 
@@ -273,6 +282,7 @@ impl Structure {
         max_depth: MaxDepth,
         max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
         inspection::planes(py, &self.0, max_depth.0, max_count.0)
     }
 
@@ -286,6 +296,7 @@ impl Structure {
         min_triangles: MinTriangles,
         max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
         inspection::cells(py, &self.0, min_triangles.0, max_count.0)
     }
 
@@ -293,15 +304,19 @@ impl Structure {
     ///
     /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
     /// Raises NonFiniteError.
-    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY), text_signature = "($self, origin, direction, t_min=0.0, t_max=...)")]
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f64::INFINITY), text_signature = "($self, origin, direction, t_min=0.0, t_max=...)")]
     fn trace_path<'py>(
         &self,
         py: Python<'py>,
-        origin: [f32; 3],
-        direction: [f32; 3],
-        t_min: f32,
-        t_max: f32,
+        origin: [f64; 3],
+        direction: [f64; 3],
+        t_min: f64,
+        t_max: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
+        // The arguments are rounded in this mode only from here on.
+        let [origin, direction] = [origin, direction].map(|point| point.map(|x| x as f32));
+        let (t_min, t_max) = (t_min as f32, t_max as f32);
         for (name, limit) in [("t_min", t_min), ("t_max", t_max)] {
             if limit.is_nan() {
                 return Err(raise(Error::NonFinite(format!(
@@ -351,6 +366,7 @@ fn build(
     monitor: Option<&Monitor>,
     memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Structure> {
+    let _mode = DefaultMode::set(py)?;
     let limit = monitor::memory_limit(memory_limit);
     let config = registry::parse(spec).map_err(raise)?;
     let vertices = arrays::points("vertices", vertices).map_err(raise)?;
