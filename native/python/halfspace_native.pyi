@@ -148,7 +148,7 @@ def level() -> str:
     """The SIMD level chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
 
 def free_memory() -> int:
-    """Memory limit of a build that is given none, in bytes: seven eighths of what machine, container and process have free."""
+    """Memory limit of a build that is given none, in bytes: seven eighths of what machine and process have free."""
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""

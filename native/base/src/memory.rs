@@ -3,14 +3,15 @@
 //! out of memory it ends the process, and Blender with it, without a message.
 
 use crate::error::{Error, Result};
+use std::fs;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 /// Sizes up to this pass without a query to the system (64 MiB, chosen).
 const SMALL: u64 = 64 << 20;
 
 /// Returns the limit in bytes that applies unless the user sets one: seven eighths of the free memory of the
-/// machine or the container, whichever is smaller. Work that exceeds it would swap, or the system would end the
-/// process.
+/// machine, the container or the process (`ulimit -v`), whichever is smallest. Work that exceeds it would swap, or
+/// end the process.
 pub fn default_limit() -> u64 {
     let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
     let system = System::new_with_specifics(kind);
@@ -19,11 +20,34 @@ pub fn default_limit() -> u64 {
     let container = system
         .cgroup_limits()
         .map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
+    let read = |name| fs::read_to_string(format!("/proc/self/{name}")).unwrap_or_default();
+    let process = left_to_process(&read("limits"), &read("status"));
     match system.available_memory().min(container) {
         // The system does not report its free memory.
-        0 => u64::MAX,
-        free => free / 8 * 7,
+        0 => process,
+        free => free.min(process) / 8 * 7,
     }
+}
+
+/// Bytes that the process may still map, from the texts of Linux's `/proc/self/limits` and `/proc/self/status`; the
+/// largest number where there is no limit, or no such files.
+fn left_to_process(limits: &str, status: &str) -> u64 {
+    let first_number = |text: &str, name: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+        line.split_whitespace().next()?.parse::<u64>().ok()
+    };
+    [
+        ("Max address space", "VmSize:"),
+        ("Max data size", "VmData:"),
+    ]
+    .into_iter()
+    // "unlimited" is no number. Sizes in use are in KiB.
+    .filter_map(|(limit, used)| {
+        let used = first_number(status, used)? << 10;
+        Some(first_number(limits, limit)?.saturating_sub(used))
+    })
+    .min()
+    .unwrap_or(u64::MAX)
 }
 
 /// Checks that `bytes` fit into the default limit.
@@ -66,5 +90,27 @@ mod tests {
                 .starts_with("origins: needs 18446744073710 MB"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn limits_of_the_process_are_read() {
+        let limits = |space: &str, data: &str| {
+            format!(
+                "Limit                     Soft Limit           Hard Limit           Units     \n\
+                 Max data size             {data}            unlimited            bytes     \n\
+                 Max address space         {space}            unlimited            bytes     \n"
+            )
+        };
+        let status = "Name:\tpython\nVmSize:\t    1000 kB\nVmData:\t     600 kB\n";
+        let unlimited = limits("unlimited", "unlimited");
+        assert_eq!(left_to_process(&unlimited, status), u64::MAX);
+        assert_eq!(left_to_process("", ""), u64::MAX);
+        assert_eq!(
+            left_to_process(&limits("1034000", "unlimited"), status),
+            10_000
+        );
+        assert_eq!(left_to_process(&limits("unlimited", "614401"), status), 1);
+        // More in use than allowed, as after the limit was lowered.
+        assert_eq!(left_to_process(&limits("5", "614401"), status), 0);
     }
 }

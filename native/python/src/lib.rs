@@ -46,7 +46,7 @@ fn level() -> &'static str {
     "fallback"
 }
 
-/// Memory limit of a build that is given none, in bytes: seven eighths of what machine, container and process have free.
+/// Memory limit of a build that is given none, in bytes: seven eighths of what machine and process have free.
 #[pyfunction]
 fn free_memory() -> u64 {
     halfspace_base::memory::default_limit()
