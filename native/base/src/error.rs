@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The error type of the crate. Every message names the argument at fault.
+//! The error type of all crates, and the conversion of panics to it.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// An error of this crate. Every message names the argument or key, the first bad index where there is one, and
-/// the expected value.
+/// An error of the native crates. Every message names the argument or key, the first bad index where there is one,
+/// and the expected value.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// An array or a number of items has the wrong shape, size or range.
@@ -23,12 +23,12 @@ pub enum Error {
     /// The work needs more memory than its limit allows.
     #[error("{0}")]
     Memory(String),
-    /// A bug in this crate, caught as a panic.
+    /// A bug in the native crates, caught as a panic.
     #[error("internal error: {0}")]
     Internal(String),
 }
 
-/// The result type of this crate.
+/// The result type of the native crates.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Runs `work` and converts any panic in it, or on a thread it joins, to an error.

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Limits on the memory that work may take. They are checked before the memory is allocated: when the system runs
-//! out of memory it ends the process, and Blender with it, without a message.
+//! Limits on memory, checked before it is allocated: a system without free memory ends the process, and Blender with
+//! it, without a message.
 
 use crate::error::{Error, Result};
 use std::fs;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
-/// Sizes up to this pass without a query to the system (64 MiB, chosen).
+/// Largest size in bytes that is accepted without a query to the system (64 MiB, chosen).
 const SMALL: u64 = 64 << 20;
 
 /// Returns the limit in bytes that applies unless the user sets one: seven eighths of the free memory of the
@@ -15,8 +15,7 @@ const SMALL: u64 = 64 << 20;
 pub fn default_limit() -> u64 {
     let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
     let system = System::new_with_specifics(kind);
-    // A container releases the file cache it holds when memory is short; this cache counts as free, as on the
-    // machine.
+    // Count the file cache of a container as free, as that of the machine: it is released when memory is short.
     let container = system
         .cgroup_limits()
         .map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
