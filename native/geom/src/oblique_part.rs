@@ -9,19 +9,22 @@ use crate::vec3::{Vec3, add_scaled, dot, map, sub, widen};
 pub struct Cutter {
     normal: Vec3,
     height: f64,
-    /// Distance by which both parts extend beyond the plane: 2^-40 of the scene's largest coordinate, far above
-    /// the rounding of f64 and far below that of f32.
+    /// Distance by which both parts extend beyond the plane: 2^-40 of the scene's largest coordinate, far more than
+    /// rounding errors of f64 and far less than those of f32.
     margin: f64,
-    /// Largest distance beyond the plane that still counts as lying on the other side.
+    /// A piece that extends beyond the plane by at most this distance is not cut.
     little: f64,
+    /// The part of the triangle inside the bounds.
     inside: Vec<Vec3>,
+    /// The part of `inside` on one side of the plane.
     part: Vec<Vec3>,
+    /// Output buffer of [`keep`].
     cut: Vec<Vec3>,
 }
 
 impl Cutter {
-    /// Makes a cutter for the plane `normal . x = offset` in a scene whose largest coordinate is `magnitude`.
-    /// Triangles that extend at most `little` beyond the plane are not cut.
+    /// Makes a cutter for the plane `normal . x = offset` in a scene whose largest absolute coordinate is `magnitude`.
+    /// Pieces that extend beyond the plane by at most `little` are not cut.
     pub fn new(normal: [f32; 3], offset: f32, magnitude: f32, little: f32) -> Self {
         Self {
             normal: widen(normal),
@@ -34,8 +37,8 @@ impl Cutter {
         }
     }
 
-    /// Returns boxes around the parts below and above of the piece of a triangle inside `bounds`; empty for a
-    /// missing part. A piece on one side only gets `bounds` itself.
+    /// Clips a triangle to `bounds`, and returns the boxes around the parts of this piece below and above the plane;
+    /// the box of a missing part is empty. For a piece on one side alone, the box of that side is `bounds` itself.
     pub fn parts(&mut self, triangle: [[f32; 3]; 3], bounds: &Aabb) -> [Aabb; 2] {
         self.inside.clear();
         self.inside.extend(triangle.map(widen));

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Convex polytopes: cells of trees with oblique planes.
 //!
-//! The areas of both parts of a cut can be computed without cutting. With unit direction `w`, facets `F` of
-//! outward unit normal `n_F`, and `a_F(t)` the area of `F` below height `t`, the vector areas of a closed body sum
-//! to zero. Therefore
+//! The areas of both parts of a cut can be computed without cutting. Let `w` be a unit direction, `F` the facets with
+//! outward unit normals `n_F`, and `a_F(t)` the area of `F` below height `t`. The vector areas of a closed body sum to
+//! zero. Therefore
 //!
 //! ```text
 //! below(t) = sum a_F(t) (1 - w.n_F)        above(t) = sum (|F| - a_F(t)) (1 + w.n_F)
 //! ```
 //!
-//! include the face of the cut, and every term is nonnegative. The derivative of `a_F` is the length of the cut
-//! through `F` divided by the sine of its slope, and that length is a difference of positions on the two edges
-//! where the cut enters and leaves `F`. Both sums are therefore sums over edges, and each edge adds a quadratic
-//! polynomial of the part of it that lies below the cut.
+//! are the surface areas of the parts, the face of the cut included, and every term is nonnegative. The derivative of
+//! `a_F` is the length of the cut through `F` divided by the sine of its slope, and that length is a difference of
+//! positions on the two edges where the cut enters and leaves `F`. Both sums are therefore sums over edges, and each
+//! edge adds a quadratic polynomial of the part of it that lies below the cut.
 
 use crate::Aabb;
 use crate::profile::{EdgeTerm, Profile};
@@ -27,9 +27,10 @@ use cut::{Draft, ON};
 /// tried.
 pub const NEAR: f32 = 1.0 / (1 << 21) as f32;
 
-/// Facets whose slope has a smaller squared sine count as perpendicular to the direction.
+/// Facets whose normal makes an angle of smaller squared sine with the direction count as perpendicular to it (chosen).
 const LEVEL: f64 = 1e-18;
 
+/// Rounds a share to f32.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "shares need no more than f32"
@@ -38,18 +39,20 @@ fn narrow(x: f64) -> f32 {
     x as f32
 }
 
-/// A face of a polytope.
+/// A facet of a polytope.
 #[derive(Debug, Clone, Copy)]
 pub struct Facet {
     /// Outward unit normal.
     pub normal: Vec3,
     /// Area.
     pub area: f64,
+    /// Index of its first vertex in the loops.
     first: u16,
+    /// Number of vertices.
     count: u16,
 }
 
-/// An edge from `a` to `b` in the loop of its left facet.
+/// An edge from vertex `a` to vertex `b` in the loop of its left facet; the right facet has it in reverse.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     a: u8,
@@ -94,10 +97,10 @@ impl Polytope {
         };
         for k in 0..3 {
             let (i, j) = (1 << ((k + 1) % 3), 1 << ((k + 2) % 3));
-            // Two faces per axis, each counter-clockwise as seen from outside.
+            // Add two facets per axis, each counter-clockwise as seen from outside.
             for (side, sign) in [(0, -1.0), (1, 1.0)] {
                 let base = (side << k) as u8;
-                // Faces at the lower end have the reverse orientation.
+                // Facets at the lower end have the reverse orientation.
                 let mut face = [base, base | i, base | i | j, base | j];
                 if side == 0 {
                     face.reverse();
@@ -115,12 +118,12 @@ impl Polytope {
         self.area
     }
 
-    /// Returns the faces.
+    /// Returns the facets.
     pub fn facets(&self) -> &[Facet] {
         &self.facets
     }
 
-    /// Returns the vertices of a face, counter-clockwise as seen from outside.
+    /// Returns the vertices of a facet, counter-clockwise as seen from outside.
     pub fn corners(&self, facet: &Facet) -> impl Iterator<Item = Vec3> {
         let first = usize::from(facet.first);
         self.loops[first..first + usize::from(facet.count)]
@@ -128,12 +131,12 @@ impl Polytope {
             .map(|&v| self.vertices[usize::from(v)])
     }
 
-    /// Returns the number of vertices minus edges plus faces: 2 for every polytope (Euler).
+    /// Returns the number of vertices minus edges plus facets: 2 for every polytope (Euler).
     pub fn euler(&self) -> usize {
         self.vertices.len() + self.facets.len() - self.edges.len()
     }
 
-    /// Returns the length of the sum of the faces' vector areas: 0 for a closed surface, up to rounding.
+    /// Returns the length of the sum of the facets' vector areas: 0 for a closed surface, up to rounding.
     pub fn gap(&self) -> f64 {
         let sum = self
             .facets
@@ -147,7 +150,7 @@ impl Polytope {
         1e-9 * self.area + Self::AREA_NOISE * self.magnitude * self.area.sqrt()
     }
 
-    /// Rounding error of areas due to that of vertices, some of which are snapped to planes, in units of the
+    /// Rounding error of areas that comes from that of vertices, some of which are snapped to planes, in units of the
     /// scene's largest coordinate multiplied by the square root of the area.
     const AREA_NOISE: f64 = 1024.0 * ON[0];
 
@@ -182,8 +185,8 @@ impl Polytope {
         out.slope = 0.0;
         out.edges.clear();
 
-        // Per facet, compute the tangent of the cut divided by (1 + nu) and by (1 - nu), each in the form without
-        // cancellation.
+        // Per facet, with nu = w . n, compute w x n, which lies along the cut, times (1 - nu) / sin^2 = 1 / (1 + nu)
+        // and times (1 + nu) / sin^2 = 1 / (1 - nu), each in the form without cancellation.
         let tangents = &mut out.tangents;
         tangents.clear();
         let (mut start_below, mut start_above) = (0.0, 0.0);
@@ -192,7 +195,7 @@ impl Polytope {
             let t = cross(w, facet.normal);
             let sine2 = dot(t, t);
             start_above += facet.area * (1.0 + nu);
-            // A level facet contributes its whole area at one height, and no edges.
+            // A facet perpendicular to the direction adds its whole area at one height, and its edges add nothing.
             if sine2 < LEVEL {
                 start_below += facet.area * (1.0 - nu);
                 tangents.push([[0.0; 2]; 3]);
@@ -206,7 +209,7 @@ impl Polytope {
             let [x, y, z] = t;
             tangents.push([[down * x, up * x], [down * y, up * y], [down * z, up * z]]);
         }
-        // A level face on top adds nothing below: its factor is zero up to rounding.
+        // Such a facet at the upper end adds nothing below: its factor 1 - nu is zero up to rounding.
         out.constant = [
             narrow(start_below / self.area),
             narrow(start_above / self.area),
@@ -220,7 +223,7 @@ impl Polytope {
         let shortest = 1e-12 * f64::from(out.high - out.low);
         for edge in &self.edges {
             let (a, b) = (usize::from(edge.a), usize::from(edge.b));
-            // Level edges add nothing.
+            // Skip edges perpendicular to the direction.
             let reach = heights[b] - heights[a];
             if reach.abs() <= shortest {
                 continue;
