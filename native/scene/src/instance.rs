@@ -5,15 +5,15 @@ use halfspace_geom::Aabb;
 use halfspace_geom::transform::{Inverse, Transform};
 use halfspace_geom::vec3::{Vec3, map};
 
-/// An instance of a mesh, bounded in the scene.
+/// An instance of a mesh, with its bounding box in the scene.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshInstance {
-    /// Mesh to scene, for the vertices of triangles.
+    /// Map from the mesh's space to the scene's, for the vertices of triangles.
     pub to_scene: MeshToScene,
-    /// Scene to mesh.
+    /// Linear map from the scene's space to the mesh's.
     pub inverse: Inverse,
-    /// Per axis of the mesh's space, bound on the distance between a mesh vertex and its rounded image in the
-    /// scene transformed back.
+    /// Per axis of the mesh's space, bound on the distance between a vertex of the mesh and the result of transforming
+    /// it to the scene, rounding it there to f32, and transforming it back.
     pub corner_error: Vec3,
     /// Bounding box of the instance in the scene.
     pub bounds: Aabb,
@@ -26,7 +26,7 @@ pub struct MeshInstance {
 /// The map from a mesh's triangles to those of an instance.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshToScene {
-    /// Mesh to scene.
+    /// The affine map from the mesh's space to the scene's.
     pub transform: Transform,
     /// Whether the second and third vertices of each triangle are exchanged, which keeps front faces front for
     /// reflections.
@@ -34,8 +34,9 @@ pub struct MeshToScene {
 }
 
 impl MeshInstance {
-    /// Bounds an instance of a mesh; `boxes` together contain all vertices of the mesh, and `first` is the number of
-    /// the instance's first triangle. `None` if the transform is not finite, is singular, or leaves the range of f32.
+    /// Makes an instance of mesh number `mesh`, with its bounds: `boxes` together contain all vertices of the mesh, and
+    /// `first` is the number of the instance's first triangle. `None` if the transform is not finite or singular, or if
+    /// an image of the boxes reaches half the largest f32.
     pub fn new(
         transform: Transform,
         boxes: &[Aabb],
@@ -76,8 +77,8 @@ impl MeshInstance {
                 high = high.max(middle + reach);
                 size = size.max(sum + transform.offset[k].abs());
             }
-            // f64 rounds a few times here and where vertices are transformed, within 16 epsilon together; f32
-            // once.
+            // Bound the errors: those of f64, here and where vertices are transformed, add up to at most 16 epsilon,
+            // and each vertex is rounded to f32 once.
             let exact = 16.0 * f64::EPSILON * size;
             let magnitude = low.abs().max(high.abs()) + exact;
             error[k] = f64::from(f32::EPSILON) * 0.5 * magnitude * (1.0 + 1e-6)
@@ -107,6 +108,7 @@ impl MeshToScene {
     #[inline(always)]
     pub fn corners(&self, corners: [[f32; 3]; 3]) -> Option<[[f32; 3]; 3]> {
         let [a, b, c] = map(corners, |p| self.transform.point(p));
+        // Infinity and NaN multiplied by zero are NaN.
         let finite = |p: [f32; 3]| (p[0] * 0.0 + p[1] * 0.0) + p[2] * 0.0 == 0.0;
         if !(finite(a) && finite(b) && finite(c)) {
             return None;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The triangles of a scene, as arrays. This module depends on no structure.
+//! The triangles of a scene: vertices and indices in the caller's arrays.
 
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::vec3::{map, widen};
@@ -10,7 +10,9 @@ use halfspace_geom::{Aabb, exact};
 pub struct Triangles {
     vertices: Vec<[f32; 3]>,
     indices: Vec<[u32; 3]>,
+    /// Numbers of the triangles that can be hit, ascending.
     live: Vec<u32>,
+    /// Box of the live triangles.
     bounds: Aabb,
 }
 
@@ -28,9 +30,8 @@ impl Triangles {
                 indices.len()
             )));
         }
-        // Check all indices.
         let outside = |&&v: &&u32| v as usize >= vertices.len();
-        // Find the maximum in one pass; search for the first wrong index only if there is one.
+        // Compare the largest index in one pass; search for the first wrong one only if there is any.
         if indices
             .as_flattened()
             .iter()
@@ -46,7 +47,6 @@ impl Triangles {
                 vertices.len()
             )));
         }
-        // Take ownership of the arrays.
         let mut scene = Self {
             vertices,
             live: Vec::with_capacity(indices.len()),
@@ -86,12 +86,12 @@ impl Triangles {
         self.indices.len() - self.live.len()
     }
 
-    /// Returns the box of all live triangles.
+    /// Returns the box of all live triangles, in the scene's space.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// Returns the vertex positions, shape (n, 3), in the scene's frame.
+    /// Returns the vertex positions, shape (n, 3), in the scene's space.
     pub fn vertices(&self) -> &[[f32; 3]] {
         &self.vertices
     }
@@ -101,7 +101,7 @@ impl Triangles {
         &self.indices
     }
 
-    /// Returns the three vertices of triangle `id`.
+    /// Returns the three vertices of triangle `id`, in the scene's space.
     #[inline(always)]
     pub fn corners(&self, id: u32) -> [[f32; 3]; 3] {
         map(self.indices[id as usize], |v| self.vertices[v as usize])
