@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Counting: a compile-time parameter of every traversal. A traversal without counters contains no counting code.
+//! Counters, a compile-time parameter of every traversal: one without counters contains no counting code.
 
 use crate::cases::CASES;
 use crate::ray::{Hit, RayCounters};
 use crate::replay::Record;
 use crate::selection::{Gathered, Visible};
 
-/// Observer of a traversal's events; by default each event is ignored.
+/// Observer of a traversal's events. By default each event is ignored.
 pub trait Counters {
     /// Whether counts of tests and verdicts may differ from those of the plain algorithm: an any-hit ray then
     /// needs no verdict on a hit that f32 has proven.
@@ -23,7 +23,7 @@ pub trait Counters {
     /// An inner node with an oblique split plane or with oriented boxes was visited.
     #[inline(always)]
     fn step_oblique(&mut self) {}
-    /// An inner node with boxes, intervals or octants, or a layer of cells of a grid, was visited.
+    /// An inner node with boxes, intervals or octants was visited, or a ray stepped to another cell of a grid.
     #[inline(always)]
     fn step_boxes(&mut self) {}
     /// The ray's group visited a node or a leaf, which is counted for another ray.
@@ -34,26 +34,27 @@ pub trait Counters {
     fn leaf(&mut self, triangles: usize) {
         let _ = triangles;
     }
-    /// This many triangles of the leaf that [`Self::visit`] announced were tested in f32.
+    /// This many triangles of the leaf last reported by [`Self::visit`] were tested in f32.
     #[inline(always)]
     fn tests(&mut self, triangles: usize) {
         let _ = triangles;
     }
-    /// A triangle outside the visit of a leaf was tested in f32: a remembered blocker, a candidate of a shadow beam, or
-    /// a triangle of an instance that no tree holds.
+    /// A triangle was tested without a visit of a leaf: a remembered blocker, a candidate of a shadow beam, or a
+    /// triangle of an instance that no tree contains.
     #[inline(always)]
     fn test_alone(&mut self) {}
-    /// A candidate was put to the exact verdict.
+    /// The exact verdict was computed for a candidate.
     #[inline(always)]
     fn verdict(&mut self) {}
-    /// A case of ray and plane, as an index into [`RayCounters::cases`]; evaluated only if it is counted.
+    /// A case of ray and plane occurred. The closure returns its index in [`RayCounters::cases`]; it is called only if
+    /// cases are counted.
     #[inline(always)]
     fn case(&mut self, _: impl FnOnce() -> usize) {}
 
     /// Whether leaves return recorded hits instead of testing their triangles.
     const REPLAY: bool = false;
-    /// A leaf, possibly empty, is about to be tested; its blocks begin at `first`. Kernels of groups announce it to
-    /// each of their rays.
+    /// The triangles of a leaf, possibly empty, are about to be tested; its first block lies at word offset `first`.
+    /// Kernels of groups report it for each of their rays.
     #[inline(always)]
     fn visit(&mut self, first: u32, triangles: usize) {
         let _ = (first, triangles);
@@ -78,7 +79,7 @@ pub trait Counters {
     fn spared(&mut self) {}
 }
 
-/// Counts nothing, at no cost.
+/// Counts nothing.
 #[derive(Clone, Copy)]
 pub struct NoCount;
 
@@ -99,9 +100,9 @@ impl Counters for NoCountLate {
 pub enum Log<'a> {
     /// Nothing.
     Nothing,
-    /// The hits of the leaves.
+    /// The best hit of each leaf, for replays.
     Answers(&'a mut Record),
-    /// The leaves with triangles to test: first block and number of triangles.
+    /// The leaves with triangles: word offset of the first block, and number of triangles.
     Leaves(&'a mut Vec<(u32, usize)>),
     /// All hits; the traversal itself finds none.
     Hits(&'a mut Gathered),
@@ -126,17 +127,17 @@ impl Log<'_> {
 pub struct Count<'a> {
     counters: &'a mut RayCounters,
     log: Log<'a>,
-    /// Tests on the visit of the current leaf; `None` once it has improved the answer.
+    /// Number of tests in the visit of the current leaf; `None` once one of them has improved the answer.
     wasted: Option<u32>,
 }
 
 impl<'a> Count<'a> {
-    /// Counts and records nothing else.
+    /// Makes a counter that records nothing else.
     pub fn new(counters: &'a mut RayCounters) -> Self {
         Self::with(counters, Log::Nothing)
     }
 
-    /// Counts and records.
+    /// Makes a counter that also records to `log`.
     pub fn with(counters: &'a mut RayCounters, log: Log<'a>) -> Self {
         Self {
             counters,
@@ -146,8 +147,8 @@ impl<'a> Count<'a> {
     }
 }
 
-/// Counts a visit of a group for all its rays but the first, for which its step or leaf is counted. `rays`: the mask of
-/// the group; bit `i` stands for `counters[i]`.
+/// Counts a visit as [`Counters::joined`] for all rays of a group but the first, whose step or leaf is counted
+/// elsewhere. Bit `i` of the mask `rays` stands for `counters[i]`.
 #[inline(always)]
 pub fn join<C: Counters>(counters: &mut [C], rays: u64) {
     if C::COUNTS {
@@ -217,7 +218,7 @@ impl Counters for Count<'_> {
         self.wasted = Some(0);
         match &mut self.log {
             Log::Answers(record) => record.visit(),
-            // An empty leaf has the first block of the leaf after it.
+            // Omit empty leaves: they have the same first block as the leaf after them.
             Log::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
             _ => {}
         }

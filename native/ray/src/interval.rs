@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The part of a ray that lies in a region.
 
-/// Distances between which a ray is in a region, in the frame of the tree. Empty if `leave` lies before `enter`.
+/// Distances between which a ray lies in a region, in units of the frame ray's direction. Empty if `leave` is less than
+/// `enter`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Interval {
     /// Distance where the ray enters the region.

@@ -4,12 +4,13 @@
 use crate::counters::{Count, Log};
 use crate::ray::RayCounters;
 
-/// The visits of one traversal.
+/// The counters and the tested leaves of one traversal.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     /// The counters of the traversal.
     pub counters: RayCounters,
-    /// The leaves whose triangles were tested, in order: first block and number of triangles.
+    /// The leaves whose triangles were tested, in the order of the traversal: word offset of the first block, and
+    /// number of triangles.
     pub leaves: Vec<(u32, usize)>,
 }
 

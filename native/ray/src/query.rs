@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Queries: compile-time parameters of every traversal. Nearest hit and any-hit therefore share one source text.
+//! Queries, a compile-time parameter of every traversal, so that nearest hit and any-hit share one source text.
 
 use crate::frame_ray::FrameRay;
 use crate::ray::{Hit, HitKey};
@@ -9,7 +9,7 @@ use halfspace_geom::verdict::verdict_within;
 
 pub use crate::counters::{Count, Counters, Log, NoCount, NoCountLate, join};
 
-/// The question that a traversal answers: nearest hit, or any-hit.
+/// What a traversal searches for: the nearest hit, or any hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
     /// Whether the first hit found, in any order, ends the traversal.
     const ANY: bool;
@@ -52,7 +52,7 @@ impl Query for Any {
 /// A triangle that the ray certainly hits, and whose exact verdict is deferred.
 #[derive(Clone, Copy)]
 pub struct Deferred {
-    /// Its number in the structure; [`Hit::NONE`] if there is none.
+    /// Its number in the structure; [`Hit::NONE`] if no verdict is deferred.
     pub triangle: u32,
     /// Its vertices in the scene.
     pub corners: [[f32; 3]; 3],
@@ -61,6 +61,7 @@ pub struct Deferred {
 }
 
 impl Deferred {
+    /// No triangle.
     const NOTHING: Self = Self {
         triangle: Hit::NONE,
         corners: [[0.0; 3]; 3],
@@ -71,7 +72,7 @@ impl Deferred {
 /// The best hit of a traversal so far, and the distance up to which it must search.
 pub struct Best {
     hit: Hit,
-    /// A proven hit that may be better.
+    /// A proven hit that may be better, with its verdict deferred.
     held: Deferred,
     /// Upper bound, in the frame's units, on the distance of any hit that could still be better.
     pub reach: f32,
@@ -175,13 +176,13 @@ impl Best {
         corners: impl FnOnce() -> [[f32; 3]; 3],
     ) -> Option<bool> {
         let (RayRef { ray, frame }, [from, to]) = (ray, certain);
-        // NaN bounds make the comparison false: nothing is certain then.
+        // Prove the distance in range; NaN bounds make the comparison false.
         if !(low > from && high < to) {
             return None;
         }
         debug_assert_eq!(frame.first, 0, "not in an instance's space");
         if Q::ANY {
-            // An any-hit query does not return the distance.
+            // Store any distance: an any-hit query does not return it.
             self.hit = Hit {
                 t: ray.t_max,
                 triangle: id,
@@ -194,7 +195,7 @@ impl Best {
             return Some(false);
         }
         let far = frame.beyond(high);
-        // With nothing deferred the lower bound is infinite, and every triangle is nearer.
+        // Return if the deferred triangle may be nearer; without one its lower bound is infinite.
         if far >= self.held.low {
             return None;
         }
@@ -208,7 +209,7 @@ impl Best {
         Some(false)
     }
 
-    /// Replaces the hit by a recorded one; returns whether the traversal may end.
+    /// Replaces the hit by a recorded one, if there is one; returns whether the traversal may end.
     #[inline(always)]
     pub fn take<Q: Query>(&mut self, frame: &FrameRay, hit: Option<Hit>) -> bool {
         let Some(hit) = hit else {
@@ -226,7 +227,7 @@ impl Best {
         self.hit
     }
 
-    /// Returns the triangle whose verdict is deferred, if there is no decided hit.
+    /// Returns the triangle whose verdict is deferred, unless there is a decided hit.
     #[inline(always)]
     pub fn held(&self) -> Option<&Deferred> {
         (self.held.triangle != Hit::NONE && !self.hit.is_hit()).then_some(&self.held)

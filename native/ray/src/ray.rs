@@ -11,7 +11,7 @@ use halfspace_scene::Triangles;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Ray {
-    /// Origin, scene frame.
+    /// Origin, in the scene's space.
     pub o: [f32; 3],
     /// Direction, of any length; a ray with a zero direction hits nothing.
     pub d: [f32; 3],
@@ -22,15 +22,15 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Returns whether `t` lies in the ray's interval and is finite. An infinite distance stands for a miss; a distance
-    /// beyond the range of f32, on either side of the origin, is rejected likewise.
+    /// Returns whether `t` lies in the ray's interval and is finite: a distance beyond the range of f32, on either side
+    /// of the origin, is no hit, because an infinite distance stands for a miss.
     #[inline(always)]
     pub fn reaches(&self, t: f32) -> bool {
         self.t_min <= t && t <= self.t_max && t.abs() < f32::INFINITY
     }
 }
 
-/// The nearest hit of a ray. Of several hits at equal `t`, that of the smallest triangle number.
+/// The nearest hit of a ray; among hits at equal `t`, the one with the smallest triangle number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance in units of the direction, correctly rounded; infinite for a miss.
@@ -60,7 +60,7 @@ impl Hit {
     }
 }
 
-/// The key by which hits are ordered.
+/// The key by which hits are ordered: distance, then triangle number.
 #[derive(Debug, Clone, Copy)]
 pub struct HitKey {
     /// Distance of the hit.
@@ -91,8 +91,8 @@ impl HitKey {
     }
 }
 
-/// Work counters of one ray. A visit of a node by a group of rays (packet, tile, beam or stream) is one step or leaf of
-/// the first ray of the group, and [`Self::joined`] of the others: sums over all rays are the work of the kernel.
+/// Work counters of one ray. When a group of rays (packet, tile, beam or stream) visits a node, the first ray of the
+/// group counts a step or a leaf, and the others count [`Self::joined`]: sums over all rays are the work of the kernel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCounters {
     /// Inner nodes with an axis-aligned split plane.
@@ -105,18 +105,18 @@ pub struct RayCounters {
     pub leaves: u32,
     /// Visits of leaves without triangles.
     pub leaves_empty: u32,
-    /// Visits of nodes and leaves with a group, counted as steps and leaves of another ray of it.
+    /// Visits of nodes and leaves with a group, counted as steps and leaves of another ray of the group.
     pub joined: u32,
     /// Triangles tested in f32.
     pub tests: u32,
-    /// Those tested on visits of leaves, or against a remembered blocker, that did not improve the ray's answer: no
-    /// nearer hit, or for an any-hit ray none.
+    /// Tests in visits of leaves, or of a remembered blocker, that did not improve the ray's answer: they found no
+    /// nearer hit, or for an any-hit ray no hit.
     pub tests_wasted: u32,
     /// Exact verdicts on candidates. Traversals without counters need fewer: none for shadow rays whose hit f32
     /// has proven, and mostly one for rays in streams or in flight.
     pub verdicts: u32,
     /// Counters of particular traversals: cases of ray and plane ([`crate::cases::NAMES`]), or events of beams
-    /// ([`halfspace_trace::beam::planes::NAMES`]).
+    /// (`halfspace_trace::beam::planes::NAMES`).
     pub cases: [u32; CASES],
     /// 1 if the ray needed no traversal of its own: the shadow cache held its blocker, or its shadow beam was
     /// empty.
@@ -168,11 +168,11 @@ pub trait Tracer: Sync {
     fn triangles(&self) -> Option<&Triangles> {
         None
     }
-    /// Returns the number of triangles, including those that can never be hit; hits refer to smaller numbers.
+    /// Returns the number of triangles, including those that can never be hit; triangle numbers of hits are less.
     fn count(&self) -> usize;
     /// Returns the vertices of a triangle in the scene.
     fn corners(&self, id: u32) -> [[f32; 3]; 3];
-    /// Writes the nearest hit of each ray, on the calling thread. All slices have the same length.
+    /// Writes the nearest hit of each ray, on the calling thread. All slices have the length of `rays`.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
     /// Like [`Self::closest`], with a hint on the order of the rays. The hits are the same, the speed may differ.
     fn closest_ordered(
@@ -185,18 +185,18 @@ pub trait Tracer: Sync {
         let _ = order;
         self.closest(rays, hits, counters);
     }
-    /// Returns the bounding box of the scene if batches are faster when rays with near origins are consecutive, else
+    /// Returns the bounding box of the scene if batches are faster when rays with nearby origins are consecutive, else
     /// `None`.
     fn near_rays(&self) -> Option<Aabb> {
         None
     }
-    /// Writes for each ray the depth of the last leaf tested in the search for its nearest hit, for display; 0
+    /// Writes for each ray the depth of the last leaf whose triangles were tested for its nearest hit, for display; 0
     /// if there is none or if depths are unknown.
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
         let _ = rays;
         depths.fill(0);
     }
-    /// Writes whether each ray hits any triangle, on the calling thread. All slices have the same length.
+    /// Writes whether each ray hits any triangle, on the calling thread. All slices have the length of `rays`.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
 }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A ray as kernels take it: as the caller gave it, and in the frame of the tree.
+//! Rays and scenes as kernels take them: in the caller's coordinates together with the frame of the tree.
 
 use crate::frame::Frame;
 use crate::{FrameRay, Ray};
 use halfspace_scene::Triangles;
 
-/// One ray in both coordinates. The verdict needs the caller's, the traversal the frame's.
+/// One ray in the caller's coordinates, which the verdict needs, and in the frame, which the traversal needs.
 #[derive(Clone, Copy)]
 pub struct RayRef<'a> {
     /// The ray of the caller.
@@ -14,12 +14,12 @@ pub struct RayRef<'a> {
     pub frame: &'a FrameRay<'a>,
 }
 
-/// A ray whose hits f32 may prove, and the distances between which it may.
+/// A ray, and the interval of distances in which the f32 test may prove its hits.
 #[derive(Clone, Copy)]
 pub struct BoundedRay<'a> {
     /// The ray.
     pub ray: RayRef<'a>,
-    /// [`FrameRay::certain`] of the ray, computed once per leaf or per ray.
+    /// The interval [`FrameRay::certain`] of the ray, computed once per leaf or per ray.
     pub certain: [f32; 2],
 }
 
