@@ -48,7 +48,7 @@ impl<'a, S: Simd> BlockBoxes<'a, S> {
         }
     }
 
-    /// The id and the vertices of the triangle in `lane`, which must be below `n`.
+    /// Returns the id and the vertices of the triangle in `lane`, which must be less than `n`.
     #[inline(always)]
     pub fn triangle(&self, lane: usize) -> (u32, [[f32; 3]; 3]) {
         let at = |r: usize| self.words[1 + r * self.n + lane];

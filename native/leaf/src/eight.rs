@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Vector arithmetic on eight triangles at once, for the leaf tests of packets and of tiles.
 //!
-//! There are no closures: a closure has the instruction set of the function around it only if it is inlined.
+//! The code has no closures: a closure is compiled for the instruction set of its caller only if it is inlined.
 
 use crate::blocks::{LANES, SPAN};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
@@ -9,8 +9,8 @@ use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 /// One 3-vector per triangle for eight triangles, stored by axis.
 pub type Vector8<S> = [f32x8<S>; 3];
 
-/// The first vertices of up to eight triangles of a block of `n`, and their edges to the second and to the
-/// third vertex.
+/// Returns the first vertices of the triangles of a block of `n`, their edges to the second vertices and those to the
+/// third.
 #[inline(always)]
 pub fn corner_and_sides<S: Simd>(simd: S, block: &[f32; SPAN], n: usize) -> [Vector8<S>; 3] {
     let a = point(simd, block, n, 0);
@@ -44,25 +44,25 @@ pub fn same<S: Simd>(simd: S, v: [f32; 3]) -> Vector8<S> {
     ]
 }
 
-/// The differences `a - b`.
+/// Returns the differences `a - b`.
 #[inline(always)]
 pub fn sub<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The largest absolute component of each vector.
+/// Returns the largest absolute component of each vector.
 #[inline(always)]
 pub fn largest<S: Simd>(v: Vector8<S>) -> f32x8<S> {
     v[0].abs().max(v[1].abs()).max(v[2].abs())
 }
 
-/// The absolute values of all components.
+/// Returns the absolute values of all components.
 #[inline(always)]
 pub fn abs<S: Simd>(v: Vector8<S>) -> Vector8<S> {
     [v[0].abs(), v[1].abs(), v[2].abs()]
 }
 
-/// The cross products `a x b`.
+/// Returns the cross products `a x b`.
 #[inline(always)]
 pub fn cross<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
     [
@@ -72,7 +72,7 @@ pub fn cross<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
     ]
 }
 
-/// The dot products `a . b`.
+/// Returns the dot products `a . b`.
 #[inline(always)]
 pub fn dot<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> f32x8<S> {
     b[0].mul_add(a[0], b[1].mul_add(a[1], b[2] * a[2]))

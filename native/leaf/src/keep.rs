@@ -9,11 +9,11 @@ use halfspace_scene::Triangles;
 /// The data that leaves store of their triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Keep {
-    /// Vertices and id, in blocks ready for the test.
+    /// Vertices and id, in the blocks of [`crate::blocks`] that the f32 test loads.
     #[default]
     Corners,
-    /// Three vertex indices and the triangle's id, four words: less than half the memory. The vertices are
-    /// fetched from the scene for each test.
+    /// Three vertex indices and the id, four words: less than half the memory. Each test gathers the vertices from the
+    /// scene.
     Indices,
 }
 
@@ -26,7 +26,7 @@ impl Keep {
         }
     }
 
-    /// Writes the triangles of one leaf into `words`, which must be zero.
+    /// Writes the triangles `ids` of one leaf into `words`, which must be zero, in the frame `frame`.
     pub fn write(self, words: &mut [f32], scene: &Triangles, frame: &Frame, ids: &[u32]) {
         match self {
             Self::Corners => {
@@ -51,8 +51,8 @@ impl Keep {
     }
 }
 
-/// Writes triangle `lane` of the `n` triangles of a block, without the header word; returns its largest edge
-/// component.
+/// Writes triangle number `lane` of a block of `n` triangles, but not the header word; returns the triangle's largest
+/// absolute edge component.
 #[inline(always)]
 pub fn write_lane(
     block: &mut [f32],

@@ -4,7 +4,7 @@
 use crate::blocks::{Blocks, SPAN};
 use halfspace_scene::Triangles;
 
-/// A leaf with triangles: the position of its first block and its number of triangles.
+/// A leaf: the position of its first block and its number of triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Leaf {
     /// Word offset of the first block in [`Blocks`].
