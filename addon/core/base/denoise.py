@@ -14,13 +14,13 @@ import numpy as np
 from .arrays import F32
 
 NAMES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise*.dylib", "OpenImageDenoise.dll", "libOpenImageDenoise.so*")
-"""File names of the library on Linux, macOS and Windows, the first that exists is loaded."""
+"""File names of the library on Linux, macOS and Windows; the first that exists is loaded."""
 
 CPU, FLOAT3 = 1, 3
 """OIDN_DEVICE_TYPE_CPU and OIDN_FORMAT_FLOAT3 of oidn.h."""
 
 POLL_SECONDS = 0.05
-"""Interval at which the caller may cancel."""
+"""Seconds between two calls of `keep_going`."""
 
 _MONITOR = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)
 
@@ -48,6 +48,7 @@ class DenoiseError(RuntimeError):
 
 def load(folders: Iterable[Path]) -> ctypes.CDLL:
     """The library, from the first of these folders that has it, else from the system. Raises DenoiseError."""
+    # Try each file, then the names that the system's loader knows; the last error is the reason of a failure.
     found = (str(path) for folder in folders for name in NAMES for path in sorted(folder.glob(name)))
     reason = "not found"
     for path in (*found, *(name for name in NAMES if "*" not in name)):
@@ -91,6 +92,7 @@ def denoise(
         # Only an albedo makes a normal usable.
         if albedo is not None:
             images |= {b"albedo": albedo} if normal is None else {b"albedo": albedo, b"normal": normal}
+        # Filter on another thread, and check meanwhile whether to stop.
         work = _Work(library, device, {name: _clean(image) for name, image in images.items()})
         work.start()
         try:

@@ -18,10 +18,10 @@ SSE42_OF_WINDOWS = 38
 """PF_SSE4_2_INSTRUCTIONS_AVAILABLE of IsProcessorFeaturePresent."""
 
 SYSTEMS = {"win": "Windows", "macosx": "macOS", "manylinux": "Linux", "musllinux": "Linux", "linux": "Linux"}
-"""Beginnings of a wheel's platform tag to the system's name."""
+"""Name of the system by the beginning of a wheel's platform tag."""
 
 PROCESSORS = {"x86_64": "x86-64", "amd64": "x86-64", "aarch64": "ARM", "arm64": "ARM"}
-"""Ends of a wheel's platform tag, and what `platform.machine` returns, to the processor's name."""
+"""Name of the processor by the end of a wheel's platform tag or by the result of `platform.machine`, in lower case."""
 
 
 def processor_problem() -> str | None:
@@ -73,7 +73,7 @@ def _system() -> str:
 
 
 def _target(wheel: str) -> str:
-    """System and processor of a wheel by its name, as words."""
+    """System and processor of a wheel from its file name, such as "Linux on x86-64"."""
     tag = wheel.removesuffix(".whl").rpartition("-")[2].partition(".")[0]
     system = next((name for beginning, name in SYSTEMS.items() if tag.startswith(beginning)), tag)
     processor = next((name for end, name in PROCESSORS.items() if tag.endswith(end)), tag)

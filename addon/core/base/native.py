@@ -32,8 +32,8 @@ def in_one_line(error: BaseException) -> str:
 
 
 def _lines(error: BaseException) -> list[str]:
-    """The lines of an exception's text without the prefix of Blender's operators; of a traceback only
-    the error itself.
+    """The lines of an exception's text without the prefix of Blender's operators; only the error itself if the text is
+    a traceback.
     """
     lines = str(error).splitlines()
     beginnings = [number for number, line in enumerate(lines) if line.endswith(TRACEBACK)]
@@ -46,7 +46,7 @@ def _lines(error: BaseException) -> list[str]:
 
 
 FAILURES = (ValueError, RuntimeError, MemoryError)
-"""Exceptions of builds, traces, scenes, specs and the module itself, all reported in one line."""
+"""Exceptions of the native module, of wrong configurations and of a missing module, all reported in one line."""
 
 
 @cache

@@ -26,7 +26,7 @@ NOT_COMPARED = "answers not compared"
 """Text beside a speed whose structure's answers were not checked."""
 
 BOUNDS: tuple[Bound, ...] = ("med", "max", "min")
-"""Keys of speeds: for the predicted time, the smallest, and the largest."""
+"""Keys of speeds, in the order of the times they give: predicted, smallest, largest."""
 
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
@@ -59,8 +59,9 @@ class Mix:
         return plan.pixels * plan.samples * each / 1e6
 
     def bounds(self, rates: Mapping[str, Sequence[float]], plan: Plan, threads: int) -> tuple[float, float]:
-        """Smallest and largest seconds of all rays of a picture on so many threads, from the speeds of repeated passes
-        on one; 0 without rays.
+        """Smallest and largest seconds of all rays of a picture on `threads` threads; 0 without rates.
+
+        rates: million rays per second of repeated passes on one thread, by ray set.
         """
         if not rates:
             return 0.0, 0.0
@@ -150,7 +151,7 @@ class Comparison:
     def beside(self, other: Comparison, name: str) -> str:
         """Whether another comparison for the same plan agrees, in one sentence; "" for another plan.
 
-        name: of the other in the sentence. Two measurements that contradict each other leave the best open.
+        name: of the other comparison, for the sentence. Where the two contradict each other, neither best is certain.
         """
         best, theirs = self.best, other.best
         if other.plan != self.plan or best is None or theirs is None:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 BOUNDARY = 2.0**-20
-"""Largest barycentric coordinate of a hit that counts as on the boundary, where the reference does not
-mark boundaries.
+"""Largest value of a hit's smallest barycentric coordinate that counts as on the boundary, for tracers that do not
+compute `on_boundary`.
 """
 
 TIE = 2.0**-20

@@ -64,6 +64,7 @@ SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
 SCALING_ROUNDS = 3
+"""Number of timed passes over each view of the time against the number of rays."""
 
 MAP_SECONDS = 0.5
 """Limit on the expected time of tracing the rays of a cost map."""
@@ -139,7 +140,7 @@ class _Run:
         self._prepared = shared
         self._workload = shared.workload
         self._options = options = shared.options
-        # Decide by the caller if it can: a part of a sweep over k may hold a single k and no longer look like a sweep.
+        # Prefer the caller's anchor: a part of a sweep over k may hold a single k, which does not look like a sweep.
         self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
@@ -186,7 +187,7 @@ class _Run:
             yield from self._measure(waiting, anchor)
 
     def _step(self, text: str) -> Progress:
-        """Count a step and return its announcement."""
+        """Count a step. Returns the Progress to yield before the step runs."""
         done = self._done()
         self._count += 1
         return Progress(done, text)
@@ -224,12 +225,14 @@ class _Run:
         for candidate in group:
             yield self._step(f"{candidate.spec}: comparing answers with those of {self._options.reference}")
             try:
-                self._prove(candidate)
+                self._check(candidate)
                 sound.append(candidate)
             except FAILURES as error:
                 yield self._failed(candidate.spec, error)
-        # Later groups time the anchor without checking it again; it gets no second row.
-        beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
+        # Time the anchor with every group. Later groups use a copy, which is not checked again and gets no second row.
+        beside = None
+        if anchor is not None and anchor.timed:
+            beside = anchor if anchor in sound else anchor.again()
         timed = sound if beside is None or beside in sound else [beside, *sound]
         # Time the ray sets, and everything that needs sound answers.
         for rays_of_set in self._prepared.ray_sets:
@@ -241,6 +244,7 @@ class _Run:
         yield from self._extras(ours)
         yield from self._errors_against_time(sound)
         yield from self._draw(ours)
+        # Time pictures, then complete the rows.
         pictures = Rounds()
         if self._prepared.pictures is not None and not self._options.brief:
             steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
@@ -263,7 +267,7 @@ class _Run:
                 self._step, first.rounds(self._build, group, view, self._options.repeats, self._options.threads)
             )
 
-    def _prove(self, candidate: Candidate) -> None:
+    def _check(self, candidate: Candidate) -> None:
         """Compare nearest hits and any-hits with the reference, count steps, and choose the number of rays to time."""
         options, structure = self._options, candidate.structure
         for whole in self._prepared.ray_sets:
@@ -326,7 +330,7 @@ class _Run:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
     def _is_whole(self, candidate: Candidate) -> bool:
-        """Whether a configuration is measured with all effort: with many of them, only the quickest of each tree."""
+        """Whether a configuration gets all measurements: in a brief benchmark only the fastest of each tree."""
         return not self._options.brief or "fastest" in rows.tables(self._native, candidate.spec)
 
     def _errors_against_time(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
@@ -425,7 +429,7 @@ class _Run:
             row["converged"] = pictures.converged
             row["peer"] = pictures.peer
             row["image"] = timed.of(candidate)
-            row["image_s"] = picture_times.told(pictures, candidate, row["image"])
+            row["image_s"] = picture_times.picture_seconds(pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in self._options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:

@@ -57,11 +57,11 @@ QUANTITIES = (
 
 
 COUNTERS = {"STEPS": "visits", "TESTS": "tests"}
-"""The counters of quantities: of rays that are traced together, steps are counted for one, visits for each."""
+"""The counter of each quantity. If rays visit a node together, `steps` counts it for one of them, `visits` for each."""
 
 
 def quantity(key: str) -> Quantity:
-    """The quantity with this key."""
+    """The quantity with this key, which must exist."""
     return next(found for found in QUANTITIES if found.key == key)
 
 
@@ -110,12 +110,12 @@ def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
     """
     width, height = size
     # Count once in tiles and once as single rays; different counts mean that tiles are traversed as a whole.
-    walked, alone = (_steps_and_tests(structure, one) for one in (view, replace(view, order="none")))
-    if not np.array_equal(walked, alone):
+    counted, alone = (_steps_and_tests(structure, one) for one in (view, replace(view, order="none")))
+    if not np.array_equal(counted, alone):
         side = rays.TILE**2
-        walked = np.repeat(walked.reshape(-1, side).mean(axis=1), side)
+        counted = np.repeat(counted.reshape(-1, side).mean(axis=1), side)
     picture = np.empty(width * height, np.float32)
-    picture[rays.tile_order(width, height)] = walked
+    picture[rays.tile_order(width, height)] = counted
     return picture.reshape(height, width)[::-1].copy()
 
 

@@ -41,15 +41,15 @@ def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDAr
     return found
 
 
-def mark(told: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: Structure) -> None:
-    """Set `counts_timed_walk` in a row's entry of each of these sets."""
+def mark(columns: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: Structure) -> None:
+    """Set `counts_timed_walk` in a row's columns of each of these sets."""
     for some in sets:
-        told[some.name]["counts_timed_walk"] = bool(structure.routes[kind_of(some)]["counted"])
+        columns[some.name]["counts_timed_walk"] = bool(structure.routes[kind_of(some)]["counted"])
 
 
-def tells(row: Mapping[str, Any], name: str) -> bool:
-    """Whether a row's counters of a set are those of the timed traversal; rows of earlier versions lack the entry and
-    count as such.
+def counts_timed_traversal(row: Mapping[str, Any], name: str) -> bool:
+    """Whether a row's counters of a ray set are those of the timed traversal; True for rows of earlier versions, which
+    lack the entry.
     """
     return bool(row["rays"][name].get("counts_timed_walk", True))
 
@@ -59,8 +59,8 @@ def remark(chosen: Mapping[str, str], native: Native) -> str:
 
     chosen: label to configuration. Raises specs.SpecError.
     """
-    silent = [name for name, spec in chosen.items() if not _counts_nearest(specs.tiny(native, spec))]
-    return f" (rays of {', '.join(silent)} are {ONE_BY_ONE})" if silent else ""
+    found = [name for name, spec in chosen.items() if not _counts_nearest(specs.tiny(native, spec))]
+    return f" (rays of {', '.join(found)} are {ONE_BY_ONE})" if found else ""
 
 
 def _counts_nearest(structure: Structure) -> bool:

@@ -39,7 +39,7 @@ def rounds(
     if not any(is_lazy(candidate.spec) for candidate in able):
         return
     options = view.options(threads)
-    right: list[Answers] = []
+    expected: list[Answers] = []
     now = timing.clock(threads)
     # Visit every configuration once per round, so that drift of the machine's speed affects all of them equally.
     for number in range(repeats):
@@ -50,5 +50,5 @@ def rounds(
             hits = structure.closest(view.origins, view.directions, **options)
             candidate.first_seconds.append(seconds + now() - start)
             answers = Answers.of(hits)
-            right = right or [answers]
-            candidate.differing_pixels += int(differing(right[0], answers, None).sum())
+            expected = expected or [answers]
+            candidate.differing_pixels += int(differing(expected[0], answers, None).sum())

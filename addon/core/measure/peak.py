@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .timing import Candidate
 
 TIME_LIMIT = 600
-"""Seconds after which a build is given up."""
+"""Seconds after which the process of a build is killed."""
 
 
 class PeakError(RuntimeError):
@@ -55,8 +55,8 @@ class Measurement:
         library = str(Path(native.__file__ or "").resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
         # Pass the source text, not the file's path: this module may lie in an archive.
-        asked = [str(scene), spec, str(threads), *([] if memory_limit is None else [str(memory_limit)])]
-        command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), *asked]
+        arguments = [str(scene), spec, str(threads), *([] if memory_limit is None else [str(memory_limit)])]
+        command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), *arguments]
         self.spec = spec
         self._deadline = time.monotonic() + TIME_LIMIT
         try:
@@ -122,7 +122,7 @@ def of_builds(
                 except PeakError as error:
                     candidate.left_out.append(f"peak memory: {first_line(error)}")
     except PeakError as error:
-        # Note it in all that wait: no process can be started.
+        # No process can be started: note the reason for all candidates without a result.
         for candidate in candidates:
             if candidate.peak_bytes is None:
                 candidate.left_out.append(f"peak memory: {first_line(error)}")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .preparation import Options
 
 PASS_SECONDS = 0.1
-"""Smallest limit on a timed picture's seconds; otherwise it is that of a timed pass over rays."""
+"""Smallest limit on the seconds of a timed picture. If the limit of a timed pass over rays is larger, it holds."""
 
 RAYS_PER_SECOND = 8e6
 """Nominal speed from which the number of samples is derived. It must not depend on structure or machine: the constant
@@ -79,8 +79,8 @@ def time(
     """
     limit = max(options.pass_seconds, PASS_SECONDS)
     # Choose the largest picture within the limit, and drop configurations that are too slow for it.
-    few = min(pictures.samples)
-    samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=few)
+    fewest = min(pictures.samples)
+    samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=fewest)
     width, height, found.samples = pictures.finer(samples)
     found.pixels = width * height
     drawn = {
@@ -111,8 +111,10 @@ def time(
             found.last.append(pictures.timed(anchor, samples, options.threads)[0])
 
 
-def told(pictures: Curve, candidate: Candidate, rounds: ImageColumns | None) -> Spread:
-    """Smallest, median and largest seconds of the reported picture; without rounds predicted from the last picture."""
+def picture_seconds(pictures: Curve, candidate: Candidate, rounds: ImageColumns | None) -> Spread:
+    """Smallest, median and largest seconds of the reported picture; without rounds predicted from the last picture of
+    the candidate's curve.
+    """
     if rounds is not None:
         return spread(rounds["rounds_s"])
     last = candidate.curve[-1]

@@ -5,7 +5,7 @@ Two rows of the same rounds are compared round by round: one is faster if it is 
 machine's noise. By chance that happens once in 2**(rounds - 1) cases, so fewer than six rounds rank nothing. Rows of
 different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
 Without a common anchor such rows are not compared, because they may come from different machines. Rows of different
-tables, of single rays and of the quickest ways, are never compared. Rows with wrong answers are not ranked.
+tables (single rays, the fastest traversals) are never compared. Rows with wrong answers are not ranked.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Embree, through the package embreex, with the interface of a native structure: yardstick and second opinion.
 
-It uses Embree's robust mode unless told otherwise, and runs on the calling thread whatever `threads` is.
+It uses Embree's robust mode unless `robust` is False, and runs on the calling thread whatever `threads` is.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 SPEC = "embree"
 
 MODES = {SPEC: True, "embree:robust=none": False}
-"""Whether each configuration uses Embree's robust mode; the other is Embree's default.
-"""
+"""Whether each configuration uses Embree's robust mode; Embree's own default is False."""
 
 FAR = np.float32(1e30)
 """Substitute for infinite t_max, which Embree does not accept."""

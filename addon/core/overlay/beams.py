@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 SIDE = 8
 """Rays along each side of a tile, the same as in the native tile traversals."""
 
-# Indices of the corner rays, counter-clockwise.
 CORNERS = (0, SIDE - 1, SIDE * SIDE - 1, SIDE * SIDE - SIDE)
+"""Indices of the corner rays, counter-clockwise."""
 
 SIDE_FILL = (0.10, 0.16)
 """Opacity of the beam's sides at their centre and at their rim, relative to that of its edges."""
@@ -73,13 +73,13 @@ class Beam:
 
     def lines(self) -> list[str]:
         """The counts as lines of text."""
-        said = [
+        lines = [
             f"{len(self.t)} rays visit {len(self.cells):,} leaves, {self.visits:,} times",
             f"One by one: {self.alone[0]:,} steps, {self.alone[1]:,} tests",
         ]
         if self.together == self.alone:
-            return [*said, "This traversal traces each ray separately"]
-        return [*said, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
+            return [*lines, "This traversal traces each ray separately"]
+        return [*lines, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
 
 
 def follow(structure: Structure, origins: F64, directions: F64) -> Beam:
@@ -136,7 +136,10 @@ def _gathered(found: list[list[Any]]) -> Cells:
 
 
 def levels(beam: Beam, opacity: float, width: float) -> list[Level]:
-    """The levels to draw: cells, faintest where one ray visits, then the triangles hit, then the beam."""
+    """The levels to draw: cells, faintest where one ray visits, then the triangles hit, then the beam.
+
+    opacity, width: of the beam's edges; width in pixels.
+    """
     made: list[Level] = []
     found = beam.cells
     # Map the share of rays that visit a cell to colour and strength.

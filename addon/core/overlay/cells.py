@@ -62,7 +62,10 @@ def choose(structure: Structure, least: int, most: int) -> Cells:
 
 
 def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
-    """The cells in levels: those with few triangles first and faint, those with many last and strong."""
+    """The cells in levels: those with few triangles first and faint, those with many last and strong.
+
+    opacity, width: of the lines of the fullest cells; width in pixels.
+    """
     if not len(cells):
         return []
     # Fade cells with few triangles, and all cells when there are many.
@@ -120,18 +123,18 @@ def follow(structure: Structure, origin: Sequence[float], direction: Sequence[fl
     """Trace a ray through a native structure and record its traversal; t in [0, t_max], in units of the direction."""
     found = structure.trace_path(list(origin), list(direction), 0.0, t_max)
     visits, crossed = found["visits"], found["crossings"]
-    ends = visits["triangle_offsets"].astype(np.int64)
+    offsets = visits["triangle_offsets"].astype(np.int64)
     tested = np.asarray(visits["tested"], bool)
     # Keep each triangle of the tested leaves once.
-    mine = np.repeat(tested, np.diff(ends))
-    ids, first = np.unique(visits["triangles"].astype(np.int32)[mine], return_index=True)
-    corners = visits["corners"].reshape(-1, 3, 3)[mine][first]
+    kept = np.repeat(tested, np.diff(offsets))
+    ids, first = np.unique(visits["triangles"].astype(np.int32)[kept], return_index=True)
+    corners = visits["corners"].reshape(-1, 3, 3)[kept][first]
     # Convert the native arrays; counts are differences of offsets.
     cells = Cells(
         np.asarray(visits["vertices"], np.float32),
         visits["offsets"].astype(np.int32),
         visits["cells"].astype(np.int32),
-        np.diff(ends).astype(np.int32),
+        np.diff(offsets).astype(np.int32),
         hidden=0,
     )
     crossings = planes.Planes(
@@ -170,9 +173,11 @@ RAY_RGB = (1.0, 1.0, 1.0)
 def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float, width: float) -> list[Level]:
     """The levels of a ray's traversal: planes faintest, then cells coloured in visiting order, triangles, the hit, the
     ray.
+
+    tints: red, green and blue of each kind of plane. opacity, width: of the strongest lines; width in pixels.
     """
     made: list[Level] = []
-    # Crossed planes, tinted by kind.
+    # Add the crossed planes, tinted by kind.
     crossings = path.crossings
     if len(crossings):
         table = np.array([tints[kind] for kind in planes.KINDS], np.float32)
@@ -183,7 +188,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
             np.full(len(crossings), 0.35 * opacity, np.float32),
         )
         made.append(planes.level(shape, np.arange(len(crossings)), 0, 1.0, (0.0, 0.1)))
-    # Cells, with brightness by the order in which they are tested.
+    # Add the cells; their brightness shows the order in which they are tested.
     cells = path.cells
     if len(cells):
         order = np.cumsum(path.tested) / max(int(path.tested.sum()), 1)

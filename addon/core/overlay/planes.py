@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 KINDS = ("X", "Y", "Z", "OBLIQUE", "SLABS", "OCTANTS", "BOXES")
 """Names of the native module's polygon kinds, indexed by their number."""
 
-MOST_ASKED = 400_000
+MOST_FETCHED = 400_000
 """Largest number of polygons fetched from a structure before kinds and depths are filtered: 30 MB."""
 
 FADE = 0.84
 """Factor on the opacity from each level to the next deeper one."""
 
 FAINTEST = 0.3
-"""Smallest such factor in total."""
+"""Smallest product of these factors."""
 
 THINNING = 0.8
 """Factor on the line width from each level to the next deeper one; lines are at least one pixel wide."""
@@ -68,7 +68,7 @@ class Planes:
 def choose(structure: Structure, depths: tuple[int, int], kinds: Sequence[str], most: int) -> Planes:
     """Split planes of a native structure at depths in [low, high] and of these kinds, at most `most`."""
     low, high = depths
-    found = structure.split_polygons(max(high, 0), MOST_ASKED)
+    found = structure.split_polygons(max(high, 0), MOST_FETCHED)
     wanted = (found["depth"] >= low) & (found["depth"] <= high)
     wanted &= np.isin(found["kind"], [KINDS.index(kind) for kind in kinds])
     # Gather the vertices of the first polygons, which are the shallowest.

@@ -14,7 +14,7 @@ from ..measure.rows import Row, blank
 Place = tuple[str, str]
 """A run, and a scene as named on its command line: the run may end before it reads the scene's own name."""
 
-There = set[tuple[str, str, str]]
+Finished = set[tuple[str, str, str]]
 """Runs, scene names and configurations of finished rows; the run is empty in journals that do not record it."""
 
 
@@ -41,8 +41,8 @@ class Asked:
 
     def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
         """The journal line at the start of a run: the configurations requested for each of these scenes."""
-        told = {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs), "options": options}
-        return {"asked": told}
+        request = {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs), "options": options}
+        return {"asked": request}
 
     def reached(self, run: str, scene: str, name: str) -> dict[str, Any]:
         """The journal line for a scene that was read."""
@@ -88,25 +88,26 @@ class Asked:
         self.options |= other.options
         self.failures |= other.failures
 
-    def failures_left(self, there: There) -> Iterator[tuple[tuple[int, int], Row]]:
+    def failures_left(self, finished: Finished) -> Iterator[tuple[tuple[int, int], Row]]:
         """The rows of failures that no later run replaced, each with its order."""
         for (run, scene, spec), found in self.failures.items():
             wanted = [spec] if spec else self.specs.get((run, scene), [])
-            if self._lost((run, scene), wanted, there) or not wanted:
+            if self._unfinished((run, scene), wanted, finished) or not wanted:
                 yield found
 
-    def missing(self, there: There) -> Iterator[str]:
+    def missing(self, finished: Finished) -> Iterator[str]:
         """One line per scene with configurations that are neither finished nor failed."""
         for place, specs in self.specs.items():
             failed = {spec for run, scene, spec in self.failures if (run, scene) == place}
+            # A scene that could not be read has failed as a whole.
             if place not in self.names and "" in failed:
                 continue
-            lost = [spec for spec in self._lost(place, specs, there) if spec not in failed]
+            lost = [spec for spec in self._unfinished(place, specs, finished) if spec not in failed]
             if lost:
                 share = f"all of {len(specs)} rows" if len(lost) == len(specs) else f"{len(lost)} of {len(specs)} rows"
                 yield f"{self.names.get(place, place[1])}: missing {share}: {some(lost)}"
 
-    def _lost(self, place: Place, specs: Iterable[str], there: There) -> list[str]:
+    def _unfinished(self, place: Place, specs: Iterable[str], finished: Finished) -> list[str]:
         """The configurations without a finished row."""
         name = self.names.get(place)
-        return [spec for spec in specs if not {(place[0], name, spec), ("", name, spec)} & there]
+        return [spec for spec in specs if not {(place[0], name, spec), ("", name, spec)} & finished]

@@ -52,11 +52,11 @@ MAP_COLUMNS = 7
 def speeds(figure: Any, rows: Sequence[Row]) -> None:
     """A dot for each structure and set, with whiskers over the rounds; one panel per set, one line per structure."""
     sets = list(dict.fromkeys(name for row in rows for name in row["rays"]))
-    ordered = sorted(rows, key=lambda row: -tracing_seconds(row))
+    slowest_first = sorted(rows, key=lambda row: -tracing_seconds(row))
     panels = figure.subplots(1, len(sets), sharey=True, squeeze=False)[0]
     # Draw one panel per ray set, slowest structure at the bottom.
     for axes, name in zip(panels, sets, strict=True):
-        for place, row in enumerate(ordered):
+        for place, row in enumerate(slowest_first):
             speed = (row["rays"].get(name) or {}).get("mrays_s")
             if speed:
                 wrong = row["spec"] != "embree" and not agrees(row)
@@ -69,8 +69,8 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
         axes.grid(visible=True, axis="both")
         axes.set_axisbelow(True)
         plain_numbers(axes.xaxis)
-    panels[0].set_yticks(range(len(ordered)), [row["spec"] for row in ordered])
-    panels[0].set_ylim(-0.7, len(ordered) - 0.3)
+    panels[0].set_yticks(range(len(slowest_first)), [row["spec"] for row in slowest_first])
+    panels[0].set_ylim(-0.7, len(slowest_first) - 0.3)
 
 
 def tracing_seconds(row: Row) -> float:

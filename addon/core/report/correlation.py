@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Expected beside measured cost: how well the surface area heuristic orders the structures of a scene."""
+"""Expected and measured cost: how well the surface area heuristic orders the structures of a scene."""
 
 from __future__ import annotations
 

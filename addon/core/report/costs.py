@@ -28,7 +28,7 @@ with the visits of leaves.
 """
 
 OPTIONAL = ("steps_boxes", "leaves")
-"""Those that rows may lack; they then count as none."""
+"""Counters that rows of earlier versions lack; they then count as 0."""
 
 LEAST_ROWS = 4
 """Smallest number of structures for a fit."""
@@ -56,9 +56,13 @@ class Fit:
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over one scene's rows, silent ones excluded; None with fewer rows than LEAST_ROWS or than prices."""
+    """The fit over those of one scene's rows whose counters belong to the timed traversal.
+
+    None with fewer such rows than LEAST_ROWS, or with no more of them than parts that occur.
+    """
     assert set(PARTS) <= {*COUNTERS, *OPTIONAL}
-    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
+    # Collect counts and times per ray of the rows that have both.
+    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not lacks_timed_counts(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
     if len(kept) < LEAST_ROWS:
         return None
@@ -67,18 +71,19 @@ def fit(rows: Sequence[Row]) -> Fit | None:
     if len(kept) <= int(counts.any(axis=0).sum()):
         return None
     # Minimize relative errors, so that the slowest structure does not dominate.
-    each = least_squares(counts / times[:, None], np.ones(len(times)))
-    parts = counts * each
+    prices = least_squares(counts / times[:, None], np.ones(len(times)))
+    parts = counts * prices
     spread = float(((times - times.mean()) ** 2).sum())
     explained = 1.0 - float(((parts.sum(axis=1) - times) ** 2).sum()) / spread if spread else 0.0
     residual = float(np.sqrt((((parts.sum(axis=1) - times) / times) ** 2).mean()))
     specs = tuple(spec for spec, _, _ in kept)
-    return Fit(specs, dict(zip(PARTS, each, strict=True)), times, parts, explained, residual)
+    return Fit(specs, dict(zip(PARTS, prices, strict=True)), times, parts, explained, residual)
 
 
-def is_silent(row: Row) -> bool:
+def lacks_timed_counts(row: Row) -> bool:
     """Whether some rays were counted in another traversal than the timed one, so that counts and times do not match."""
-    return not all(counting.tells(row, name) for name, one in row["rays"].items() if one["mrays_s"])
+    timed = (name for name, one in row["rays"].items() if one["mrays_s"])
+    return not all(counting.counts_timed_traversal(row, name) for name in timed)
 
 
 def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:

@@ -33,20 +33,21 @@ def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
     Times are relative to the anchor's in the same round, so that rows of different hours and machines are comparable.
     Returns an empty name and no lines when no row can serve as the base.
     """
-    # Group the times by configuration and k.
     base = base_of(rows)
     if base is None:
         return "", []
+    # Group the times by configuration and k.
     found: dict[str, dict[int, list[float]]] = {}
     for row in rows:
         time = percent(row, base)
         if row["k"] is not None and time is not None:
             found.setdefault(configuration(row), {}).setdefault(row["k"], []).append(time)
-    called = labels(rows)
+    # Make a line of each configuration with several k.
+    names = labels(rows)
     made = []
     for one, by_k in found.items():
         if len(by_k) > 1:
             ks = sorted(by_k)
             low, median, high = zip(*(spread(by_k[k]) for k in ks), strict=True)
-            made.append(Line(structure_of(one), tuple(ks), low, median, high, called[one]))
+            made.append(Line(structure_of(one), tuple(ks), low, median, high, names[one]))
     return base["spec"], made

@@ -110,11 +110,11 @@ def _convergence(axes: Any, rows: Sequence[Row]) -> None:
         if not kept:
             continue
         fitted = curve.slope(kept)
-        told = "" if math.isnan(fitted) else f": slope {fitted:.2f}".replace("-", "−")
+        slope = "" if math.isnan(fitted) else f": slope {fitted:.2f}".replace("-", "−")
         xs, ys = ([point[key] for point in kept] for key in ("spp", "rmse"))
-        axes.plot(xs, ys, marker, color=colour, label=label + told, markersize=5.5, zorder=3)
-        if told:
-            # Draw the fitted line itself, so that points beside it are seen.
+        axes.plot(xs, ys, marker, color=colour, label=label + slope, markersize=5.5, zorder=3)
+        if slope:
+            # Draw the fitted line, so that points off it can be seen.
             offset = np.mean(np.log(ys)) - fitted * np.mean(np.log(xs))
             axes.plot(xs, np.exp(offset) * np.array(xs, float) ** fitted, "-", color=colour, linewidth=1)
     if alone and alone[0]["rmse"] > 0:

@@ -45,7 +45,7 @@ FIRST = "Error of pictures against run time"
 """Title of the figure that a report begins with."""
 
 LEAD, NARROW = 6.4, 3.8
-"""Widths of that figure in inches: beside the scene's picture, and on a telephone."""
+"""Widths of that figure in inches: next to the scene's picture, and on a telephone."""
 
 FAR = 30.0
 """Factor over the fastest structure's time beyond which a structure is omitted, as it would compress the scale."""
@@ -84,7 +84,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     # Only *Speed* marks wrong answers; in other figures their times would look valid.
     ours_close = [row for row in close if row["spec"] != yardstick.SPEC and agrees(row)]
     curves = [row for row in ours if row["curve"] and agrees(row)]
-    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _counts(row)]
+    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _is_comparable(row)]
     mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
     base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
@@ -122,9 +122,9 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
         add("Wrong answers far from the origin", charts.OFFSETS, 4.2, draw)
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
-        silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
-        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {few(silent)}." if silent else ""
-        add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
+        excluded = [row["spec"] for row in ours_close if costs.lacks_timed_counts(row)]
+        note = f" Left out, as their rays are {counting.ONE_BY_ONE}: {few(excluded)}." if excluded else ""
+        add("Fitted costs", charts.COSTS + note + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 
 
@@ -147,12 +147,17 @@ def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
     best: dict[str, Row] = {}
     for row in rows:
         known = best.setdefault(row["structure"], row)
-        if (not _counts(row), charts.tracing_seconds(row)) < (not _counts(known), charts.tracing_seconds(known)):
+        if _order(row) < _order(known):
             best[row["structure"]] = row
     return list(best.values())
 
 
-def _counts(row: Row) -> bool:
+def _order(row: Row) -> tuple[bool, float]:
+    """Sort key: comparable rows first, then by the time of tracing."""
+    return not _is_comparable(row), charts.tracing_seconds(row)
+
+
+def _is_comparable(row: Row) -> bool:
     """Whether a row's times are comparable: the yardstick's, or those of correct answers."""
     return row["spec"] == yardstick.SPEC or agrees(row)
 
@@ -160,7 +165,7 @@ def _counts(row: Row) -> bool:
 def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     """The rows whose tracing takes at most FAR times the fastest, and the names of the others."""
     times = [charts.tracing_seconds(row) for row in rows]
-    right = [time for row, time in zip(rows, times, strict=True) if time and _counts(row)]
+    right = [time for row, time in zip(rows, times, strict=True) if time and _is_comparable(row)]
     limit = FAR * min(right or [time for time in times if time], default=0.0)
     close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
     return close, [row["spec"] for row in rows if row not in close]

@@ -104,10 +104,10 @@ def _about_rankings(right: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
     for name in sets:
         found = ranking.rank(right, name)
         if found is not None:
-            told = f"{name.capitalize()} rays: {_about_ranking(found, name)}"
+            text = f"{name.capitalize()} rays: {_about_ranking(found, name)}"
             if found.apart:
-                told += f" The times of {names(found.apart)} are not comparable with theirs."
-            yield told
+                text += f" The times of {names(found.apart)} are not comparable with theirs."
+            yield text
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
@@ -185,7 +185,7 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     drawn = [row for row in measured if row["curve"]]
     if len(drawn) < 2:
         return
-    # The largest sample count that at least half of them reached.
+    # Compare at the largest sample count that at least half of them reached.
     samples = sorted(row["curve"][-1]["spp"] for row in drawn)[len(drawn) // 2]
     times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
     (quickest, _), (slowest, _) = times[0], times[-1]
@@ -249,6 +249,7 @@ def _beside_kd(found: Worth) -> str:
 
 
 IMAGE = "1024 × 1024 pixels with 16 samples"
+"""The picture whose time `image_s` of a row predicts, as text."""
 
 
 def image_total(row: Row) -> float | None:
@@ -278,7 +279,7 @@ def _oblique(row: Row) -> bool:
 def worth(rows: Sequence[Row]) -> Worth | None:
     """Build plus picture of the best tree with oblique planes against those of kd; None if either is missing."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
-    # Both sides go as fast as they can; rows of earlier versions have no table.
+    # Compare the fastest traversals of both sides; rows of earlier versions have no table.
     totals = [(whole, row) for whole, row in totals if {"fastest", ""} & set(ranking.tables(row))]
     plains = [(whole, row) for whole, row in totals if (row.get("tree") or row["spec"]) == "kd"]
     plain = min(plains, key=lambda item: item[0], default=(0.0, None))[1]
@@ -341,14 +342,15 @@ def _because(found: ranking.Ranking, name: str) -> str:
     best, other = (dict(row["rays"][name]) for row in (found.best, found.second))
     if best["steps"] is None or other["steps"] is None:
         return ""
-    silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
-    if silent:
-        return f"; counters do not explain it: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
+    pair = (found.best, found.second)
+    uncounted = [row["spec"] for row in pair if not counting.counts_timed_traversal(row, name)]
+    if uncounted:
+        return f"; counters do not explain it: rays of {' and '.join(uncounted)} are {counting.ONE_BY_ONE}"
     words = {"steps": "steps", "tests": "triangle tests"}
     fewer = [key for key in words if best[key] < 0.95 * other[key]]
-    told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
-    if told:
-        return f", because {found.best['spec']} needs {told}"
+    reasons = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
+    if reasons:
+        return f", because {found.best['spec']} needs {reasons}"
     if not best["steps"]:
         return ""
     return (

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..measure.rows import lacks, without_times
-from .asked import Asked
+from .asked import Asked, Finished
 
 if TYPE_CHECKING:
     from ..base.interface import Native
@@ -25,7 +25,10 @@ Kept = Any
 """A row of a journal: `rows.Row` of the benchmark, or the JSON object of another command."""
 
 SCHEMA = 1
+"""Version of the layout of bench.json."""
+
 JOURNAL = "rows.jsonl"
+"""File name of the journal of a process that measures alone."""
 
 
 class FolderError(OSError):
@@ -253,31 +256,32 @@ class Journal:
 
     def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
         """Record the requested rows of a run: these configurations of all these scenes, with the recorded options."""
-        self._tell(self.asked.begun(run, scenes, specs, self.options))
+        self._record(self.asked.begun(run, scenes, specs, self.options))
 
     def reach(self, run: str, scene: str, name: str) -> None:
         """Record that a scene of a run was read, and its name in rows."""
-        self._tell(self.asked.reached(run, scene, name))
+        self._record(self.asked.reached(run, scene, name))
 
     def fail(self, run: str, scene: str, order: tuple[int, int], row: Kept) -> None:
         """Record a row that failed, or a whole scene if its configuration is empty."""
-        self._tell(self.asked.failed(run, scene, order, row))
+        self._record(self.asked.failed(run, scene, order, row))
 
-    def _tell(self, line: dict[str, Any]) -> None:
+    def _record(self, line: dict[str, Any]) -> None:
         self.asked.take(line)
         self._append(line)
 
     def missing(self) -> list[str]:
         """One line per scene with configurations that are neither finished nor failed."""
-        return list(self.asked.missing(self._there()))
+        return list(self.asked.missing(self._finished()))
 
     def rows(self) -> list[Kept]:
         """The finished rows and those of failures that no later run replaced, in order."""
         found = [(entry.order, entry.row) for entry in self.entries.values() if entry.is_benchmark]
-        found += self.asked.failures_left(self._there())
+        found += self.asked.failures_left(self._finished())
         return [row for _, row in sorted(found, key=lambda item: item[0])]
 
-    def _there(self) -> set[tuple[str, str, str]]:
+    def _finished(self) -> Finished:
+        """Run, scene and configuration of each finished row of a benchmark."""
         own = (entry for entry in self.entries.values() if entry.is_benchmark)
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
@@ -357,13 +361,14 @@ def document(
     machines: Mapping[str, dict[str, Any]] | None = None,
     missing: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
+    """The content of bench.json.
 
-    native: a hash of the writer's compiled module; rows of a run were measured with the same build, those of a merge
-    with the builds of their machines.
+    machines: all known ones, by name; if rows name theirs, the others are omitted. missing: requested rows that are
+    absent; without any, the key is omitted.
 
-    machines: all known ones; if rows name theirs, the others are omitted. missing: requested rows that are absent;
-    without any, the key is omitted.
+    Keys of the result: machine: where it was written. machines: where the rows were measured. native: a hash of the
+    writer's compiled module; rows of a run were measured with the same build, those of a merge with the builds of their
+    machines.
     """
     here = machine(native)
     named = {row["machine"] for row in rows if "machine" in row}

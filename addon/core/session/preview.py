@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from .stock import Stock
 
 QUICK = ((20_000, "bvh-sah"), (300_000, "bih"))
-"""Numbers of triangles from which a structure shows a scene first; below them the chosen one is built as soon.
+"""Pairs of a number of triangles and the structure that shows scenes of at least that size first. Smaller scenes start
+with the chosen structure, whose build takes no longer.
 
 Measured on Sponza: the first picture takes 0.15 s with `bvh-sah`, 0.27 s with `bih`, which builds three times as fast
 but traces four times as slowly, and 0.5 s with `kd`.
@@ -48,10 +49,10 @@ the next refinement.
 """
 
 SHOW_SECONDS = 0.1
-"""Shortest interval in seconds between two refined pictures; longer if drawing is expensive:"""
+"""Shortest interval in seconds between two refined pictures."""
 
 DRAWING_SHARE = 10
-"""ratio of tracing time to drawing time."""
+"""Shortest such interval as a multiple of the time to draw a picture, so that drawing takes at most a tenth."""
 
 BEGUN = 0.1
 """Progress below which a picture is restarted when a better structure is ready."""
@@ -75,7 +76,8 @@ class Picture:
     """A rendered picture. pixels: flat float32 RGBA, rows from the bottom, of the part x0, y0, x1, y1 of a view of
     width × height.
 
-    what: the numbers of its edit and its move. scale: its pixel size in pixels of the region.
+    what: numbers of the edit (scene and settings) and of the move (view) that it shows. scale: its pixel size in pixels
+    of the region.
     """
 
     pixels: F32
@@ -126,6 +128,7 @@ class _Preparing:
                 return None
             structure, sessions = self._building.result(), self._sessions
             native, scene = self._native, self._scene
+            # Prepare the scene on another thread, as an iterator of one step.
             self._joining = Background((Session.over(native, scene, structure) for _ in range(1)), sessions.append)
         if not self._joining.wait(0):
             return None
@@ -140,9 +143,7 @@ class _Preparing:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A native render of one view. what: the numbers of its edit and its move. first: no picture of these was shown
-    yet.
-    """
+    """A native render of one view. what: as in Picture. first: no picture with this `what` was shown yet."""
 
     native: RenderJob
     view: View
@@ -295,6 +296,7 @@ class Preview:
                 return False  # an outdated picture is better than none
             else:
                 if job.first:
+                    # The view moved on before the coarse picture was done: render the next one coarser.
                     self._rate = min(self._rate, job.pixels / job.age) / 4
                 self._drop()
         # Start the coarse picture of a new view, or the next refinement.

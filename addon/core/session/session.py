@@ -52,6 +52,7 @@ class _Work:
         self._options: BuildOptions = {"threads": threads, "memory_limit": memory_limit}
 
     def run(self, geometry: AnyGeometry, trees: Trees) -> None:
+        """Build the structure, or those of all meshes and the tree over instances. Any exception is kept in `error`."""
         try:
             if isinstance(geometry, InstancedGeometry):
                 self.meshes, self.meshes_built = trees.of(geometry, self._spec, self._build)
@@ -64,10 +65,12 @@ class _Work:
             self.error = error
 
     def cancel(self) -> None:
+        """Request the end of the work without waiting for it."""
         self.cancelled = True
         self.monitor.cancel()
 
     def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Structure:
+        """Build one structure. before, share: progress at its start, and its part of the whole, both 0 to 1."""
         if before > 0:
             self.monitor = self._native.Monitor()
         self.part = (before, share)
@@ -183,7 +186,7 @@ def asdict_shallow(item: Any) -> dict[str, Any]:
 
 
 class SceneArguments(TypedDict, total=False):
-    """The keyword arguments of the native `RenderScene`, as its text in the stub describes them."""
+    """The keyword arguments of the native `RenderScene`, documented in its stub."""
 
     material_index: I32 | None
     materials: list[dict[str, Any]]
@@ -276,7 +279,7 @@ class Session:
 
     @property
     def left_out(self) -> list[str]:
-        """Features that this scene lacks and therefore does not pay for, one reason per line."""
+        """Features that are not computed because this scene lacks them, one reason per line."""
         return list(self.render_scene.left_out)
 
     def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shared structures that are in use, so that equal ones are built only once.
 
-Users are the four quads of a view, a final render beside them, and the next frame of an animation in which only the
-camera moves.
+Users are the four regions of a quad view, a final render at the same time, and the next frame of an animation in which
+only the camera moves.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Stock:
         return None
 
     def take(self, native: Native, geometry: AnyGeometry, spec: str, **options: Unpack[BuildOptions]) -> Building:
-        """The same, started now if there is none."""
+        """The build that `find` returns, or a new one, which is started. options: of `Building`."""
         building = self.find(geometry, spec, options.get("memory_limit"))
         if building is None:
             building = Building(native, geometry, spec, **options)

@@ -41,7 +41,7 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
         chosen = nodes.clamp(values.get(NODES, nodes.default))
         able = {way.traversal for way in structure.ways if way.nodes == chosen}
         options = tuple(option for option in options if option in able)
-    # A value that stands in the first part of a panel, such as the width of nodes, is kept.
+    # Keep the options that the non-default values of the main group need, such as a width of nodes.
     needs = (
         need
         for one in structure.parameters
@@ -55,7 +55,7 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
 
 
 def options(structure: Structure, parameter: Parameter, values: Values) -> tuple[str, ...]:
-    """The valid options of a choice with the other values."""
+    """The options of a choice that are valid with the other values."""
     offered = traversals(structure, values) if parameter.name == TRAVERSAL else parameter.options
     return tuple(one for one in offered if _hold(parameter.option_needs.get(one, ()), values))
 
@@ -77,7 +77,7 @@ def relevant(structure: Structure, values: Values) -> tuple[Parameter, ...]:
 
 
 def has_effect(parameter: Parameter, values: Values) -> bool:
-    """Whether a parameter has an effect beside these values; those of parameters that are missing exclude nothing."""
+    """Whether these values meet all needs of a parameter; needs on parameters without a value count as met."""
     return _hold(parameter.needs, values)
 
 

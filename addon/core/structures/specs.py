@@ -62,7 +62,7 @@ SWEEP = "bsp-sweep"
 """The thesis's name for all trees whose directions are selected per node."""
 
 SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
-"""Prefixes of their ids."""
+"""Prefixes of the ids of these trees."""
 
 MOST = 100_000
 """Limit on the configurations of one list, and on the values of one option."""
@@ -72,7 +72,7 @@ SHOWN = 20
 
 
 def is_whole(text: str) -> bool:
-    """Whether the text is a non-negative integer for `int`: ASCII digits, at most 18."""
+    """Whether the text consists of 1 to 18 ASCII digits, so that `int` accepts it."""
     return text.isascii() and text.isdecimal() and len(text) <= 18
 
 
@@ -169,22 +169,22 @@ def expand(
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[structure_of(spec)]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {_shortened(chosen, ', ')} has the parameter {min(unused)!r}")
-    told = left_out if left_out is not None else []
+    lines = left_out if left_out is not None else []
     # Count before expanding: some forty structures with many seeds each are millions.
     inside = _Inside(rows, ranges)
     taken: dict[str, dict[str, list[str]]] = {}
     count = 0
     for spec in dict.fromkeys(chosen):
-        taken[spec] = _allowed(spec, inside, told)
+        taken[spec] = _allowed(spec, inside, lines)
         count += math.prod(map(len, taken[spec].values()))
         if count > MOST:
             raise SpecError(f"these are more than {MOST:,} configurations")
     made = (one for spec, allowed in taken.items() for one in _with_values(spec, allowed))
-    return list(dict.fromkeys(_effective(one, rows[structure_of(one)], ranges, told) for one in made))
+    return list(dict.fromkeys(_effective(one, rows[structure_of(one)], ranges, lines) for one in made))
 
 
 def _effective(spec: str, row: Mapping[str, Any], swept: Collection[str], left_out: list[str]) -> str:
-    """A configuration without values that a sweep made idle; `left_out` names them."""
+    """A configuration without values that have no effect after a sweep; adds a line about them to `left_out`."""
     found = [(key, other, words) for key, other, words in idle(spec, row) if key in swept or other in swept]
     for _, _, words in found[:1]:
         line = f"{structure_of(spec)}: {words}"
@@ -194,7 +194,7 @@ def _effective(spec: str, row: Mapping[str, Any], swept: Collection[str], left_o
 
 
 def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """The values of a configuration without effect beside its others: key, the key of the other, and a sentence."""
+    """The values of a configuration that have no effect with its others: key, the key of the other, and a sentence."""
     chosen = values(spec, [row])
     given = {key for key, _ in pairs(spec)}
     return [
@@ -207,7 +207,7 @@ def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def _needs(parameter: Mapping[str, Any], value: Any) -> list[Need]:
-    """Where a value of a parameter of the registry has an effect."""
+    """The conditions under which a value of a parameter of the registry has an effect."""
     return [Need.of(row) for row in (*parameter.get("needs", ()), *parameter.get("option_needs", {}).get(value, ()))]
 
 
@@ -217,9 +217,10 @@ def without(spec: str, keys: Collection[str]) -> str:
 
 
 def prove(native: Native, chosen: Sequence[str]) -> list[str]:
-    """Validate each configuration by a tiny build. Raises SpecError.
+    """Validate each configuration by a build of one triangle. Raises SpecError.
 
-    Returns them without duplicates in other words, such as `kd:traversal=auto` after `kd`.
+    Returns them in the given spelling, without those that equal an earlier one in another spelling, such as
+    `kd:traversal=auto` after `kd`.
     """
     found: dict[str, str] = {}
     for spec in chosen:
@@ -227,6 +228,7 @@ def prove(native: Native, chosen: Sequence[str]) -> list[str]:
     return list(found.values())
 
 
+# The mesh of one triangle with which configurations are validated.
 CORNERS, TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
 
 
@@ -274,12 +276,13 @@ class _Inside:
         if structure not in self._known:
             known = {parameter["name"]: parameter for parameter in self._rows[structure]["parameters"]}
             self._known[structure] = {
-                key: self._parted(key, wanted, known[key]) for key, wanted in self._ranges.items() if key in known
+                key: self._split(key, wanted, known[key]) for key, wanted in self._ranges.items() if key in known
             }
         return self._known[structure]
 
     @staticmethod
-    def _parted(key: str, wanted: Sequence[str], parameter: Mapping[str, Any]) -> tuple[list[str], str]:
+    def _split(key: str, wanted: Sequence[str], parameter: Mapping[str, Any]) -> tuple[list[str], str]:
+        """The values within the parameter's limits, and a text about the others, or ""."""
         low, high = parameter.get("min"), parameter.get("max")
         allowed: list[str] = []
         others: list[str] = []

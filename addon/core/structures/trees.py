@@ -30,9 +30,10 @@ class Trees:
     ) -> tuple[list[Structure], int]:
         """The structure of each mesh, which the caller must keep, and the number of those that were built.
 
-        build: builds the structure of a mesh; its other arguments are the share of the work done before, and its own
-        share, both 0 to 1.
+        build: builds the structure of a mesh; its other arguments are the share of the missing structures' triangles
+        before this mesh, and that of this mesh, both 0 to 1.
         """
+        # Look up the structures in use; build the others outside the lock.
         keys = [(mesh.shape, spec) for mesh in geometry.meshes]
         with self._lock:
             found = {key: self._known.get(key) for key in keys}

@@ -88,7 +88,7 @@ def test_the_limit_hides_the_deepest_and_counts_them() -> None:
 def test_more_than_a_structure_lists_is_told() -> None:
     tree = Tree(hidden=7)
     assert not planes.choose(tree, (0, 2), planes.KINDS, 100).complete
-    assert tree.asked == (2, planes.MOST_ASKED)
+    assert tree.asked == (2, planes.MOST_FETCHED)
 
 
 def test_levels_come_deepest_first_with_every_edge_once() -> None:

@@ -34,7 +34,8 @@ class Distribution(TypedDict):
 
 
 class Work(TypedDict, total=False):
-    """The work of the rays of one set. Absent is what the kernel does not count, or what no ray needs.
+    """The work of the rays of one set. A key is absent if the kernel does not count it, or if the set has no rays
+    or nothing to take the share of.
 
     cases: shares of the cases of TA-B, which sum to 1. wasted_tests: share of triangle tests on leaf visits that found
     no nearer hit. empty_leaves: share of leaf visits without triangles. missing_work: share of steps and tests of rays
@@ -83,14 +84,16 @@ class Field(TypedDict):
 
 
 def distribution(values: NDArray[Any], counts: NDArray[Any] | None = None) -> Distribution | None:
-    """The distribution of non-negative integers, each `counts` times; None without values."""
+    """The distribution of non-negative integers; None without values. counts: the number of occurrences of each, 1 if
+    None.
+    """
     counted = np.ones(len(values), np.int64) if counts is None else np.asarray(counts, np.int64)
     total = int(counted.sum())
     if not total:
         return None
     order = np.argsort(values, kind="stable")
     sorted_, below = np.asarray(values)[order], np.cumsum(counted[order])
-    # The smallest value that at least so large a share of all values does not exceed.
+    # A percentile is the smallest value that at least this percentage of all values does not exceed.
     at = {f"p{percent}": int(sorted_[np.searchsorted(below, total * percent / 100)]) for percent in PERCENTS}
     bins = np.zeros(int(sorted_[-1]).bit_length() + 1, np.int64)
     np.add.at(bins, [int(value).bit_length() for value in values], counted)
@@ -106,6 +109,7 @@ def distribution(values: NDArray[Any], counts: NDArray[Any] | None = None) -> Di
 
 def work(counters: Mapping[str, NDArray[np.uint32]], hit: NDArray[np.bool_]) -> Work:
     """The work of rays, from their counters and from which of them hit."""
+    # Summarize the counters that the kernel has, then add shares of their sums.
     found: Work = {}
     known = {name: distribution(counters[name]) for name in COUNTED if name in counters}
     for name, spread in known.items():
@@ -120,9 +124,10 @@ def work(counters: Mapping[str, NDArray[np.uint32]], hit: NDArray[np.bool_]) -> 
     visited = sums.get("leaves", 0) + sums.get("leaves_empty", 0)
     if visited and "leaves_empty" in sums:
         found["empty_leaves"] = sums["leaves_empty"] / visited
-    each = counters["steps"].astype(np.int64) + counters["tests"] if {"steps", "tests"} <= set(counters) else None
-    if each is not None and each.sum():
-        found["missing_work"] = float(each[~hit].sum() / each.sum())
+    if {"steps", "tests"} <= set(counters):
+        each = counters["steps"].astype(np.int64) + counters["tests"]
+        if each.sum():
+            found["missing_work"] = float(each[~hit].sum() / each.sum())
     return found
 
 
