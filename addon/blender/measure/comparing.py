@@ -107,12 +107,14 @@ def ticked(group: Any) -> list[str]:
 
 
 def tried(group: Any) -> list[str]:
-    """The configurations to measure: the chosen one as it is set, and the quickest of it and of all ticked ones."""
+    """The configurations to measure: the chosen one as it is set, and the fastest traversals of its tree and of all
+    ticked ones.
+    """
     own, *others = ticked(group)
     known = catalogue.load()
-    trees = ((known.get(specs.structure_of(spec)), spec) for spec in (ways.tree_of(own), *others))
-    quickest = [spec for structure, tree in trees if structure is not None for spec in ways.fastest(structure, tree)]
-    return list(dict.fromkeys([own, *quickest]))
+    pairs = ((known.get(specs.structure_of(spec)), spec) for spec in (ways.tree_of(own), *others))
+    fastest = [spec for structure, tree in pairs if structure is not None for spec in ways.fastest(structure, tree)]
+    return list(dict.fromkeys([own, *fastest]))
 
 
 def name(spec: str) -> str:
@@ -136,6 +138,7 @@ def _threads(scene: Any) -> int:
 
 
 def _view(scene: Any) -> tuple[int, int]:
+    """Width and height in pixels of the view whose rays are timed, in the shape of the scene's picture."""
     render = scene.render
     return costmap.shaped(VIEW_WIDTH, (render.resolution_x, render.resolution_y))
 
@@ -189,7 +192,7 @@ class Work:
 
 
 def comparing(scene: Any) -> Work:
-    """Start a comparison of the ticked structures, each as fast as it goes, with the chosen configuration."""
+    """Start a comparison of the chosen configuration with the fastest traversals of the ticked structures."""
     chosen, plan, threads, size = tried(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
     limit = memory_limit(scene.halfspace.memory_limit)
 
@@ -209,7 +212,8 @@ def comparing(scene: Any) -> Work:
                 rows.append(event.row)
             else:
                 yield event.done, event.text
-        # Predict the picture's time from the rows: count its rays with a structure that could be built.
+        # Predict the picture's time from the rows: count its rays with the first structure that could be built.
+        # Its rays do not depend on the structure.
         yield 1.0, "counting the rays of a small picture"
         failed = {row["spec"] for row in rows if row["error"] is not None}
         spec = next((spec for spec in chosen if spec not in failed), chosen[0])

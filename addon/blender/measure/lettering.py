@@ -14,6 +14,7 @@ from ...core.base.arrays import F32
 from . import pictures
 
 FONT = 0
+"""Blender's number of its default font."""
 
 
 def width(text: str, size: float) -> int:
@@ -31,6 +32,7 @@ def write(
     """Write lines (text, x, y of the baseline's left end, from the bottom) into (h, w, 3) display values, in place."""
     if not lines:
         return
+    # Draw the lines in white on black, with Blender's software rasterizer.
     height, across = picture.shape[:2]
     buffer = imbuf.new((across, height))
     blf.size(FONT, size)
@@ -39,10 +41,12 @@ def write(
         for text, x, y in lines:
             blf.position(FONT, x, y, 0.0)
             blf.draw_buffer(FONT, text)
+    # Read the pixels back through a file.
     with tempfile.TemporaryDirectory(prefix="halfspace-text-") as folder:
         path = Path(folder) / "text.png"
         imbuf.write(buffer, filepath=str(path))
         ink = pictures.load(path)
     buffer.free()
+    # Blend the colour over the picture, with the text as its coverage.
     share = ink[..., :1] * ink[..., 3:]
     picture += share * (np.array(rgb, np.float32) - picture)

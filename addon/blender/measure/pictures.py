@@ -51,6 +51,7 @@ def load(path: Path) -> F32:
 
 
 JPEG_QUALITY = 88
+"""Percent, as in Blender."""
 
 
 def save_displayed(path: Path, picture: F32, scene: Any) -> F32:

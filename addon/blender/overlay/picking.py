@@ -69,6 +69,7 @@ def clear() -> None:
 
 def under(event: Any, screen: Any) -> Ray | None:
     """The ray through the pixel under the mouse, in any 3D view of the screen; None outside of them."""
+    # Find the region under the mouse, then its rays through this pixel and its right neighbour.
     for area in screen.areas:
         if area.type != "VIEW_3D":
             continue
@@ -77,17 +78,18 @@ def under(event: Any, screen: Any) -> Ray | None:
             if region.type != "WINDOW" or not (0 <= x < region.width and 0 <= y < region.height):
                 continue
             view = area.spaces.active.region_3d
-            origin, beside = (view3d_utils.region_2d_to_origin_3d(region, view, at) for at in ((x, y), (x + 1, y)))
-            direction, next_to = (view3d_utils.region_2d_to_vector_3d(region, view, at) for at in ((x, y), (x + 1, y)))
+            pixels = ((x, y), (x + 1, y))
+            origin, next_origin = (view3d_utils.region_2d_to_origin_3d(region, view, at) for at in pixels)
+            direction, next_direction = (view3d_utils.region_2d_to_vector_3d(region, view, at) for at in pixels)
             parallel = not view.is_perspective
-            pixel = (beside - origin).length if parallel else (next_to - direction).length
+            pixel = (next_origin - origin).length if parallel else (next_direction - direction).length
             up = view.view_matrix.inverted().col[1][:3]
             return Ray(tuple(origin), tuple(direction), tuple(up), pixel, parallel)
     return None
 
 
 def _show_status(context: Any) -> None:
-    """Show in the status bar what a click does, and how far the structure is."""
+    """Show the effect of a click, and the progress of the structure's build, in the status bar."""
     missing = trees.last(context.scene) is None
     progress = f"Building the structure: {building.progress() or 0.0:.0%}   " if missing else ""
     context.workspace.status_text_set(f"{progress}Click: keep this ray   Esc: leave")
@@ -171,7 +173,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
             if event.type == "LEFTMOUSE" and event.value == "PRESS":
                 if ray is None:
                     return self._leave(context)
-                # For later adjustments of the operation.
+                # Store the ray in the properties, which the user may adjust after the operation.
                 self.origin, self.direction = ray.origin, ray.direction
                 self.pixel = self.pixel if ray.parallel else ray.pixel
                 self._end(context)

@@ -97,6 +97,7 @@ class Palette:
         return tuple(self._pass_indices)
 
     def _number(self, material: Any, hidden: Hidden) -> int:
+        """The number of a material, or of none, with these hidden rays; added with its notes if new."""
         material = material if self._override is None else self._override
         key = (0 if material is None else material.original.as_pointer(), hidden)
         if key not in self._numbers:
@@ -110,6 +111,7 @@ class Palette:
         return self._numbers[key]
 
     def _of(self, material: Any) -> _Read:
+        """The conversion of a Blender material, done once."""
         key = material.original.as_pointer()
         if key not in self._read:
             remarks: dict[str, None] = {}

@@ -86,16 +86,17 @@ class Place:
 
         Raises Unsupported if the chain is too long.
         """
-        place = kept = self
+        # `last_input`: the last input on the way that has a value of its own.
+        place = last_input = self
         through: tuple[str, ...] = ()
         for _ in range(MAX_STEPS):
-            before = _before(place)
-            if before is None:
+            upstream = _upstream(place)
+            if upstream is None:
                 # A reroute or muted node without an input link counts as no link.
-                return replace(kept if _passes_on(place.node) else place, through=through)
-            place = before
+                return replace(last_input if _passes_on(place.node) else place, through=through)
+            place = upstream
             if not (place.socket.is_output or _passes_on(place.node)):
-                kept = place
+                last_input = place
                 through = (place.socket.type, *through)
         raise Unsupported(f"A chain of more than {MAX_STEPS} nodes")
 
@@ -120,7 +121,7 @@ def _passes_on(node: Any) -> bool:
     return bool(node.mute or node.bl_idname == "NodeReroute")
 
 
-def _before(place: Place) -> Place | None:
+def _upstream(place: Place) -> Place | None:
     """One step towards the source, or None if the value is computed here."""
     socket, groups, node = place.socket, place.groups, place.node
     # An input continues at the other end of its link.
@@ -154,8 +155,9 @@ def _twin(sockets: Any, socket: Any) -> Any:
 
 
 def converted(value: Any, have: str, want: str) -> Any:
-    """Convert a constant from a socket of type `have` to one of type `want`. Numbers of at most 0 are false, as in
-    Cycles.
+    """Convert a constant from a socket of type `have` to one of type `want`.
+
+    Vectors become the mean of their components, colours their luminance. Numbers of at most 0 are false, as in Cycles.
     """
     if want not in NUMBERS or have == want:
         return value

@@ -92,9 +92,12 @@ class _Bake(threading.Thread):
 
 
 _kept: dict[str, Sky | SkyError] = {}
+"""The cached skies and errors, by settings."""
+
 _running: dict[str, _Bake] = {}
+"""The threads that render, by settings."""
 _looks: dict[str, Callable[[], float | None]] = {}
-"""The timers that check for a finished sky."""
+"""The timers that check for a finished sky, by settings."""
 
 _processes: set[subprocess.Popen[bytes]] = set()
 """The running Blender processes."""
@@ -124,7 +127,7 @@ def of_node(node: Any, *, wait: bool, keep_going: Callable[[], bool] | None = No
 
 
 def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
-    """Wait for the sky of these settings, or its error, without a time limit. Raises Cancelled."""
+    """Wait for the sky of these settings, or its error; the thread has its own time limit. Raises Cancelled."""
     bake = _running.get(key)
     if bake is None or not bake.is_alive():
         bake = _running[key] = _Bake(key)

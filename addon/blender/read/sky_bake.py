@@ -29,6 +29,7 @@ DISC = 192
 
 def main(folder: Path) -> None:
     """Read the settings, render, write."""
+    # Render all directions without the disc, as an equirectangular picture.
     settings: dict[str, Any] = json.loads((folder / "node.json").read_text())
     scene, node = _prepare(settings)
     disc = bool(settings.get("sun_disc", False))

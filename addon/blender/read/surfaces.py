@@ -26,7 +26,7 @@ IGNORED_LAYERS = {
 
 MOST_CLOSURES = 8
 MOST_PRINCIPLED = 4
-"""Limits of the native module."""
+"""Limits of the native module on the closures of a material: in total, and of the kind principled."""
 
 DEEPEST = 32
 """Largest depth of nested mixes."""
@@ -72,6 +72,7 @@ class Surface:
                 raise Unsupported(source.node.bl_label)
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
+        """Read both shaders of a Mix Shader, each with its part of the weight."""
         factor_socket, first, second = (node.beside(socket) for socket in node.node.inputs[:3])
         factor = self.values.value(factor_socket)
         if isinstance(factor, float):
@@ -84,6 +85,7 @@ class Surface:
         self.read(second, self._times(weight, factor), depth + 1)
 
     def _times(self, a: Operand, b: Operand) -> Operand:
+        """The product of two weights, without a step where it is known."""
         if isinstance(a, float) and isinstance(b, float):
             return a * b
         if is_constant(a, 1.0):
@@ -93,7 +95,7 @@ class Surface:
         return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
 
     def color(self, node: Place, name: str = "Color") -> Operand:
-        """A colour input; the viewport's colour if an unsupported node drives it."""
+        """A colour input: the viewport's colour if an unsupported node drives it, 0 if the node has no such input."""
         place = node.input(name)
         return 0.0 if place is None else self.values.value(place, self.viewport)
 
@@ -110,7 +112,7 @@ class Surface:
         self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
 
     def _has_room(self, *, principled: bool) -> bool:
-        """Whether one more closure fits; notes it if not."""
+        """Whether one more closure fits. Notes the limit otherwise."""
         taken = sum(closure.kind == "principled" for closure in self.closures)
         if len(self.closures) < MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
             return True
@@ -118,6 +120,7 @@ class Surface:
         return False
 
     def _normal(self, node: Place) -> Operand | None:
+        """The step that computes the node's normal; None for the normal of the surface."""
         normal = node.input("Normal")
         if normal is None:
             return None
@@ -242,6 +245,7 @@ def _transparent(surface: Surface, node: Place, weight: Operand) -> None:
 
 
 def _multiscatter(surface: Surface, node: Place) -> bool:
+    """Whether multiple scattering between facets is compensated. Notes a distribution that is not supported."""
     distribution = node.node.distribution
     if distribution not in ("MULTI_GGX", "GGX"):
         surface.remark(f"{node.node.bl_label}: the distribution {distribution.replace('_', ' ').title()} (GGX is used)")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .images import Gallery
 
 DEEPEST = 100
-"""Longest chain of nodes that is followed."""
+"""Longest chain of nodes that is followed; a recursion reads each."""
 
 MOST_STEPS = 4096
 """Limit of the native module. Nested groups that use each other twice double the steps at each level."""
@@ -65,6 +65,7 @@ class Values:
         self.wait, self.keep_going = wait, keep_going
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
+        # Operands by output or coordinate, and the outputs whose inputs are being read, to detect loops.
         self._known: dict[Any, Operand] = {}
         self._open: list[Any] = []
 
@@ -75,13 +76,13 @@ class Values:
         return len(self.steps) - 1
 
     def coordinate(self, kind: str) -> int:
-        """A property of the shading point."""
+        """The step for a property of the shading point, such as its position."""
         if kind in ("object", "generated", "object_normal") and not self.background:
             self.layers.objects = True
         return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
 
     def layer(self, kind: str, name: str) -> int:
-        """The value of a layer at the shading point."""
+        """The step for the value of a layer at the shading point."""
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number))
 
@@ -116,12 +117,14 @@ class Values:
             return constant(place.socket) if fallback is None else fallback
 
     def _finite(self, constant: Operand, place: Place) -> Operand:
+        """The operand; 0, with a remark, instead of a constant that is not finite."""
         if isinstance(constant, int) or np.isfinite(constant).all():
             return constant
         self.remark(f"A value that is not finite, in {place.socket.name},")
         return 0.0
 
     def _output(self, source: Place) -> Operand:
+        """The operand for an output of a node, whose steps are written once. Raises Unsupported."""
         node, socket = source.node, source.socket
         key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
         if key in self._known:
@@ -149,9 +152,10 @@ class Values:
             raise Unsupported(f"More than {MOST_STEPS} steps")
 
     def _converted(self, operand: Operand, have: str, want: str) -> Operand:
+        """An operand converted between types of sockets, as by `nodes.converted`."""
         if not isinstance(operand, int):
-            taken: Operand = converted(operand, have, want)
-            return taken
+            constant: Operand = converted(operand, have, want)
+            return constant
         # As in Cycles, computed values are not truncated to integers.
         if want not in NUMBERS or have in NUMBERS:
             return operand

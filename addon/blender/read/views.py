@@ -16,12 +16,12 @@ from .camera import lens, window
 def seen(context: Any, origin: F64, pixel: int = 1) -> View:
     """The view of the region that is being drawn, in the scene frame with this origin."""
     region, space, data = context.region, context.space_data, context.region_data
-    looking = camera_object(context)
+    camera = camera_object(context)
     return View(
-        camera=view_camera(data, origin, space, looking),
+        camera=view_camera(data, origin, space, camera),
         width=region.width,
         height=region.height,
-        border=_border(context, looking),
+        border=_border(context, camera),
         pixel=pixel,
     )
 
@@ -35,16 +35,16 @@ def camera_object(context: Any) -> Any:
     return item if item is not None and item.type == "CAMERA" else None
 
 
-def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Camera:
-    """The view as a camera; works alike for perspective, parallel and camera views."""
+def view_camera(view: Any, origin: F64, space: Any, camera: Any = None) -> Camera:
+    """A view as a camera. camera: the camera object that it looks through, None for a perspective or parallel view."""
     to_world = np.linalg.inv(np.array(view.view_matrix, np.float64))
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin
     projection = np.array(view.window_matrix, np.float64)
     parallel = bool(projection[3, 3] == 1.0)
     start, end = space.clip_start, space.clip_end
-    if looking is not None:
-        start, end = looking.data.clip_start, looking.data.clip_end
+    if camera is not None:
+        start, end = camera.data.clip_start, camera.data.clip_end
     elif parallel:
         start = -end  # a parallel view also shows objects behind its plane
     return Camera(
@@ -53,17 +53,17 @@ def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Came
         window=window(projection),
         clip_start=start,
         clip_end=end,
-        **(lens(looking, parallel=parallel) if looking is not None else {}),
+        **(lens(camera, parallel=parallel) if camera is not None else {}),
     )
 
 
-def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
+def _border(context: Any, camera: Any) -> tuple[int, int, int, int] | None:
     """The rendered part of the region in its pixels: the view's border, or the camera's in a camera
     view; None for all.
     """
     region, render = context.region, context.scene.render
     # Choose the border and the frame that it is relative to.
-    if looking is None:
+    if camera is None:
         source = context.space_data
         if not source.use_render_border:
             return None
@@ -72,18 +72,18 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
         source = render
         if not source.use_border:
             return None
-        low, high = _frame(context, looking)
+        low, high = _frame(context, camera)
     # Convert the border to pixels of the region.
     x = np.array(
         [
-            source.render_border_min_x if looking is None else source.border_min_x,
-            source.render_border_max_x if looking is None else source.border_max_x,
+            source.render_border_min_x if camera is None else source.border_min_x,
+            source.render_border_max_x if camera is None else source.border_max_x,
         ]
     )
     y = np.array(
         [
-            source.render_border_min_y if looking is None else source.border_min_y,
-            source.render_border_max_y if looking is None else source.border_max_y,
+            source.render_border_min_y if camera is None else source.border_min_y,
+            source.render_border_max_y if camera is None else source.border_max_y,
         ]
     )
     x0, x1 = np.clip(np.round(low[0] + x * (high[0] - low[0])), 0, region.width).astype(int)
@@ -95,11 +95,11 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
     return int(x0), int(y0), int(x1), int(y1)
 
 
-def _frame(context: Any, looking: Any) -> tuple[F64, F64]:
+def _frame(context: Any, camera: Any) -> tuple[F64, F64]:
     """The lower left and the upper right corner of the camera's frame, in pixels of the region."""
     region, data = context.region, context.region_data
-    to_region = np.array(data.perspective_matrix, np.float64) @ np.array(looking.matrix_world.normalized(), np.float64)
-    corners = np.array([(*corner, 1.0) for corner in looking.data.view_frame(scene=context.scene)])
+    to_region = np.array(data.perspective_matrix, np.float64) @ np.array(camera.matrix_world.normalized(), np.float64)
+    corners = np.array([(*corner, 1.0) for corner in camera.data.view_frame(scene=context.scene)])
     clip = corners @ to_region.T
     points = (clip[:, :2] / clip[:, 3:] + 1) / 2 * (region.width, region.height)
     return points.min(axis=0), points.max(axis=0)

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 ENGINE = "HALFSPACE"
 UPDATE_MILLISECONDS = 400
+"""Interval at which a converging picture is shown."""
+
 BUILD_SHARE = 0.1
 """Share of the progress bar that the build takes."""
 
@@ -63,7 +65,7 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         self._frame = math.nan
 
     def noted(self, depsgraph: Any, notes: Notes) -> Notes:
-        """The notes of all layers and views of this frame so far, these included. Blender renders them one by one."""
+        """The notes of all layers and views of this frame so far, including `notes` of the current one."""
         key, frame = (depsgraph.view_layer.name, self.active_view_get()), depsgraph.scene.frame_float
         if self._frame != frame or key in self._noted:  # an engine may persist over several pictures
             self._noted, self._frame = {}, frame
@@ -154,10 +156,10 @@ class _Picture:
         settings = render_settings(self.engine, self.depsgraph)
         width, height = settings.size
         if not self.group.overlay.show:
-            trees.clear()  # free it first: two trees, or a tree and this picture, need not fit into memory together
+            trees.clear()  # free the last tree first: it may not fit into memory together with this picture's
         room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
-        self._say("Reading the scene")
+        self._show_status("Reading the scene")
         read = self._read(settings)
         built = self._build(module, read, settings)
         tree = self._keep(read, built)
@@ -197,7 +199,7 @@ class _Picture:
         """Build the structure of the settings."""
         spec, label = properties.spec(self.group), properties.structure(self.group).label
         properties.remark_unknown(self.group, self.notes)
-        self._say(f"{label}: building over {scene.geometry.count:,} triangles")
+        self._show_status(f"{label}: building over {scene.geometry.count:,} triangles")
         session = Session.start(
             module,
             scene,
@@ -238,7 +240,7 @@ class _Picture:
                 _copy(job, buffers, origin)
                 self._fill(buffers)
                 self.engine.update_result(self.result)
-            self._say(_summary(built.label, built.session.structure.statistics, job, built.answers))
+            self._show_status(_summary(built.label, built.session.structure.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         _copy(job, buffers, origin)
@@ -255,7 +257,7 @@ class _Picture:
         session, count = built.session, read.scene.geometry.count
         # Update Blender's status and memory display.
         statistics = {**session.structure.statistics, **job.statistics}
-        self._say(_summary(built.label, statistics, job, built.answers))
+        self._show_status(_summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         # Keep the report for the panels.
@@ -310,7 +312,7 @@ class _Picture:
         known = catalogue.load()
         specs, dropped = auto.candidates(known), auto.dropped(known)
         chooser = auto.Chooser(module, workload, plan, specs, settings.threads, limit, dropped)
-        work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
+        work = Background(chooser.steps(), lambda text: self._show_status(f"Choosing a structure: {text}"))
         try:
             while not work.wait(POLL_SECONDS):
                 if not self._building(0.0):
@@ -322,19 +324,22 @@ class _Picture:
         return chooser.result
 
     def _reading(self) -> bool:
+        """Whether to continue: neither the user nor the end of the extension stops the render."""
         return not running.closing() and not self.engine.test_break()
 
     def _building(self, progress: float) -> bool:
+        """Show the progress of a build, 0 to 1. Returns whether to continue."""
         self.engine.update_progress(BUILD_SHARE * progress)
         return self._reading()
 
     def _tracing(self, progress: float) -> bool:
+        """Show the progress of the native render, 0 to 1. Returns whether to continue."""
         self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
         return self._reading()
 
     def _denoise(self, buffers: dict[str, F32], settings: RenderSettings) -> None:
-        """Remove the picture's noise; without the library that is noted, and the noise stays."""
-        self._say("Removing the noise")
+        """Remove the picture's noise. Without the library the noise stays, and a note gives the reason."""
+        self._show_status("Removing the noise")
         try:
             denoising.apply(buffers, settings, self._reading)
         except denoise.DenoiseError as error:
@@ -352,13 +357,15 @@ class _Picture:
             render_pass.rect.foreach_set(buffer)
 
     def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
+        """Note the instances and triangles that the native module dropped, by object."""
         for index in statistics.get("dropped_instances", ()):
             self.notes.add("Dropped, the transform is out of range", geometry.names[index])
         if statistics["dropped_triangles"]:
             for name, count in geometry.faulty_triangles().items():
                 self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)
 
-    def _say(self, text: str) -> None:
+    def _show_status(self, text: str) -> None:
+        """Show a text in the status line of the render."""
         self.engine.update_stats("", text)
 
     def _warn(self) -> None:

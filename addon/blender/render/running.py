@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,6 +18,7 @@ FREE_SECONDS = 1.0
 """Longest wait for Blender to free the engines of ended renders; with persistent data it keeps them."""
 
 STEP_SECONDS = 0.01
+"""Interval of the checks while waiting."""
 
 log = logging.getLogger(__name__)
 
@@ -63,8 +64,8 @@ def stop() -> None:
         _wait(lambda: not _engines, FREE_SECONDS)
 
 
-def _wait(done: Any, seconds: float) -> bool:
-    """Wait, without the interpreter's lock, until `done()`. Returns whether it is."""
+def _wait(done: Callable[[], bool], seconds: float) -> bool:
+    """Wait at most `seconds` until `done()`, without the interpreter's lock. Returns whether it is."""
     end = time.monotonic() + seconds
     while not done():
         if time.monotonic() > end:

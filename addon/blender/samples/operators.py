@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators of the add-on."""
+"""The operator that adds the showcase to the file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class HALFSPACE_OT_showcase(bpy.types.Operator):
 
 
 def register() -> None:
-    """Register the operators."""
+    """Register the operator."""
     bpy.utils.register_class(HALFSPACE_OT_showcase)
 
 

@@ -11,8 +11,11 @@ from ...core.choose.choice import NOT_COMPARED
 
 @dataclass(frozen=True)
 class Report:
-    """Report on a picture. statistics: of structure and render, with the native module's names. reasons: for an
-    automatic choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
+    """Report on a picture.
+
+    label: of the structure. statistics: of structure and render, with the native module's names. left_out: features
+    that were not computed because the scene lacks them. warnings: unsupported features. reasons: for an automatic
+    choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
     instances: whether the scene's instances were kept, and why; "" without instances.
     """
 

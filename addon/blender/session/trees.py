@@ -25,7 +25,7 @@ class Tree:
 
     vertices, triangles: (n, 3) float32 and (m, 3) int32, its input. They are needed to check its answers: the native
     structure does not return them, and the scene may have changed or differ between render and viewport. read: the
-    scene's `moment` when they were read. number: a unique id, which outlives the structure.
+    scene's `moment` when the triangles were read. number: a unique id, which outlives the structure.
     """
 
     structure: Any
@@ -75,7 +75,7 @@ def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: st
 
     Only the fields of `Tree` are kept of the geometry: normals and UVs can take more memory than the triangles.
     """
-    global _tree  # noqa: PLW0603 (one per Blender, as said above)
+    global _tree  # noqa: PLW0603 (one per Blender, see the module's docstring)
     uid, origin = scene.original.session_uid, geometry.origin.copy()
     _tree = Tree(structure, origin, geometry.vertices, geometry.triangles, spec, label, uid, read)
     if not bpy.app.background:
@@ -124,7 +124,9 @@ def note_changes(scene: Any, depsgraph: Any) -> bool:
 
 
 def note_frame(scene: Any, depsgraph: Any) -> bool:
-    """The same after the evaluation of a frame, if the frame is new: each render ends with the frame it began with."""
+    """`note_changes` after the evaluation of a frame, if the frame is new: a render ends by evaluating its first frame
+    again.
+    """
     uid, frame = scene.original.session_uid, scene.frame_float
     if _frames.get(uid) == frame:
         return False

@@ -28,6 +28,7 @@ TWO_LEVELS = (
 
 
 UNKNOWN = "The file's structure is unknown to this version, replaced by"
+"""Note on the structure's label that follows."""
 
 
 def structure(group: Any) -> Structure:
@@ -79,7 +80,7 @@ def spec(group: Any) -> str:
 
 
 def _follow_structure(group: Any, context: Any) -> None:
-    """Set the chosen structure's own defaults, except for parameters with a value that is no structure's default."""
+    """Set the chosen structure's defaults, but keep the user's values: those that are no structure's default."""
     known = catalogue.load()
     for parameter in known[group.structure].parameters:
         value = getattr(group, parameter.name)
@@ -138,6 +139,8 @@ def _structure_items(known: Catalogue) -> list[tuple[Any, ...]]:
 
 
 def _map_properties(known: Catalogue) -> dict[str, Any]:
+    """The properties of the cost maps."""
+    # The number 0 means no second structure, so codes are shifted by one.
     others = [(s.id, s.label, f"{s.summary} {s.paper}", s.code + 1) for s in known.structures]
     return {
         "cost": EnumProperty(
