@@ -46,10 +46,10 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Measure the claims. Raises one of the errors that `main` turns into a line."""
+    """Measure the claims. Returns the exit status. Raises the errors that `main` reports in one line."""
     known = {claim.id: claim for claim in claims_table.CLAIMS}
     if asked.claims == ["list"]:
-        print("\n".join(f"{claim.id}: {claim.says}" for claim in known.values()))
+        print("\n".join(f"{claim.id}: {claim.statement}" for claim in known.values()))
         return 0
     unknown = [name for name in asked.claims if name not in known]
     if unknown:
@@ -57,6 +57,7 @@ def run(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is not None:
         results.prepare_folder(asked.out)
+    # Reuse or measure one claim after the other.
     lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     journal = results.Journal(asked.out) if asked.out is not None else None
@@ -64,7 +65,7 @@ def run(asked: argparse.Namespace) -> int:
     machine = results.machine(module)
     found: list[claims.Result] = []
     for place, claim in enumerate(chosen):
-        key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.says)
+        key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.statement)
         entry = None if journal is None else journal.entries.get(key)
         result = None if entry is None else kept(claim, entry.row)
         if result is None:
@@ -102,7 +103,7 @@ def save(
     quick: bool,
     machines: Mapping[str, dict[str, Any]] | None = None,
 ) -> None:
-    """Write the files, each whole or not at all. machines: known ones, by name. Raises FolderError."""
+    """Write the files atomically. machines: known ones, by name. Raises FolderError."""
     rows = [row for result in found for row in result.as_rows()]
     document = results.document(module, rows, {"quick": quick}, machines)
     page = claims_report.as_html(found, document["machines"], quick=quick)

@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Halfspace beside Cycles on one scene: `python scripts/compare.py FILE [options]`.
+"""Comparison of Halfspace with Cycles on one scene: `python scripts/compare.py FILE [options]`.
 
 FILE: a .blend, or an .npz with the keys of docs/manual.md, which gets a matte surface, a sun, a lamp and a sky; without
 FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
-their difference can be judged beside their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
-(both, and their difference × 8), prints the numbers, and names what each engine left out.
+their difference can be compared with their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
+(both, and their difference × 8), prints the numbers, and lists what each engine left out.
 
-With `--scene NAME` or `--scene all` instead of FILE: the seven scenes that are built to be judged. Each is rendered by
-both, and the verdict printed: the means of all channels within 1 %, no square of 16 × 16 pixels beyond 4 standard
-errors (after Šidák's correction for their number), and the ratio of the times to equal error. With `--slope` besides,
-Halfspace alone renders them: how fast the error of independent samples falls, and of samples as they are rendered.
+`--scene NAME` or `--scene all` instead of FILE: both engines render one or all of the seven scenes that cover the
+renderer's features. The verdict requires means of all channels within 1 % and no square of 16 × 16 pixels beyond 4
+standard errors (after Šidák's correction for the number of squares); the ratio of the times to equal error is printed
+with it. With `--slope` too, Halfspace alone renders them, and the slopes of the error over the number of samples are
+printed, for independent samples and for samples as they are rendered.
 
-With `--whole` the time of a whole render of FILE, from the call behind F12 to the picture, reading the scene and
-building included: by default one sample of 1920 × 1080 pixels, direct light without bounces, and of an .npz a lamp
-without size alone, so that each pixel takes a camera ray and a shadow ray. The engines alternate; medians, and their
-ratio beside the error of the pictures and of the rays. With `--most R` a larger ratio is a failure.
+`--whole`: the time of a whole render of FILE, from the call of the render operator (F12) to the picture, including
+reading the scene and the build. Default: one sample of 1920 × 1080 pixels, direct light without bounces, and for an
+.npz only a lamp without size, so that each pixel takes a camera ray and a shadow ray. The engines alternate; medians
+and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
+failure.
 
-Exit status: 0 compared, and what was asked holds; 1 it does not; 2 bad usage or input, 130 stopped,
-said in one line.
+Exit status: 0 compared, and all requirements hold; 1 some do not; 2 bad usage or input; 130 stopped. Failures are
+reported in one line.
 """
 
 from __future__ import annotations
@@ -42,6 +44,7 @@ from lab.base.places import OUT
 from lab.base.usage import Parser, UsageError, output
 
 DIFFERENT = 1
+"""Exit status if a requirement does not hold."""
 
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
@@ -61,7 +64,7 @@ EXACT = {
     "filter_width": 1.5,
     "sampling_pattern": "TABULATED_SOBOL",
 }
-"""What Cycles is told so that only noise stands between its picture and the exact one."""
+"""Settings of Cycles with which its picture differs from the exact one only by noise."""
 
 
 OURS = {
@@ -114,7 +117,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def work(asked: argparse.Namespace) -> int:
-    """Do what is asked. Returns the exit status."""
+    """Run the comparison that the options select. Returns the exit status."""
     if asked.whole:
         return 0 if time_whole(asked) else DIFFERENT
     if asked.scene is None:
@@ -124,7 +127,8 @@ def work(asked: argparse.Namespace) -> int:
 
 
 def read(arguments: Sequence[str]) -> argparse.Namespace:
-    """The command line with the defaults of what it asks for. Raises UsageError."""
+    """The command line with the defaults of its comparison. Raises UsageError."""
+    # Reject options that do not belong together.
     asked = parser().parse_args(arguments)
     if asked.scene is None:
         for name in ("slope", "plant"):
@@ -138,6 +142,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         raise UsageError("--whole: renders a file, not --scene")
     if asked.most is not None and not (asked.whole and asked.most > 0):
         raise UsageError("--most: expected --whole and a ratio above 0")
+    # Set the defaults, which depend on the comparison, and check the ranges.
     usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
     if asked.whole:
         runs = asked.runs if asked.runs is not None else 7
@@ -177,7 +182,7 @@ def run(asked: argparse.Namespace) -> None:
 
 
 def judge_scenes(asked: argparse.Namespace) -> bool:
-    """Build, render and judge the scenes asked for. Returns whether all are the same in both engines."""
+    """Build, render and judge the scenes of `--scene`. Returns whether all are the same in both engines."""
     from lab.pictures import comparison
 
     bpy = _start(asked)
@@ -186,6 +191,7 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
     verdicts = []
     for name in _built(bpy, asked.scene):
         found, seconds = _render_both(bpy, asked, name)
+        # Darken the middle of Halfspace's pictures to show that the verdict fails.
         if asked.plant is not None:
             pictures = found["HALFSPACE"].pictures.copy()
             height, width = pictures.shape[1:3]
@@ -210,7 +216,7 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
 
 
 def time_whole(asked: argparse.Namespace) -> bool:
-    """Time whole renders, with the error of the pictures and of the rays. Returns whether all holds."""
+    """Time whole renders, with the errors of the pictures and of the rays. Returns whether all requirements hold."""
     from lab.pictures import comparison
 
     bpy = _start(asked)
@@ -227,7 +233,7 @@ def time_whole(asked: argparse.Namespace) -> bool:
     for line in times.lines():
         print(f"  {line}")
     print(f"  Halfspace over Cycles: {ratio:.3f} by the clock, {worked:.3f} by the processor")
-    # Squares are not judged: so few samples tell too little of their noise.
+    # Print no squares: with so few samples the estimate of their noise is too uncertain.
     for line in comparison.compare(found["HALFSPACE"], found["CYCLES"]).lines()[:2]:
         print(f"  {line}")
     print(f"  {checked.errors.rays:,} rays of {asked.structure} compared with brute force: ", end="")
@@ -237,13 +243,13 @@ def time_whole(asked: argparse.Namespace) -> bool:
 
 
 def judge_slopes(asked: argparse.Namespace) -> bool:
-    """Fit the slopes of RMSE on the scenes asked for. Returns whether those of independent samples are right."""
+    """Fit the slopes of RMSE on the scenes of `--scene`. Returns whether those of independent samples are right."""
     from addon.core.measure import curve
 
     bpy = _start(asked)
     from addon.blender.measure import pictures
 
-    # The largest means, of a quarter of the pictures, are four: of one alone chance would decide.
+    # Average at most a quarter of the pictures: four such means are left, while chance would decide about a single one.
     counts = [1 << k for k in range(asked.samples.bit_length()) if 4 << k <= asked.samples]
     if len(counts) < 3:
         raise UsageError("--samples: expected at least 16 to fit a slope")
@@ -285,7 +291,7 @@ def _built(bpy: Any, asked: str) -> Iterator[str]:
 
 
 def _set_picture(scene: Any, asked: argparse.Namespace) -> None:
-    """The size and the threads of both engines' pictures."""
+    """Set size and threads of the pictures, for both engines."""
     render = scene.render
     render.resolution_x, render.resolution_y = _size(asked.size)
     render.resolution_percentage = 100
@@ -315,7 +321,7 @@ def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[s
 
 
 def _prepare(scene: Any, asked: argparse.Namespace, name: str) -> None:
-    """Tell both engines the same. Raises UsageError."""
+    """Give both engines the same settings. Raises UsageError."""
     if scene.camera is None:
         raise UsageError(f"{name}: the scene has no camera")
     _set_picture(scene, asked)
@@ -350,6 +356,7 @@ def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[st
 
 
 def _print_left_out(scene: Any) -> None:
+    """Print what each engine left out of the last pictures."""
     from addon.blender.session import reports
 
     report = reports.last(scene)
@@ -364,11 +371,13 @@ def _print_left_out(scene: Any) -> None:
 
 
 def _run(pictures: Any, scene: Any, seed: int) -> Any:
+    """Render one picture with this seed, by the scene's engine."""
     scene.halfspace.render_seed = scene.cycles.seed = seed
     return pictures.render(scene)
 
 
 def _size(text: str) -> tuple[int, int]:
+    """Width and height of `WIDTHxHEIGHT`. Raises UsageError."""
     width, _, height = text.partition("x")
     if not all(specs.is_whole(side) and 8 <= int(side) <= LARGEST for side in (width, height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT of 8x8 to {LARGEST}x{LARGEST}, got {text!r}")
@@ -376,7 +385,10 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> str:
-    """Open the scene, always from a .blend of its own. Returns its name. lights: of an .npz, None for all."""
+    """Open a scene. Returns its name. lights: of an .npz, None for all.
+
+    A scene that was generated is saved and opened again, so that both engines read a .blend.
+    """
     from lab.pictures import scenes
 
     name = scenes.open_file(file, lights)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Halfspace at work: `python3 scripts/demo.py`. Needs only Python and cargo; sets up the rest.
+"""A demonstration: `python3 scripts/demo.py`. Needs only Python and cargo; sets up the rest.
 
-Renders the built-in showcase through Blender's module, then compares six structures on it: how fast, how wrong.
+Renders the built-in showcase through Blender's module, then measures speed and errors of six structures on it.
 Exit status: 0 success; 2 bad usage, or the set-up failed; 130 stopped; else that of the step that failed.
 """
 
@@ -37,7 +37,7 @@ STEPS = {
 
 def main(arguments: Sequence[str]) -> int:
     """Set up, then run all steps. Returns the exit status of the first that fails, 130 if stopped."""
-    # Imported here: the Python that starts this script may be too old for it.
+    # Import here: the Python that starts this script may be too old for these modules.
     sys.path.insert(0, str(ROOT))
     from addon.core.base import command
     from lab.base.usage import Parser

@@ -41,7 +41,7 @@ PLATFORMS = {
     r"macosx_.*_arm64": "macos-arm64",
     r"macosx_.*_x86_64": "macos-x64",
 }
-"""A wheel's platform tag to the name that Blender gives the platform."""
+"""Blender's name of a platform by the pattern of a wheel's platform tag."""
 
 
 BLENDER_GLIBC = (2, 28)
@@ -49,11 +49,11 @@ BLENDER_GLIBC = (2, 28)
 
 
 class PackageError(RuntimeError):
-    """The extension cannot be packaged. The message says why."""
+    """The extension cannot be packaged. The message gives the reason."""
 
 
-TOLD = (PackageError, wheel.BuildError, environment.SetupError)
-"""The errors that end the command with one line."""
+REPORTED = (PackageError, wheel.BuildError, environment.SetupError)
+"""Errors that the command reports in one line."""
 
 
 def platform_of(wheel_name: str) -> str:
@@ -204,11 +204,11 @@ def main(arguments: Sequence[str]) -> int:
         help="on Linux, build a wheel that runs wherever Blender does (minutes, and a download the first time)",
     )
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
-    return command.run("package", arguments, parser.parse_args, run, told=TOLD)
+    return command.run("package", arguments, parser.parse_args, run, told=REPORTED)
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Package as the arguments say. Returns the exit status."""
+    """Package with these arguments. Returns the exit status."""
     target = package(asked.wheel, asked.out, portable=asked.portable)
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
     return 0

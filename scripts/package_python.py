@@ -28,10 +28,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "halfspace"
 
 FOLDERS = {"addon/core": "core", "addon/blender": "blender", "lab": "lab"}
-"""Folders of the repository to those of the package."""
+"""Folder of the package by folder of the repository."""
 
 FILES = {"native/python/halfspace_native.pyi": "../halfspace_native-stubs/__init__.pyi", "docs/manual.md": "manual.md"}
-"""Single files to their places in the package. The stub serves type checkers as PEP 561 prescribes."""
+"""Place in the package by single file of the repository. The stub serves type checkers as PEP 561 prescribes."""
 
 COMMANDS = ("bench", "choose", "claims", "compare", "export", "growth", "render", "stability")
 """The scripts that become commands."""
@@ -44,7 +44,7 @@ RENAMED = (
     (re.compile(r"^(\s*)from addon\.(?=core|blender)", re.MULTILINE), r"\1from halfspace."),
     (re.compile(r"^(\s*)from lab(?=[. ])", re.MULTILINE), r"\1from halfspace.lab"),
 )
-"""Imports of the repository's packages, and what takes their place."""
+"""Patterns of imports from the repository's packages, and their replacements."""
 
 
 class DistributionError(RuntimeError):
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Build as the arguments say. Returns the exit status."""
+    """Build with these arguments. Returns the exit status."""
     for path in build(asked.out):
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0

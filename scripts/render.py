@@ -3,8 +3,8 @@
 
 FILE: a .blend, or bare geometry (an .npz with the keys of the manual, .ply, .stl, .obj), which gets a matte surface, a
 sun, a lamp and a sky. Without it the built-in showcase is rendered. Where the module bpy is missing, only bare geometry
-is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input, 130 stopped; either said in one line, and an
-older picture of that name stays.
+is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input; 130 stopped. Failures are reported in one line,
+and leave an older picture of the same name unchanged.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lab.bench import mesh_files
 from lab.pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
-"""What Blender's own settings go up to."""
+"""Largest values of Blender's own settings."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -79,9 +79,9 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def render(asked: argparse.Namespace) -> int:
-    """Render with Blender's module, if there is one. Returns the exit status.
+    """Render with Blender's module, or bare geometry without it. Returns the exit status.
 
-    Raises what opening, building and rendering raise.
+    Raises the exceptions of opening, building and rendering.
     """
     native.load()
     if importlib.util.find_spec("bpy") is None:
@@ -96,6 +96,7 @@ def render(asked: argparse.Namespace) -> int:
     from addon.blender.settings import properties
     from lab.pictures import scenes
 
+    # Open the file, apply the options and render.
     scenes.open_file(asked.file)
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
@@ -107,12 +108,13 @@ def render(asked: argparse.Namespace) -> int:
         if not picture.is_file():
             raise RuntimeError("nothing was rendered")
         seconds = time.perf_counter() - start
+    # Print the picture's size, structure and checked answers.
     width, height = _size(asked.out)
     tree = trees.last(scene)
     spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
     report = reports.last(scene)
     answers = choice.NOT_COMPARED if report is None else report.answers
-    # No time without the errors of what it took. The report is of the last view layer alone.
+    # Print a time only together with the errors of all that it covers; the report covers the last view layer alone.
     is_known = answers != choice.NOT_COMPARED and sum(layer.use for layer in scene.view_layers) == 1
     took = f" in {seconds:.1f} s" * is_known
     print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
@@ -137,7 +139,7 @@ def render_bare(asked: argparse.Namespace) -> int:
 
 
 class _Progress:
-    """Prints what the engine tells of its progress, now and then."""
+    """Handler of Blender's `render_stats` that prints the engine's status line, at most once in SECONDS."""
 
     SECONDS = 5.0
 
@@ -147,12 +149,13 @@ class _Progress:
     def __call__(self, stats: Any, *_: Any) -> None:
         if isinstance(stats, str) and time.monotonic() - self.last >= self.SECONDS:
             self.last = time.monotonic()
-            with contextlib.suppress(command.OutputError):  # Blender would print where it came from; the end tells it
+            # Blender would print a traceback; the command reports a failed output at its end.
+            with contextlib.suppress(command.OutputError):
                 print(f"[render] {stats}", flush=True)
 
 
 def _configure(scene: Any, asked: argparse.Namespace) -> None:
-    """Tell the scene what is asked. Raises UsageError."""
+    """Apply the options to the scene. Raises UsageError."""
     from addon.blender.measure import pictures
     from addon.blender.settings import presets
 
@@ -177,7 +180,7 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
 
 
 def _size(picture: Path) -> tuple[int, int]:
-    """The width and height that a .png itself tells, since borders may have cropped it."""
+    """The width and height in the header of a .png, which a render border may have cropped."""
     with picture.open("rb") as file:
         width, height = struct.unpack(">II", file.read(24)[16:])
     return width, height

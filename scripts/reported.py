@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reported wrong answers of other ray tracers, theirs and ours: `python scripts/reported.py [--write]`.
 
-Prints the table of docs/correctness.md; with --write puts it there. Exit status: 0 no structure answers wrongly; 1 some
-structure does; 2 bad usage; 130 stopped.
+Prints the table of docs/correctness.md; with --write replaces it in the page. Exit status: 0 no structure answers
+wrongly; 1 some structure does; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Print the table, and write it if asked. Returns the exit status."""
+    """Print the table, and write it with --write. Returns the exit status."""
     tracers, missing = answers.others()
     for reason in missing:
         print(f"[reported] not measured: {reason}")
@@ -49,5 +49,6 @@ def run(asked: argparse.Namespace) -> int:
 
 
 if __name__ == "__main__":
+    # Inside Blender, this script's arguments follow a "--".
     split = sys.argv.index("--") + 1 if "--" in sys.argv else 1
     sys.exit(main(sys.argv[split:]))

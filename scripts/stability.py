@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How often each structure answers wrongly on extreme scenes, against brute force and exact arithmetic.
+"""Number of wrong answers of each structure on extreme scenes, against brute force and exact arithmetic.
 
-`python scripts/stability.py [options]` prints structure by case and what leaks out of closed surfaces. With `--long N`
-it compares N answers on random and extreme scenes instead, with `--scenes` camera rays, shadow rays and bounces on
-whole scenes. All of them go on where an earlier run with the same `--out` ended, but for the leaks. Exit status: 0 no
-structure differs; 1 some structure does; 2 bad usage; 130 stopped.
+`python scripts/stability.py [options]` prints a table of structures and cases, and the rays that leak out of closed
+surfaces. With `--long N` it compares N answers on random and extreme scenes instead, with `--scenes` camera rays,
+shadow rays and bounces on whole scenes. All measurements except the leaks continue an earlier run with the same
+`--out`. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bu
 """A scanned surface whose few holes are closed by fans."""
 
 INSIDE_BUNNY = (-0.025, 0.1, 0.0), 0.015
-"""A point in its body and the radius of a ball inside."""
+"""Centre and radius of a ball inside the bunny."""
 
 RAYS = 100_000
-"""Of each set with `--scenes`."""
+"""Default number of rays of each set with `--scenes`."""
 
 MOST = 1e18
+"""Limit on the numbers of --long and --seconds."""
 
 MEANINGLESS = {
     "long": ("scenes", "leaks_only", "leak_rays", "size"),
     "scenes": ("leaks_only", "leak_rays", "size"),
     "leaks_only": ("out",),
 }
-"""Options that say nothing beside another one, by that one."""
+"""For each option, the options that have no meaning together with it."""
 
-SAY_SECONDS = 30.0
-"""How often a long run tells how far it is."""
+PROGRESS_SECONDS = 30.0
+"""Interval of the progress lines of a long run."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -75,7 +76,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
+    """Check everything, then measure. Returns the exit status. Raises the errors that `main` reports in one line."""
+    # Check the options and choose the configurations.
     check(asked)
     asked.size, asked.rays = asked.size or "small", asked.rays or RAYS
     module = native.load()
@@ -89,7 +91,7 @@ def run(asked: argparse.Namespace) -> int:
         chosen = [spec for spec in chosen if not is_brute(spec)]
     if not chosen:
         raise UsageError("--structures: nothing to compare with brute force")
-    if asked.leaks_only and not asked_of_leaks(chosen, asked):
+    if asked.leaks_only and not with_leaks(chosen, asked):
         raise UsageError("--structures: no rays leave closed surfaces through brute force with --size large")
     scenes = [workload.find(name, built_in=("grid",)) for name in asked.scenes or ()]
     if asked.out is not None:
@@ -100,6 +102,7 @@ def run(asked: argparse.Namespace) -> int:
         limit = module.free_memory()
         loaded = [grid.workload() if s == "grid" else workload.load_npz(Path(s), memory_limit=limit) for s in scenes]
         return run_scenes(module, chosen, loaded, asked)
+    # Measure leaks alone, or the cases and leaks.
     start = time.monotonic()
     if asked.leaks_only:
         leaking = find_leaks(module, chosen, asked)
@@ -108,6 +111,7 @@ def run(asked: argparse.Namespace) -> int:
     rows = measure_cases(module, chosen, asked)
     leaking = find_leaks(module, chosen, asked)
     wrong = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.differs(row)]
+    # Print the tables, and what they leave out.
     print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
     for name, most in stability.MOST_RAYS.get(asked.size, {}).items():
         say(f"of {name} {most} rays, since each takes long")
@@ -124,7 +128,7 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def check(asked: argparse.Namespace) -> None:
-    """Whether each option is in range and means something beside the others. Raises UsageError."""
+    """Check that each option is in range and has a meaning together with the others. Raises UsageError."""
     if asked.long is not None and not 0 < asked.long <= MOST:
         raise UsageError(f"--long: expected a number above 0, up to {MOST:g}, got {asked.long:g}")
     if asked.seconds is not None and not 0 <= asked.seconds <= MOST:
@@ -148,12 +152,13 @@ def check(asked: argparse.Namespace) -> None:
 
 
 def is_brute(spec: str) -> bool:
-    """Whether the configuration is one of brute force itself."""
+    """Whether the configuration is brute force itself."""
     return specs.structure_of(spec) == "brute"
 
 
 def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
-    """The rows of all extreme cases; those of an earlier run with the same folder are taken over, case by case."""
+    """The rows of all extreme cases; those of an earlier run with the same folder are reused, case by case."""
+    # A row is reused only if everything that it depends on is the same.
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
     pairs = stability.EXACT_PAIRS[asked.size]
@@ -184,14 +189,15 @@ def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) 
 
 
 def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> int:
-    """Compare answers until there are enough. Returns the exit status."""
+    """Compare answers, block by block, until their number or the time is reached. Returns the exit status."""
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [module.__version__, results.native_fingerprint(module), trials.VERSION, chosen, asked.seed]
     machine = results.machine(module)
-    start = said = time.monotonic()
+    start = shown = time.monotonic()
     totals: dict[str, stability.Row] = {}
     done = number = earlier = 0
     seconds = 0.0
+    # Reuse or measure one block after the other, and sum up their rows.
     while done < asked.long:
         key = results.key(*fixed, number)
         found = journal.entries.get(key) if journal is not None else None
@@ -213,8 +219,8 @@ def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> in
                 say(f"{row['spec']} differs in trial {trial} of seed {asked.seed}")
         seconds += kept["seconds"]
         number += 1
-        if time.monotonic() - said >= SAY_SECONDS:
-            said = time.monotonic()
+        if time.monotonic() - shown >= PROGRESS_SECONDS:
+            shown = time.monotonic()
             say(f"{number:,} blocks, {done:,} of {asked.long:,.0f} answers")
     rows = list(totals.values())
     print(stability.table(rows))
@@ -229,7 +235,7 @@ def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> in
 
 
 def is_whole_block(kept: dict[str, Any]) -> bool:
-    """Whether a block of a journal has all that is told of it."""
+    """Whether a block of a journal has all columns that are reported."""
     rows = kept.get("rows", [{}])
     return "seconds" in kept and all(stability.is_whole(row, "wrong_in") for row in rows)
 
@@ -239,6 +245,7 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
     rows: list[stability.Row] = []
+    # Reuse or measure the row of each configuration; the rays and their answers are made when the first row needs them.
     for place, scene in enumerate(loaded):
         dropped = 0
         program = [module.__version__, results.native_fingerprint(module), stability.VERSION]
@@ -251,8 +258,8 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
             if row is None or not stability.is_whole(row, "statistics", "broken", "seconds"):
                 if not questions:
                     questions = agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
-                    told = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)
-                    say(f"{scene.name}, {len(scene.triangles):,} triangles: {told} rays (of them by brute force)")
+                    counts = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)
+                    say(f"{scene.name}, {len(scene.triangles):,} triangles: {counts} rays (of them by brute force)")
                 began = time.process_time()
                 row = agreement.row(module, scene, spec, questions, threads=asked.threads)
                 row["seconds"] = time.process_time() - began
@@ -276,23 +283,23 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
 
 
 def wrong(row: stability.Row) -> bool:
-    """Whether answers on a scene differ, or the structure is broken."""
+    """Whether answers on a scene differ, or an invariant of the structure is violated."""
     return stability.differs(row) or bool(row["broken"])
 
 
-def asked_of_leaks(chosen: list[str], asked: argparse.Namespace) -> list[str]:
+def with_leaks(chosen: list[str], asked: argparse.Namespace) -> list[str]:
     """The configurations whose leaks are counted: in large surfaces brute force would take too long."""
     return [spec for spec in chosen if asked.size != "large" or not is_brute(spec)]
 
 
 def find_leaks(module: Native, chosen: list[str], asked: argparse.Namespace) -> bool:
-    """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
+    """Trace rays from inside closed surfaces and print the leaks. Returns whether any structure leaks that must not."""
     large = asked.size == "large"
     count = asked.leak_rays if asked.leak_rays is not None else (1_000_000 if large else 10_000)
     if not count:
         say("no rays are sent out of closed surfaces")
         return False
-    specs = asked_of_leaks(chosen, asked)
+    specs = with_leaks(chosen, asked)
     surfaces = list(leaks.surfaces(5 if large else 3))
     if BUNNY.is_file():
         surfaces.append(leaks.from_file(BUNNY, *INSIDE_BUNNY))
@@ -300,15 +307,15 @@ def find_leaks(module: Native, chosen: list[str], asked: argparse.Namespace) -> 
         say(f"the bunny is left out: {BUNNY} is not there")
     found = leaks.count_leaks(module, specs, surfaces, count, asked.seed, threads=asked.threads)
     for spec, leaking in found.items():
-        told = ", ".join(f"{name} {leaking[name]:,}" for name, *_ in surfaces)
-        say(f"leaks of {spec} in {count:,} rays from inside each: {told}")
+        counts = ", ".join(f"{name} {leaking[name]:,}" for name, *_ in surfaces)
+        say(f"leaks of {spec} in {count:,} rays from inside each: {counts}")
     ours = [spec for spec in specs if not stability.allowed_to_fail(spec)]
     say(f"{len(ours) * len(surfaces) * count:,} rays in all, {sum(found[spec].total() for spec in ours):,} leaks")
     return any(found[spec].total() for spec in ours)
 
 
 def save(folder: Path, document: dict[str, Any]) -> None:
-    """Write the files, each whole or not at all. Raises FolderError."""
+    """Write the files atomically. Raises FolderError."""
     with results.writing(folder):
         results.write_all(
             {
@@ -321,7 +328,7 @@ def save(folder: Path, document: dict[str, Any]) -> None:
 
 
 def say(text: str) -> None:
-    """Tell what is being done."""
+    """Print a line of progress."""
     print(f"[stability] {text}", flush=True)
 
 

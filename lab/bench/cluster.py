@@ -34,6 +34,7 @@ ATTEMPTS = 3
 """Number of attempts per row. A row whose worker died on each of them is given up: it may be the cause."""
 
 POLL_SECONDS = 1.0
+"""Interval at which workers and rows are checked."""
 
 START_SECONDS = 60.0
 """Time limit for the first worker to appear, in seconds."""
@@ -105,7 +106,7 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
 
 
 def _package(folder: Path) -> Path:
-    """Zip `addon.core` and `lab`, which need no Blender, for workers to import; returns the path."""
+    """Zip `addon.core` and `lab`, which need no Blender, for workers to import. Returns the path."""
     path = folder / "halfspace-core.zip"
     written = set()
     with zipfile.ZipFile(path, "w") as archive:

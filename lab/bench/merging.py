@@ -58,9 +58,10 @@ def check(merged: Journal) -> None:
 
 def differing(merged: Journal, runs: set[str]) -> str:
     """Those of the shared options in which these runs differ, by their names on the command line."""
-    asked = [merged.asked.options.get(run) for run in runs]
-    known = [options for options in asked if options is not None]
-    if len(known) < len(asked) and len(asked) > 1:
+    recorded = [merged.asked.options.get(run) for run in runs]
+    known = [options for options in recorded if options is not None]
+    # A run without recorded options is not comparable with any other.
+    if len(known) < len(recorded) and len(recorded) > 1:
         return "options"
     return ", ".join(
         name for key, name in ABOUT_RAYS.items() if any(options.get(key) != known[0].get(key) for options in known)

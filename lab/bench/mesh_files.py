@@ -36,10 +36,10 @@ SCALARS = {
     }.items()
     for name in names.split()
 }
-"""Names of PLY's scalar types to those of NumPy."""
+"""NumPy's types by PLY's names of scalar types."""
 
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-"""PLY's formats to NumPy's signs of their byte orders."""
+"""NumPy's sign of the byte order by PLY's format."""
 
 
 STL_HEAD = 1024
@@ -99,8 +99,9 @@ class Element:
 
 
 Columns = dict[str, NDArray[np.float64]]
-"""The columns of a PLY element by name. A list becomes two: its items, end to end, and `NAME#`, their numbers by
-row."""
+"""The columns of a PLY element by name. A list becomes two columns: the items of all rows, end to end, and `NAME#`, the
+number of items of each row.
+"""
 
 
 def read_ply(data: bytes) -> Mesh:
@@ -163,7 +164,7 @@ def _binary_element(body: bytes, place: int, order: str, element: Element) -> tu
     """The columns of an element that begins at a byte, and the byte after it. Raises ValueError."""
     if not element.count or not element.properties:
         return _empty(element), place
-    # Try rows of equal length, with the lists of the first row.
+    # Read all rows at once if every list has the length that it has in the first row.
     fields: list[tuple[str, str] | tuple[str, str, int]] = []
     width = place
     for one in element.properties:
@@ -223,7 +224,9 @@ def _empty(element: Element) -> Columns:
 
 
 def _fans(corners: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Polygons as triangles, (m, 3). corners: of all polygons, end to end. counts: of each; below 3 it is dropped."""
+    """Polygons as triangles, (m, 3). corners: of all polygons, end to end. counts: number of corners of each polygon;
+    polygons with fewer than 3 are dropped.
+    """
     starts = np.cumsum(counts) - counts
     parts = np.maximum(counts - 2, 0)
     first = np.repeat(starts, parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes that commands name: files, scenes of a folder by their names, and those that are built in."""
+"""The scenes of command lines: files, scenes of a folder by their names, and built-in ones."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from addon.core.scene import grid, workload
 from ..base.usage import UsageError
 from . import mesh_files
 
+# Suffixes of scene files.
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
 OPEN_FILE = "open file"

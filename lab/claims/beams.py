@@ -166,7 +166,7 @@ def links_gain(lab: Lab) -> Iterator[Outcome]:
             configuration,
             verdict(holds=gain > 0 and saved[-1][1] > saved[0][1]),
             f"links save {gain * 1e9:.1f} ns a ray, {saved[-1][1] * 1e3:.1f} ms at 1280×1024, and cost "
-            f"{(build[0] - build[1]) * 1e6:.0f} µs of the build ({made.told}) and "
+            f"{(build[0] - build[1]) * 1e6:.0f} µs of the build ({made.method}) and "
             f"{(size[0] / size[1] - 1) * 100:.0f} % more memory",
             counters(times, specs),
             lab.error(workload, specs),

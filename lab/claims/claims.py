@@ -85,7 +85,7 @@ class Claim:
 
     id: str
     paper: str
-    says: str
+    statement: str
     measure: Callable[[Lab], Iterable[Outcome]]
     scenes: tuple[str, ...] = ()
 
@@ -113,7 +113,7 @@ class Result:
         for outcome in self.outcomes:
             row = asdict(outcome)
             charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
-            about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says}
+            about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.statement}
             yield {**about, "machine": self.machine, **row, "charts": charts}
 
 
@@ -149,7 +149,7 @@ class Builds:
     count: int
 
     @property
-    def told(self) -> str:
+    def method(self) -> str:
         """The kind of these seconds, as text."""
         return "one build each" if self.count == 1 else f"medians of {self.count} builds"
 

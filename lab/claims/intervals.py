@@ -61,8 +61,8 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=faster >= BUILDS and share <= MEMORY),
             f"{workload.name}, {len(workload.triangles):,} triangles: {INTERVALS} builds in "
             f"{builds[INTERVALS] * 1e3:.0f} ms, {kd} in {builds[kd] * 1e3:.0f} ms, {faster:.1f} times as long "
-            f"({made.told}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, {share:.2f} "
-            f"(limit: {MEMORY:g})",
+            f"({made.method}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, "
+            f"{share:.2f} (limit: {MEMORY:g})",
             "; ".join(
                 f"{spec} {int(s['nodes_axis']):,} inner nodes, {int(s['references']):,} triangles in leaves"
                 for spec, s in zip((INTERVALS, kd), small, strict=True)
@@ -91,7 +91,7 @@ def to_image(lab: Lab) -> Iterator[Outcome]:
             "; ".join(
                 f"{spec}: build {builds[spec] * 1e3:.0f} ms, picture {frames[spec] * 1e3:.0f} ms" for spec in specs
             )
-            + f" (builds: {made.told})",
+            + f" (builds: {made.method})",
             lab.error(workload, specs),
             {spec: total[spec] for spec in specs},
             (

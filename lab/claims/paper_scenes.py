@@ -50,8 +50,3 @@ def _objects(name: str, centres: F64, size: float, rng: np.random.Generator) -> 
     triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
     view = View(np.array([0.9, -3.4, 1.3]), np.zeros(3), np.array([0.0, 0.0, 1.0]), 40.0)
     return Workload(name, vertices, triangles, view)
-
-
-def _unit(vectors: F64) -> F64:
-    unit: F64 = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return unit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measured claims as text and as one self-contained HTML page: published beside measured, with plots."""
+"""Measured claims as text and as one self-contained HTML page: published and measured values, with plots."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CLASSES = {HOLDS: "holds", FAILS: "fails"}
 
 def as_text(result: Result) -> str:
     """A claim and its outcomes, for a terminal."""
-    lines = [f"{result.claim.id}: {result.claim.says}"]
+    lines = [f"{result.claim.id}: {result.claim.statement}"]
     for outcome in result.outcomes:
         lines.append(f"  {outcome.verdict.upper()} ({outcome.configuration}): {outcome.measured}")
         lines += [f"      {line}" for line in (outcome.why, outcome.error) if line]
@@ -89,7 +89,7 @@ def _claim(result: Result) -> str:
     place = f" <em>Measured on</em> {html.escape(result.machine)}." if result.machine else ""
     return (
         f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
-        f"<p><em>Published:</em> {html.escape(result.claim.says)}{place}</p>"
+        f"<p><em>Published:</em> {html.escape(result.claim.statement)}{place}</p>"
         f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th></tr>{''.join(rows)}</table>"
         f"{''.join(map(draw, charts))}"
     )

@@ -43,10 +43,16 @@ OTHERS = {
     ("bsp-ize-kd", 0): {"leg": 0.95, "sponza": 1.09, "conference": 0.93},
     ("rbsp-kd", 13): {"leg": 0.84, "sponza": 0.94, "conference": 0.93},
 }
+"""The published medians of trees of other authors, as shares of the kd-tree's time."""
 
 CHOSEN = (("bsp-wn-plus-kd", 6), ("bsp-cn-plus-kd", 6))
+"""The thesis's best trees and their number of directions."""
+
 PLAIN = (("bsp-wn", 6), ("bsp-cn", 6), ("bsp-random", 10), ("bsp-random", 2))
+"""Trees without the axes, and their number of directions."""
+
 GAIN_K = (3, 4, 6, 8)
+"""Numbers of directions over which the gain of one normal is measured."""
 
 SLOW_RANDOM = 4.4
 """Published time of two random directions on the thesis's Sponza, relative to the kd-tree's."""
@@ -56,7 +62,7 @@ BUILDS, IZE_BUILDS = 50.0, 200.0
 
 
 AXES = 3
-"""K with which trees that try the axes first try nothing else."""
+"""Number of directions with which trees that try the axes first try only these."""
 
 
 def spec(configuration: str, tree: tuple[str, int]) -> str:
@@ -99,11 +105,11 @@ def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[t
     """Nodes, leaves and tests per ray, of the kd-tree and of the trees, as text."""
     specs = {BASES[configuration]: BASES[configuration]} | {label(t): spec(configuration, t) for t in trees}
     found = measured(lab, workload, list(specs.values()))
-    told = []
+    parts = []
     for name, one in specs.items():
         mean = found[one].counters
-        told.append(f"{name} {mean['steps']:.1f} nodes, {mean['leaves']:.1f} leaves, {mean['tests']:.1f} tests")
-    return f"per ray: {'; '.join(told)}{counting.remark(specs, lab.native)}"
+        parts.append(f"{name} {mean['steps']:.1f} nodes, {mean['leaves']:.1f} leaves, {mean['tests']:.1f} tests")
+    return f"per ray: {'; '.join(parts)}{counting.remark(specs, lab.native)}"
 
 
 def nowhere(lab: Lab) -> Iterator[Outcome]:
@@ -123,7 +129,7 @@ def published_times(
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
             shares = ratios(lab, workload, configuration, trees)
-            told = "; ".join(
+            text = "; ".join(
                 f"{label(tree)} {share:.2f} (published: {published[tree][name]:.2f})"
                 for tree, share in zip(trees, shares, strict=True)
             )
@@ -131,7 +137,7 @@ def published_times(
             yield Outcome(
                 configuration,
                 verdict(holds=holds),
-                f"{workload.name}: of the time of {base}: {told}",
+                f"{workload.name}: of the time of {base}: {text}",
                 counters(lab, workload, configuration, trees),
                 lab.error(workload, [base, *(spec(configuration, tree) for tree in trees)]),
                 {label(tree): share for tree, share in zip(trees, shares, strict=True)},
@@ -256,7 +262,7 @@ def long_builds(lab: Lab) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=swept >= BUILDS and ize >= IZE_BUILDS),
-                f"{name}: times the build of {base}, {seconds[base]:.2f} s ({made.told}): "
+                f"{name}: times the build of {base}, {seconds[base]:.2f} s ({made.method}): "
                 + ", ".join(f"{k} {v:.1f}" for k, v in times.items())
                 + " (published: 86 to 117, after Ize 196 to 353)",
                 "the area of a cut cell comes from sums kept along the sweep, not from cutting the cell anew for every "

@@ -6,6 +6,7 @@ At most seven configurations and Embree are coloured, the same ones in all figur
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,6 +23,7 @@ from addon.core.report.report import set_names
 from .figure import Axis, Figure, Series, counting, logarithmic
 
 PLACES = {"here": "in place", "far": "100,000 sizes away", "grid": "touching boxes"}
+"""Captions of the scenes on which errors are measured, by their names in rows."""
 
 PEER = Mark(INK, "X", "Cycles", 5.5, 1.2, 5)
 
@@ -83,7 +85,7 @@ def _answers(rows: Sequence[Row]) -> Iterator[Figure]:
             series, named = [], set()
             for dot in dots:
                 mark = marks[dot.spec]
-                # One entry of the legend for both variants of a configuration.
+                # Give both variants of a configuration one entry of the legend.
                 shown = mark if dot.spec not in named else replace(mark, label=None, order=mark.order)
                 named.add(dot.spec)
                 series.append(Series(shown, (dot.ns,), (dot.value or zero,), joined=False, hollow=not dot.bounds))
@@ -198,7 +200,7 @@ def _costs(rows: Sequence[Row]) -> Iterator[Figure]:
     marks = marks_of(rows)
     points = zip(found.specs, found.expected, found.measured, strict=True)
     series = [Series(marks[spec], (float(x),), (float(y),), joined=False) for spec, x, y in points]
-    note = "" if found.pearson != found.pearson else f"Pearson {found.pearson:.2f}, Spearman {found.spearman:.2f}"
+    note = "" if math.isnan(found.pearson) else f"Pearson {found.pearson:.2f}, Spearman {found.spearman:.2f}"
     yield Figure(
         "sah-time",
         "Cost of a random ray by the surface area heuristic, and measured time of a ray, mean over the ray sets.",

@@ -54,18 +54,18 @@ def of_rows(rows: Sequence[Row], formats: Iterable[str]) -> dict[Path, str | byt
 
 
 def _tables(scene: str, rows: Sequence[Row], found: dict[Path, str | bytes]) -> Iterator[str]:
-    """Add the tables of a scene. Returns the lines of the overview."""
-    told = latex.escape(" ".join(tables.measured(rows[0]["scene"], rows)) + WRONG)
+    """Add the tables of a scene to `found`. Yields the lines of the overview."""
+    caption = latex.escape(" ".join(tables.measured(rows[0]["scene"], rows)) + WRONG)
     for table, own in ranking.by_table([row for row in rows if not row["error"]]).items():
         if any(row["spec"] != yardstick.SPEC for row in own):
             name = f"{scene}-table-{table or 'all'}"
-            found[Path(FOLDER, f"{name}.tex")] = f"% {told}\n{latex.table(own, table)}"
-            yield from (r"\begin{table}[htp]\centering\scriptsize", f"\\caption{{{latex.TITLES[table]}. {told}}}")
+            found[Path(FOLDER, f"{name}.tex")] = f"% {caption}\n{latex.table(own, table)}"
+            yield from (r"\begin{table}[htp]\centering\scriptsize", f"\\caption{{{latex.TITLES[table]}. {caption}}}")
             yield from (f"\\resizebox{{\\linewidth}}{{!}}{{\\input{{{name}.tex}}}}", r"\end{table}")
 
 
 def _figures(scene: str, rows: Sequence[Row], wanted: set[str], found: dict[Path, str | bytes]) -> Iterator[str]:
-    """Add the figures of a scene. Returns the lines of the overview."""
+    """Add the figures of a scene to `found`. Yields the lines of the overview."""
     for figure in figures.of_scene(rows):
         name = f"{scene}-{figure.name}"
         caption = latex.escape(figure.caption)

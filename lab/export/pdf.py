@@ -16,7 +16,7 @@ SIZE = 4.8, 3.6
 """Width and height in inches: one column of a paper."""
 
 OF_PDF: Any = {"pdf.fonttype": 42, "font.size": 8, "legend.fontsize": 7}
-"""Fonts as outlines that can be searched, which many publishers demand."""
+"""Embed fonts as TrueType (type 42), whose text can be searched, as many publishers require."""
 
 
 def problem() -> str | None:
@@ -25,7 +25,7 @@ def problem() -> str | None:
 
 
 def page(figure: Figure) -> bytes:
-    """A PDF file of one page. The same data make the same bytes."""
+    """A PDF file of one page; equal figures give equal bytes."""
     import matplotlib as mpl
     from matplotlib import figure as of_matplotlib
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A whole tree and its triangles as arrays of a NumPy archive, for programs that know nothing of Halfspace.
+"""A whole tree and its triangles as arrays of a NumPy archive, for programs without Halfspace.
 
 `docs/trees.md` describes every array.
 """

@@ -23,8 +23,8 @@ line without times gave answers that differ. Build times are the least of the re
 thread; the speed-up of several threads is by the clock on the wall, least against least. Rays are traced on one
 thread."""
 
-BUILD = """Processor time of the build on one thread, and the line c n log₂ n that fits best; below, what was measured
-over this line. A horizontal row of points grows exactly as n log n."""
+BUILD = """Processor time of the build on one thread, and the line c n log₂ n that fits best; below, the measured time
+divided by this line. A horizontal row of points grows exactly as n log n."""
 
 TRACE = """Nanoseconds per ray on one thread, and below the steps per ray, which no machine changes, against the number
 of triangles on a logarithmic axis: what grows as log n is a straight line there."""
@@ -130,12 +130,12 @@ def _findings(spec: str, points: Sequence[Point]) -> Iterator[str]:
             f"{built.constant:.1f} ns × n log₂ n fits within {_within(built.ratios)}"
         )
     for name in _sets(points):
-        traced, walked = (trace_fit(points, name, key) for key in KEYS)
-        if traced is not None and walked is not None:
+        traced, stepped = (trace_fit(points, name, key) for key in KEYS)
+        if traced is not None and stepped is not None:
             yield (
                 f"{spec}, {name}: {traced.base:.0f} {traced.slope:+.1f} log₂ n ns per ray within "
-                f"{_within(traced.ratios)}, n^{traced.power:.3f}; steps {walked.base:.1f} {walked.slope:+.2f} log₂ n "
-                f"within {_within(walked.ratios)}"
+                f"{_within(traced.ratios)}, n^{traced.power:.3f}; steps {stepped.base:.1f} {stepped.slope:+.2f} log₂ n "
+                f"within {_within(stepped.ratios)}"
             )
     speed_ups = [f"{speed_up:.2f} at {p.triangles:,}" for p in points if (speed_up := p.speed_up()) is not None]
     if speed_ups:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from addon.core.scene.workload import View, Workload
 
 SUN, SKY = 4.0, (0.35, 0.5, 0.8)
+"""Irradiance of the sun in W/m², and radiance of the sky."""
+
 LAMP = 0.35
 """Brightness of the lamp, relative to the sun's 4 W/m², at a tenth of the scene's diagonal."""
 

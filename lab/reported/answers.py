@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Answers of other tracers and of all structures to the scenes of the reports, and their number of wrong ones."""
+"""Answers of other tracers and of all structures on the scenes of the reports, and their numbers of wrong ones."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def bvh_tree(scene: Scene) -> F32:
     lengths = np.linalg.norm(scene.directions.astype(np.float64), axis=1)
     rays = zip(scene.origins.tolist(), scene.directions.tolist(), strict=True)
     found = [tree.ray_cast(origin, direction)[3] for origin, direction in rays]
-    # Distances are in units of length.
+    # Convert distances in units of length to units of the directions.
     return np.array([np.inf if t is None else t / length for t, length in zip(found, lengths, strict=True)], np.float32)
 
 
@@ -66,7 +66,10 @@ def others() -> tuple[dict[str, Tracer], list[str]]:
 
 
 def wrong_distances(t: F32, exact: Sequence[judge.Exact | None]) -> int:
-    """Number of rays whose hit is a miss or the other way round, or whose distance is off by more than TOLERANCE."""
+    """Number of rays with a false miss or a false hit, or with a distance that is off by more than TOLERANCE.
+
+    t: (n,) float32, inf for a miss. exact: the exact answers, None for a miss.
+    """
     truth = np.array([np.inf if one is None else one.t for one in exact], np.float64)
     hit = np.isfinite(truth)
     error = np.abs(np.where(hit, t - np.where(hit, truth, 0), 0))
@@ -75,7 +78,7 @@ def wrong_distances(t: F32, exact: Sequence[judge.Exact | None]) -> int:
 
 
 def wrong_bits(hits: Any, exact: Sequence[judge.Exact | None]) -> int:
-    """Number of rays whose distance or triangle is not exactly the right one."""
+    """Number of rays whose distance or triangle differs from the exact answer."""
     truth = [(np.inf, -1) if one is None else (float(one.t), one.triangle) for one in exact]
     pairs: NDArray[np.float64] = np.array(truth)
     return int(np.count_nonzero((hits.t != pairs[:, 0]) | (hits.triangle != pairs[:, 1])))

@@ -24,11 +24,12 @@ from lab.base.usage import Parser
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
-"""How cargo writes the official registry, whichever mirror it downloads from."""
+"""Cargo's name of the official registry, whichever mirror it downloads from."""
 
 
 def may_be_used(licence: str, allowed: Collection[str]) -> bool:
     """Whether allowed licences satisfy an SPDX expression; `/` is OR, as in old manifests."""
+    # Parse by recursive descent: `either` reads alternatives, `both` conjunctions, `one` a licence or a parenthesis.
     tokens = re.findall(r"[()]|[^\s()/]+|/", licence)
     place = 0
 

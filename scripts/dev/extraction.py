@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long reading a scene out of Blender takes: `python scripts/dev/extraction.py [--triangles N] [--rounds N]`.
+"""Time of reading a scene from Blender: `python scripts/dev/extraction.py [--triangles N] [--rounds N]`.
 
 Prints, for grids of a million triangles and for thousands of instances, the time of Blender's own evaluation, of the
 extraction after an edit, and of the extraction without a change: processor time of the shortest of several rounds. The
@@ -25,9 +25,10 @@ from addon.core.base import command
 from lab.base.usage import Parser, UsageError
 
 PROMISED_EDIT, PROMISED_WARM = 300e-9, 50e-9
-"""Seconds per triangle."""
+"""Promised seconds per triangle after an edit and without a change."""
 
 KINDS = ("smooth", "flat", "sharp edges, two materials")
+"""Shading of the measured grids."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -75,12 +76,14 @@ def measure(asked: argparse.Namespace) -> int:
 
 
 def _row(name: str, triangles: int, evaluation: float, edited: float | None, warm: float) -> None:
+    """Print the line of a scene. evaluation, edited, warm: seconds; edited: None if not measured."""
     kept = "" if edited is None else "kept" if _keeps(triangles, edited, warm) else "missed"
     cells = [f"{1e3 * seconds:.1f} ms" if seconds is not None else "" for seconds in (evaluation, edited, warm)]
     print(f"{name:<30}{triangles:>12,}{cells[0]:>12}{cells[1]:>12}{cells[2]:>9}   {kept}", flush=True)
 
 
 def _keeps(triangles: int, edited: float, warm: float) -> bool:
+    """Whether both promises are kept."""
     return edited <= PROMISED_EDIT * triangles and warm <= PROMISED_WARM * triangles
 
 
@@ -136,6 +139,7 @@ def _wave(mesh: Any) -> None:
 
 
 def _edit(mesh: Any) -> None:
+    """Move all vertices, and let Blender evaluate the scene, which is not part of the extraction."""
     import bpy
 
     _wave(mesh)
@@ -156,6 +160,7 @@ def _evaluate() -> None:
 
 
 def _read() -> Any:
+    """The geometry of the open scene, as the extension extracts it."""
     import bpy
 
     from addon.blender.read import extract
@@ -168,5 +173,5 @@ if __name__ == "__main__":
     result = main(sys.argv[1:])
     sys.stdout.flush()
     sys.stderr.flush()
-    # Skips Blender's own shutdown, which may crash.
+    # Skip Blender's own shutdown, which may crash.
     os._exit(result)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fault:
-    """In `file`, the expression `old` becomes `new`; `test` (program and name) must notice."""
+    """A fault: in `file`, the expression `old` is replaced by `new`, and `test` (program and name) must fail."""
 
     what: str
     file: str
@@ -18,7 +18,7 @@ class Fault:
 
     @property
     def is_rust(self) -> bool:
-        """Whether it is behind a switch, in the native module."""
+        """Whether it is in the native module, where a switch selects it."""
         return self.file.startswith("native/")
 
 

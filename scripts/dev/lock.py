@@ -2,7 +2,7 @@
 """The lock files of the environments: `python scripts/dev/lock.py [--upgrade]`.
 
 uv resolves the dependency groups of pyproject.toml for all systems and writes requirements/*.txt: exact versions with
-their hashes. Requirement files and not uv.lock, which would name the host that each package was found on. Exit status:
+their hashes. It writes requirement files instead of uv.lock, which would contain the host of each package. Exit status:
 0 written; 2 bad usage, or uv failed; 130 stopped.
 """
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures of the documentation, from real runs: `python scripts/dev/pictures.py [--out DIR] [--width PIXELS]`.
 
-planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
-rays, costs.png with the steps of two structures on one scale, front.png with a render beside its planes. With --readme
-only those of README.md and docs/, as small .jpg.
-Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, 130 stopped, in one line.
+Writes planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a
+tile of rays, costs.png with the steps of two structures on one scale, and front.png with a render next to its planes.
+With --readme it writes only those of README.md and docs/, as small .jpg. Needs Blender 5.2 or newer, which draws
+without a window. Exit status: 0 done; 2 something failed; 130 stopped. Failures are reported in one line.
 """
 
 from __future__ import annotations
@@ -27,23 +27,27 @@ from lab.base.usage import Parser, UsageError, output
 ROOT = Path(__file__).resolve().parents[2]
 
 STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
-"""Structure to the levels at which its planes have the size of the scene's objects; one for each kind of split."""
+"""The levels at which a structure's planes have the size of the scene's objects, by structure; one structure for each
+kind of split.
+"""
 
 BEAM = "octree-beam"
+"""The structure of the picture of a tile of rays."""
 
 README = ROOT / ".pictures"
 """The folder of the pictures of README.md and docs/."""
 
 SHOWN = ("planes-bsp-wn-plus-kd", "planes-octree-net", "leaves-kd", f"beam-{BEAM}")
-"""Those of README.md and docs/, apart from the costs and the front picture."""
+"""Pictures of README.md and docs/, apart from the costs and the front picture."""
 
 LINES = {"octree-net": ("--style", "OUTLINE")}
 """Extra options for structures whose filled planes would hide everything."""
 
 BESIDE = ("kd", "bsp-wn-plus-kd")
+"""The structures whose costs are compared."""
 
 FRONT, FRONT_SAMPLES, GAP = "planes-bsp-wn-plus-kd", 192, 8
-"""The picture beside the render, the samples per pixel of that render, and the pixels between the two."""
+"""The picture next to the render, the samples per pixel of that render, and the pixels between the two."""
 
 RAY = ("3.5", "-5", "2.4", "0", "0.4", "0.7")
 """Origin and target of the ray, from the right of the camera to the middle of the scene: seen from the side."""
@@ -73,14 +77,14 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Make the pictures. Returns the exit status. Raises one of the errors that `main` turns into a line."""
+    """Make the pictures. Returns the exit status. Raises the errors that `main` reports in one line."""
     width = asked.width if asked.width is not None else 720 if asked.readme else 1280
     if not LEAST <= width <= overlay_picture.LARGEST:
         raise UsageError(f"--width: expected {LEAST} to {overlay_picture.LARGEST}, got {width}")
     known = catalogue.load()
     out = asked.out or (README if asked.readme else ROOT / "out" / "pictures")
     size = ["--size", f"{width}x{width * 9 // 16}"]
-    # List the pictures with their options, then draw those that are wanted.
+    # List the pictures with their options.
     jobs: dict[str, list[str]] = {}
     for structure, depth in STRUCTURES.items():
         common = ["--structure", structure]
@@ -89,6 +93,7 @@ def run(asked: argparse.Namespace) -> int:
         jobs[f"ray-{structure}"] = [*common, "--show", "ray", "--ray", *RAY]
     beam = ["--structure", BEAM, "--show", "beam", "--pixel", "0.006"]
     jobs[f"beam-{BEAM}"] = [*beam, "--ray", *ASIDE, "--view", *VIEW]
+    # Draw the selected ones, then those of costs and of the front page.
     suffix = "jpg" if asked.readme else "png"
     for name in SHOWN if asked.readme else jobs:
         if known.get(jobs[name][1]) is not None:
@@ -115,7 +120,7 @@ def costs(path: Path, width: int) -> None:
 
 
 def front(path: Path, planes: Path) -> None:
-    """Write a render of the showcase beside the picture of its planes, which has the same camera and size."""
+    """Write a render of the showcase next to the picture of its planes, which has the same camera and size."""
     import bpy
     import numpy as np
 

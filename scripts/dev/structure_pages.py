@@ -83,7 +83,7 @@ def claims_of(name: str) -> Iterator[tuple[str, str]]:
     for claim in CLAIMS:
         for pattern, (heading, structures) in CLAIMED.items():
             if fnmatch.fnmatch(claim.id, pattern) and any(fnmatch.fnmatch(name, one) for one in structures):
-                yield f"{claim.says} ({claim.paper}; `{claim.id}`)", heading
+                yield f"{claim.statement} ({claim.paper}; `{claim.id}`)", heading
 
 
 def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:

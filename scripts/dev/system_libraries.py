@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shared libraries that Blender's module loads from the system: which are missing, and how to get them."""
+"""The shared libraries that Blender's module loads from the system: finds and installs missing ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEBIAN_PACKAGES = {
     "libstdc++.so": "libstdc++6",
     "libuuid.so": "libuuid1",
 }
-"""Library to Debian package. Names as in Debian 12 and Ubuntu 22.04 and later."""
+"""Debian package by library, with the names of Debian 12 and of Ubuntu 22.04 and later."""
 
 LOADED_AT_RUN_TIME = ("libEGL.so.1",)
 """Libraries that the module does not link but opens to draw without a window."""
@@ -60,7 +60,7 @@ def _can_open(name: str) -> bool:
 
 
 def packages(libraries: list[str]) -> list[str]:
-    """The Debian packages that contain these libraries; a library that is not in the table stands for itself."""
+    """The Debian packages that contain these libraries; the library's own name if it is not in the table."""
     return sorted({DEBIAN_PACKAGES.get(re.sub(r"\.so.*", ".so", name), name) for name in libraries})
 
 
@@ -92,5 +92,5 @@ def provide(folder: Path) -> list[str]:
 
 
 def may_install() -> bool:
-    """Whether packages can be installed without asking: root on a system with apt-get."""
+    """Whether packages can be installed without a password: root on a system with apt-get."""
     return hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get") is not None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command `uv`, which finds Pythons, makes environments and installs into them.
 
-That of the PATH if it is new enough, else a wheel of it in build/uv. Starts under any Python 3.8 or newer.
+Uses the uv of the PATH if it is new enough, else installs one into build/uv. Runs under Python 3.8 or newer.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ OLDEST = (0, 9)
 """The oldest uv of a PATH that is used: it has all options that these scripts need."""
 
 OF_PIP = {"PIP_INDEX_URL": "UV_DEFAULT_INDEX", "PIP_CERT": "SSL_CERT_FILE"}
-"""Settings of pip that uv reads under another name."""
+"""uv's environment variable by pip's for the same setting."""
 
 
 class SetupError(RuntimeError):
-    """An environment cannot be set up. The message says why and what to do."""
+    """An environment cannot be set up. The message gives the reason and advice."""
 
 
 def run(arguments: Sequence[str], failure: str) -> str:
@@ -53,16 +53,16 @@ def command() -> Path:
 
 
 def variables() -> dict[str, str]:
-    """The variables under which uv runs: those of this process, and what uv cannot find out by itself."""
+    """The environment variables for uv: those of this process, and settings that uv does not find by itself."""
     found = dict(os.environ)
     # The environment to work on is always an argument.
     found.pop("VIRTUAL_ENV", None)
-    # pip trusts what the system trusts, and so must uv behind a proxy of an organisation.
+    # Trust the system's certificates, as pip does: a proxy of an organisation may use its own.
     found.setdefault("UV_SYSTEM_CERTS", "1")
     for theirs, ours in OF_PIP.items():
         if os.environ.get(theirs) and not os.environ.get(ours):
             found[ours] = os.environ[theirs]
-    # A shim of pyenv starts only versions that are selected, and uv ends at a shim that does not start.
+    # Select all versions of pyenv: its shims fail for others, and uv stops at a shim that fails.
     pyenv = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
     versions = sorted((path.name for path in pyenv.glob("*")), reverse=True)
     if versions:
@@ -71,6 +71,7 @@ def variables() -> dict[str, str]:
 
 
 def _install(python: Path) -> None:
+    """Make the private environment whose Python is `python`, and install uv into it. Raises SetupError."""
     print(f"[set-up] uv {VERSION}: installing into {FOLDER.relative_to(ROOT)}", flush=True)
     advice = f"uv {VERSION} could not be installed into {FOLDER}: install uv, or for this Python venv and pip"
     _checked([sys.executable, "-m", "venv", "--clear", str(FOLDER)], advice)
@@ -88,11 +89,15 @@ def _version(path: Path) -> tuple[int, ...]:
 
 
 def _numbers(text: str) -> tuple[int, ...]:
+    """The first version number in a text; empty without one."""
     found = re.search(r"\d+(\.\d+)+", text)
     return tuple(int(part) for part in found.group().split(".")) if found else ()
 
 
 def _checked(arguments: list[str], failure: str, environment: dict[str, str] | None = None) -> str:
+    """Run a program in the project's folder and return its output. Raises SetupError: `failure`, then the last lines
+    of its errors.
+    """
     done = subprocess.run(arguments, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         last = "\n".join((done.stderr.strip() or done.stdout.strip()).splitlines()[-15:])

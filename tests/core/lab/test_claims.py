@@ -144,10 +144,10 @@ def test_builds_are_medians_of_as_many_as_there_is_time_for(monkeypatch: pytest.
     made = claims_scenes.scattered()
     for _ in range(2):  # what was measured once is not measured again
         found = lab.build_seconds(made, ["kd", "bih"])
-        assert (found.seconds, found.count, found.told) == ({"kd": 3.0, "bih": 30.0}, 3, "medians of 3 builds")
+        assert (found.seconds, found.count, found.method) == ({"kd": 3.0, "bih": 30.0}, 3, "medians of 3 builds")
     monkeypatch.setattr(claims, "BUILD_SECONDS", 0)
     found = lab.build_seconds(made, ["bih", "kd"])
-    assert (found.seconds, found.told) == ({"bih": 7.0, "kd": 70.0}, "one build each")
+    assert (found.seconds, found.method) == ({"bih": 7.0, "kd": 70.0}, "one build each")
 
 
 def test_what_links_cost_of_the_build_is_told_of_the_measured_builds(monkeypatch: pytest.MonkeyPatch) -> None:
