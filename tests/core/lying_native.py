@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compiled module with one structure that lies: the checks must notice. `lie` names what is wrong."""
+"""The compiled module with one structure that gives a wrong answer, which every check must notice."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ import numpy as np
 from addon.core.measure.accuracy import Answers
 
 LIES = ("false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "late")
+"""Kinds of wrong answers. late: the distance is one unit in the last place too large."""
 
 
 class Lying:
+    """A structure whose answer to one ray is wrong, in the way that `lie` (one of LIES) names."""
+
     def __init__(self, structure: Any, lie: str) -> None:
         self._structure = structure
         self._lie = lie
@@ -50,15 +53,15 @@ class Lying:
 
 
 class LyingNative:
-    """As the real module, but `spec` lies when the benchmark, not the ray maker, asks for it on so many threads."""
+    """The module, whose builds of `spec` on `threads` threads lie: those of the benchmark, not of the ray maker."""
 
     def __init__(self, lie: str, spec: str = "kd", threads: int = 1) -> None:
         self._lie = lie
-        self._asked = spec, threads
+        self._lying_build = spec, threads
 
     def __getattr__(self, name: str) -> Any:
         return getattr(halfspace_native, name)
 
     def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0, **options: Any) -> Any:
         structure = halfspace_native.build(vertices, triangles, spec, threads=threads, **options)
-        return Lying(structure, self._lie) if (spec, threads) == self._asked else structure
+        return Lying(structure, self._lie) if (spec, threads) == self._lying_build else structure

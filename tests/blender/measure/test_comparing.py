@@ -326,7 +326,7 @@ def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, 
     assert operator.said == (["Measuring was stopped"] if stopped else [])
 
 
-def test_a_scene_without_triangles_is_said(scene: Any) -> None:
+def test_a_scene_without_triangles_is_an_error(scene: Any) -> None:
     for operator in (bpy.ops.halfspace.compare, bpy.ops.halfspace.choose):
         with pytest.raises(RuntimeError, match="no triangles"):
             operator()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cost maps against the counters of the native module, and the picture that they become."""
+"""Cost maps against the counters of the native module, and the pictures made of them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
     steps = costmap.measure(tree, workload, (64, 32), "STEPS")
     tests = costmap.measure(tree, workload, (64, 32), "TESTS")
     assert steps.shape == tests.shape == (32, 64)
-    # Straight down the pixel's own ray, worked out here: 39.6 degrees across, square pixels.
+    # Compute the pixel's ray independently: 39.6 degrees across, square pixels.
     tangent = np.tan(seen.camera.data.angle / 2)
     for row, column in ((3, 5), (16, 10), (17, 40), (16, 60)):
         x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((row + 0.5) / 32 * 2 - 1) * tangent / 2
@@ -65,7 +65,7 @@ def workloads_origin() -> np.ndarray[Any, Any]:
     return read()[0].geometry.origin
 
 
-def test_two_maps_share_one_scale_and_the_bar_tells_it(seen: Any) -> None:
+def test_two_maps_share_one_scale_and_the_bar_shows_it(seen: Any) -> None:
     seen.halfspace.structure = "kd"
     seen.halfspace.second = "brute"
     seen.halfspace.cost = "TESTS"
@@ -95,7 +95,7 @@ def test_two_maps_share_one_scale_and_the_bar_tells_it(seen: Any) -> None:
     assert [image.name for image in bpy.data.images].count(cost_maps.IMAGE) == 1
 
 
-def test_a_map_of_times_says_how_many_answers_are_wrong(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_of_times_states_the_number_of_wrong_answers(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from addon.core.measure.reference import Reference
 
     titles: list[str] = []
@@ -126,13 +126,13 @@ def test_letters_are_written_where_they_belong() -> None:
     assert picture[..., 2].max() == 0
 
 
-def test_a_scene_without_triangles_is_said(scene: Any) -> None:
+def test_a_scene_without_triangles_is_an_error(scene: Any) -> None:
     with pytest.raises(RuntimeError, match="no triangles"):
         bpy.ops.halfspace.cost_map()
 
 
 @pytest.mark.parametrize("name", ["cost_map", "check"])
-def test_a_build_without_room_is_said(seen: Any, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_build_beyond_its_memory_limit_is_reported(seen: Any, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     def crowded(*_: Any, **__: Any) -> None:
         raise MemoryError("memory_limit: no room")
 
@@ -156,7 +156,7 @@ def test_a_picture_that_is_very_high_is_measured_with_few_rays(seen: Any) -> Non
     seen.render.resolution_x, seen.render.resolution_y = 4, 65536
     width, height = comparing._view(seen)
     assert width * height < 1 << 20
-    # Some hundred million rays, if it were 64 pixels wide.
+    # A width of 64 pixels would take some hundred million rays.
     picture = cost_maps.draw(seen, 64)
     assert picture.shape[0] * picture.shape[1] < 1 << 24
     assert costmap.shaped(384, (1920, 1080)) == (384, 216)
@@ -175,11 +175,11 @@ def test_a_view_has_no_more_rays_than_promised(width: int, picture: tuple[int, i
 
 @pytest.mark.parametrize("built", [False, True])
 @pytest.mark.parametrize("operator", [cost_maps.HALFSPACE_OT_cost_map, checking.HALFSPACE_OT_check])
-def test_a_view_that_is_not_the_camera_s_is_said(seen: Any, operator: Any, built: bool) -> None:
+def test_a_view_other_than_the_camera_s_is_reported(seen: Any, operator: Any, built: bool) -> None:
     seen.camera.data.type = "ORTHO"
     if built:
         building.build_now(seen, bpy.context.evaluated_depsgraph_get())
-    said: list[str] = []
-    itself = SimpleNamespace(width=64, report=lambda _kind, line: said.append(line))
+    reported: list[str] = []
+    itself = SimpleNamespace(width=64, report=lambda _kind, line: reported.append(line))
     assert operator.execute(itself, bpy.context) == {"FINISHED"}
-    assert [line for line in said if "No perspective camera" in line]
+    assert [line for line in reported if "No perspective camera" in line]

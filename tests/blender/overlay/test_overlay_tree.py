@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tree that the overlay shows: where it comes from, when it is stale, and how it follows the scene."""
+"""The tree that the overlay shows: renders and builds provide it, edits make it stale, and it follows the scene."""
 
 from __future__ import annotations
 
@@ -54,6 +54,7 @@ def test_a_render_leaves_its_tree_and_a_new_one_takes_its_place(scene: Any, add:
 
 
 def run_ticks() -> int:
+    """Run the timer of automatic builds until it ends. Returns the number of ticks before."""
     for count in range(100):
         if building._tick() is None:
             return count
@@ -87,7 +88,7 @@ def test_a_shown_tree_follows_the_scene_by_itself(scene: Any, add: Any, monkeypa
     assert run_ticks() == 0
 
 
-def test_a_build_that_fails_by_itself_is_told(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_automatic_build_that_fails_is_reported(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_args: Any, **_kwargs: Any) -> None:
         raise ValueError("the scene\nis odd")
 
@@ -103,21 +104,21 @@ def test_a_build_that_fails_by_itself_is_told(scene: Any, add: Any, monkeypatch:
 
 
 class Operator:
-    """The operator's own part, which Blender makes only in a window."""
+    """Stands for the operator, which Blender creates only in a window."""
 
     _job: Any = None
     _timer: Any = None
     _end = building.HALFSPACE_OT_build_structure._end
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.reported: list[str] = []
 
     def report(self, _kind: Any, text: str) -> None:
-        self.said.append(text)
+        self.reported.append(text)
 
 
 @pytest.mark.parametrize("stopped", [True, False])
-def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, add: Any, stopped: bool) -> None:
+def test_the_operator_builds_in_the_background_and_esc_stops_it(scene: Any, add: Any, stopped: bool) -> None:
     add("Sea", grid(300))
     texts: list[str | None] = []
     calls: list[str] = []
@@ -139,7 +140,7 @@ def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, 
     operator, kind = Operator(), building.HALFSPACE_OT_build_structure
     assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
     assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
-    result: set[str] = {"PASS_THROUGH"}  # timers of others go on to them
+    result: set[str] = {"PASS_THROUGH"}  # other operators need the timer events too
     if stopped:
         result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
     for _ in range(100_000):
@@ -150,6 +151,6 @@ def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, 
     assert calls == ["begin", "modal", "timer", "end"]
     assert texts[-1] is None
     assert (trees.last(scene) is None) == stopped
-    assert operator.said == (
+    assert operator.reported == (
         ["Building was stopped"] if stopped else [f"{catalogue.load()['kd'].label} over 180,000 triangles"]
     )

@@ -27,7 +27,7 @@ def camera_of(scene: Any, item: Any, size: tuple[int, int], aspect: tuple[float,
 
 
 @pytest.mark.parametrize(("kind", "fit", "size"), SETTINGS)
-def test_points_land_where_blender_says(add: Any, scene: Any, kind: str, fit: str, size: tuple[int, int]) -> None:
+def test_points_project_as_in_blender(add: Any, scene: Any, kind: str, fit: str, size: tuple[int, int]) -> None:
     data = bpy.data.cameras.new("Camera")
     data.type, data.sensor_fit, data.lens, data.ortho_scale = kind, fit, 35.0, 7.0
     data.sensor_width, data.sensor_height = 36.0, 20.0
@@ -48,12 +48,13 @@ def test_points_land_where_blender_says(add: Any, scene: Any, kind: str, fit: st
         reach = distance if kind == "PERSP" else 1.0
         seen = np.array([(left + x * (right - left)) * reach, (bottom + y * (top - bottom)) * reach, -distance, 1.0])
         point = (found.to_world @ seen)[:3] + ORIGIN
-        # Blender's helper divides by the camera's own scale nowhere, so it is asked through an unscaled twin.
+        # Blender's helper does not remove the camera's scale, so reset it first.
         expected = world_to_camera_view(scene, _unscaled(item), Vector(point))
         assert (expected.x, expected.y) == pytest.approx((x, y), abs=1e-4)
 
 
 def _unscaled(item: Any) -> Any:
+    """The same object with its scale set to 1."""
     item.scale = (1, 1, 1)
     bpy.context.view_layer.update()
     return item

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is built in Blender comes out as the expected triangles."""
+"""Extraction of Blender's scenes: triangles, normals, UVs, materials, instances and lights."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_mirrored_objects_face_outwards(add: Any, smooth: bool) -> None:
         assert geometry.corner_normals is None
 
 
-def test_normals_follow_a_stretched_object_as_blender_says(add: Any) -> None:
+def test_normals_of_a_stretched_object_are_those_of_its_surface(add: Any) -> None:
     ball = bpy.data.meshes.new("Ball")
     bm = bmesh.new()
     bmesh.ops.create_uvsphere(bm, u_segments=16, v_segments=8, radius=1.0)
@@ -103,7 +103,7 @@ def test_sharp_edges_give_normals_by_corner(add: Any) -> None:
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("by_parent", [False, True])
 def test_flattened_objects_are_thin_and_keep_their_front(add: Any, smooth: bool, by_parent: bool) -> None:
-    """As planes often are: their scale across is 0, or that of what they hang on."""
+    """Planes whose own scale across is 0, or that of their parent."""
     item = add("Plane", grid(2, smooth=smooth), scale=(2, 3, 1 if by_parent else 0))
     if by_parent:
         item.parent = add("Parent", None, scale=(0, 1, 1))
@@ -120,7 +120,7 @@ def test_flattened_objects_are_thin_and_keep_their_front(add: Any, smooth: bool,
 
 
 @pytest.mark.parametrize("scale", [(1, 0, 0), (0, 0, 0)])
-def test_what_is_left_without_a_surface_is_dropped_and_named(add: Any, scale: tuple[float, float, float]) -> None:
+def test_objects_scaled_to_a_line_or_a_point_are_dropped_and_named(add: Any, scale: tuple[float, float, float]) -> None:
     add("Kept", cube())
     add("Flattened", cube(), scale=scale, location=(1e6, 0, 0))
     scene, notes = read()
@@ -196,7 +196,7 @@ def test_curves_text_metaballs_and_surfaces_have_meshes(add: Any) -> None:
 
 
 def test_meshes_without_vertices_are_left_out(add: Any) -> None:
-    """A new mesh, one that was emptied, and the second metaball of a family have not even positions."""
+    """A new mesh, an emptied one, and the second metaball of a family have no attribute of positions."""
     emptied = cube("Emptied")
     emptied.clear_geometry()
     for name, data in (("Box", cube()), ("New", bpy.data.meshes.new("New")), ("Emptied", emptied)):
@@ -287,7 +287,7 @@ def test_ray_visibility_makes_a_material_of_its_own(add: Any, scene: Any) -> Non
     assert ("Red", ("diffuse",)) in {(m.name, m.hidden_from) for m in read()[0].materials}
 
 
-def test_what_has_no_surface_is_listed(add: Any) -> None:
+def test_volumes_and_hair_are_listed(add: Any) -> None:
     add("Fog", bpy.data.volumes.new("Fog"))
     add("Fur", bpy.data.hair_curves.new("Fur"))
     notes = read()[1]
@@ -295,7 +295,7 @@ def test_what_has_no_surface_is_listed(add: Any) -> None:
     assert any("hair" in line and "Fur" in line for line in notes)
 
 
-def test_uvs_come_when_asked_for_and_follow_the_winding(add: Any) -> None:
+def test_uvs_are_read_on_request_and_follow_the_winding(add: Any) -> None:
     add("Box", cube())
     add("Mirrored", cube("Other"), scale=(-1, 1, 1), location=(5, 0, 0))
     assert read()[0].geometry.uvs is None

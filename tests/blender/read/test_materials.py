@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes become closures and programs; what cannot is listed by material, never raised."""
+"""Shader nodes become closures and programs; unsupported ones are listed by material and raise nothing."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from addon.core.scene.scene import Material
 
 
-def understood(block: Any) -> tuple[Material, list[str]]:
-    """The material as a scene gets it, on an object with it alone."""
+def converted(block: Any) -> tuple[Material, list[str]]:
+    """The converted material of an object that has only this one, and the notes."""
     notes = Notes()
     palette = Palette(notes)
     item, data = SimpleNamespace(material_slots=[]), SimpleNamespace(materials=[block])
@@ -30,8 +30,8 @@ def understood(block: Any) -> tuple[Material, list[str]]:
 
 
 def inputs(block: Any, kind: str = "principled") -> Any:
-    """The inputs of the material's one closure, which has this kind and needs no remark."""
-    found, notes = understood(block)
+    """The inputs of the material's only closure. Checks its kind, and that there are no notes."""
+    found, notes = converted(block)
     assert notes == []
     (closure,) = found.closures
     assert closure.kind == kind
@@ -65,7 +65,7 @@ def test_principled_constants() -> None:
     names = ("roughness", "ior", "specular", "alpha")
     assert [found[name] for name in names] == pytest.approx([0.75, 1.33, 0.2, 0.9])
     assert found["emission"] == pytest.approx((4, 2, 1))
-    assert understood(block)[0].name == "All"
+    assert converted(block)[0].name == "All"
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
 
 @pytest.mark.parametrize("kind", ["ShaderNodeRGB", "ShaderNodeGamma", "ShaderNodeNewGeometry", "ShaderNodeTexImage"])
 def test_a_muted_node_that_passes_nothing_on_is_no_link(kind: str) -> None:
-    """As in Cycles: what it would feed keeps its own value."""
+    """As in Cycles: the input at the end of its link keeps its own value."""
     block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
     muted = block.node_tree.nodes.new(kind)
     block.node_tree.links.new(muted.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
@@ -130,7 +130,7 @@ def test_a_muted_node_that_passes_nothing_on_is_no_link(kind: str) -> None:
 def test_a_muted_shader_is_black() -> None:
     block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
     node(block.node_tree, "ShaderNodeBsdfPrincipled").mute = True
-    assert (understood(block)[0].base_color, understood(block)[0].closures) == ((0, 0, 0), ())
+    assert (converted(block)[0].base_color, converted(block)[0].closures) == ((0, 0, 0), ())
 
 
 @pytest.mark.parametrize("target", ["ALL", "CYCLES", "EEVEE"])
@@ -141,7 +141,9 @@ def test_an_output_for_another_engine_is_better_than_none(target: str) -> None:
 
 
 def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = "") -> Any:
-    """A group before the material's base colour, in it perhaps a node whose socket the group's input feeds."""
+    """A group linked to the material's base colour. kinds: of its input and output. inside: a node in the group, whose
+    `socket` is linked to the group's input; "" for none.
+    """
     tree = block.node_tree
     group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
     for direction, kind in zip(("INPUT", "OUTPUT"), kinds, strict=True):
@@ -168,7 +170,7 @@ def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = 
         (("Color", "Float"), "Base Color", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2, "luminance"),
     ],
 )
-def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
+def test_values_through_a_group_are_converted_to_its_socket_types(
     kinds: tuple[str, str], socket: str, expected: float, step: str
 ) -> None:
     block = material("Typed")
@@ -183,7 +185,7 @@ def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
     assert inputs(block)[name] == pytest.approx(expected)
     checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
     block.node_tree.links.new(checker.outputs["Color"], user.inputs[0])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert notes == []
     number = found.closures[0].inputs[name]
     assert found.program[number]["op"] == step
@@ -203,17 +205,17 @@ def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
         (("Int", "Float"), 2, 2),
     ],
 )
-def test_constants_are_whole_or_true_where_a_group_wants_such(
+def test_constants_are_converted_to_integer_and_boolean_sockets(
     kinds: tuple[str, str], value: Any, expected: float
 ) -> None:
-    """The numbers are those of Cycles, which leaves what is computed as it is."""
+    """As in Cycles, which converts constants but no computed values."""
     block = material("Whole")
     user = grouped(block, kinds)
     user.inputs[0].default_value = value
     assert inputs(block)["color"] == expected
     checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
     block.node_tree.links.new(checker.outputs["Fac"], user.inputs[0])
-    steps = [step["op"] for step in understood(block)[0].program]
+    steps = [step["op"] for step in converted(block)[0].program]
     assert [op for op in steps if op not in ("mean", "luminance")] == ["coordinate", "checker"]
 
 
@@ -224,7 +226,7 @@ def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) 
     user = grouped(block, (kind, "Color"), "ShaderNodeMapping", socket)
     value = {"Float": 2.0, "Int": 2, "Vector": (2, 2, 2), "Color": (2, 2, 2, 1)}[kind]
     user.inputs[0].default_value = value
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert notes == []
     (matrix,) = [step["matrix"] for step in found.program if step["op"] == "matrix"]
     if socket == "Scale":
@@ -243,7 +245,7 @@ def test_a_mapping_divides_by_no_zero(kind: str) -> None:
     mapping = node(user.node_tree, "ShaderNodeMapping")
     mapping.vector_type = kind
     mapping.inputs["Scale"].default_value = (0, 2, 1)
-    (matrix,) = [step["matrix"] for step in understood(block)[0].program if step["op"] == "matrix"]
+    (matrix,) = [step["matrix"] for step in converted(block)[0].program if step["op"] == "matrix"]
     assert matrix[0][:3] == pytest.approx((0, 0, 0))
     assert matrix[1][1] == pytest.approx(2 if kind == "POINT" else 0.5)
 
@@ -251,18 +253,18 @@ def test_a_mapping_divides_by_no_zero(kind: str) -> None:
 def test_a_clamp_to_a_range_takes_its_ends_in_either_order() -> None:
     block = material("Clamped")
     user = grouped(block, ("Float", "Float"), "ShaderNodeClamp", "Value")
-    assert [step["op"] for step in understood(block)[0].program] == ["clamp"]
+    assert [step["op"] for step in converted(block)[0].program] == ["clamp"]
     node(user.node_tree, "ShaderNodeClamp").clamp_type = "RANGE"
-    low, high, clamp = understood(block)[0].program
+    low, high, clamp = converted(block)[0].program
     assert (low["kind"], high["kind"], clamp["args"][1:]) == ("MINIMUM", "MAXIMUM", (0, 1))
 
 
-def test_a_texture_in_a_group_lies_where_the_group_says() -> None:
+def test_a_texture_in_a_group_uses_the_vector_of_the_group() -> None:
     """As in Cycles: the vector of the group counts even where nothing is linked to it."""
     block = material("Placed")
     user = grouped(block, ("Vector", "Color"), "ShaderNodeTexChecker", "Vector")
     user.inputs[0].default_value = (0.5, 0.25, 0)
-    (checker,) = [step for step in understood(block)[0].program if step["op"] == "checker"]
+    (checker,) = [step for step in converted(block)[0].program if step["op"] == "checker"]
     assert checker["args"][0] == (0.5, 0.25, 0)
 
 
@@ -290,7 +292,7 @@ def test_colours_are_divided_by_alpha_only_where_it_is_in_them(
     shader = node(tree, "ShaderNodeBsdfPrincipled")
     tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
     tree.links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
-    (step,) = [step for step in understood(block)[0].program if step["op"] == "image"]
+    (step,) = [step for step in converted(block)[0].program if step["op"] == "image"]
     pixels = read_image(picture, Notes()).pixels
     assert (step["unassociate"], pixels[0, 0, 0]) == (expected[0], pytest.approx(expected[1], abs=3e-3))
 
@@ -308,7 +310,7 @@ def test_mixed_and_added_shaders_keep_their_shares() -> None:
     tree.links.new(diffuse.outputs[0], mix.inputs[1])
     tree.links.new(clear.outputs[0], mix.inputs[2])
     mix.inputs[0].default_value = 0.25
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert [(c.kind, c.inputs["weight"]) for c in found.closures] == [
         ("diffuse", 0.75),
         ("transparent", 0.25),
@@ -316,7 +318,7 @@ def test_mixed_and_added_shaders_keep_their_shares() -> None:
     ]
     assert (found.program, notes) == ((), [])
     tree.links.new(tree.nodes.new("ShaderNodeTexChecker").outputs["Fac"], mix.inputs[0])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert notes == []
     assert [step["op"] for step in found.program] == ["coordinate", "checker", "clamp", "math"]
     assert [c.inputs["weight"] for c in found.closures] == [3, 2, 1.0]
@@ -330,7 +332,7 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     tree.links.new(tree.nodes.new("ShaderNodeTexVoronoi").outputs["Color"], shader.inputs["Base Color"])
     tree.links.new(tree.nodes.new("ShaderNodeTexMagic").outputs["Fac"], shader.inputs["Roughness"])
     shader.inputs["Sheen Weight"].default_value = 1
-    found, notes = understood(block)
+    found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
@@ -339,11 +341,11 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
-def test_a_coat_over_what_glows_is_understood() -> None:
+def test_a_coat_over_emission_is_supported() -> None:
     block = material("Sign", Emission_Strength=2.0)
     shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
     shader.inputs["Coat Weight"].default_value = 0.5
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert notes == []
     assert found.closures[0].inputs["coat_weight"] == pytest.approx(0.5)
 
@@ -365,7 +367,7 @@ def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
     tree.links.new(image.outputs["Alpha"], shader.inputs["Alpha"])
     palette = Palette(Notes(), [block])
     assert palette.layers.keys == [("uv", "Second")]
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert notes == []
     ops = [step["op"] for step in found.program]
     assert ops == ["attribute", "matrix", "image", "luminance", "ramp", "mix", "alpha"]
@@ -385,7 +387,7 @@ def test_bad_nodes_make_remarks_not_exceptions() -> None:
     value = tree.nodes.new("ShaderNodeValue")
     value.outputs[0].default_value = float("nan")
     tree.links.new(value.outputs[0], shader.inputs["Alpha"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert found.closures[0].inputs["color"] == (1.0, 0.0, 1.0, 1.0)
     assert any("Broken" in line for line in notes)
 
@@ -394,7 +396,7 @@ def test_an_unknown_shader_falls_back_to_the_viewport_look() -> None:
     block = material("Hairy")
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
     plug(block, "ShaderNodeBsdfHair")
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert len(notes) == 1
     assert "Hair" in notes[0]
@@ -403,9 +405,9 @@ def test_an_unknown_shader_falls_back_to_the_viewport_look() -> None:
 def test_materials_without_output_or_shader_are_black() -> None:
     block = material("Cut")
     block.node_tree.links.clear()
-    assert understood(block)[0].base_color == (0, 0, 0)
+    assert converted(block)[0].base_color == (0, 0, 0)
     block.node_tree.nodes.clear()
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert (found.base_color, found.name, notes) == ((0, 0, 0), "Cut", [])
 
 
@@ -457,14 +459,14 @@ def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> N
         tree.links.new(volume.outputs[0], through.inputs[0])
         volume = through
     tree.links.new(volume.outputs[0], output.inputs["Volume"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     (closure,) = found.closures
     assert closure.kind == "transparent"
     assert closure.inputs["color"] == (1.0, 1.0, 1.0)
     assert [line for line in notes if "Volume" in line and "Fog" in line]
     # With a surface shader that emits and scatters nothing, the material is black as before.
     plug(block, "ShaderNodeMixShader")
-    found, _ = understood(block)
+    found, _ = converted(block)
     assert not found.closures
     assert found.base_color == (0.0, 0.0, 0.0)
 
@@ -483,7 +485,7 @@ def test_a_computed_strength_multiplies_whichever_step_computes_it(kind: str, nu
         tree.links.new(one.outputs[0], following.inputs[0])
     tree.links.new(sums[-1].outputs[0], shader.inputs[names[0]])
     shader.inputs[names[1]].default_value = (1, 0.5, 0.25, 1)
-    found, _ = understood(block)
+    found, _ = converted(block)
     (closure,) = found.closures
     last = closure.inputs["emission"]
     assert isinstance(last, int)
@@ -503,7 +505,7 @@ def test_nested_mixes_multiply_whichever_step_is_a_factor() -> None:
     tree.links.new(attribute.outputs["Fresnel"], inner.inputs[0])
     tree.links.new(inner.outputs[0], outer.inputs[2])
     tree.links.new(half.outputs[0], inner.inputs[2])
-    found, _ = understood(block)
+    found, _ = converted(block)
     (closure,) = found.closures
     weight = closure.inputs["weight"]
     assert isinstance(weight, int)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes kept as meshes in places: the same triangles, normals and pictures as when every copy is written out."""
+"""Instanced scenes have the same triangles, normals and pictures as flattened ones."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from addon.core.structures.trees import Trees
 
 @pytest.fixture
 def forest(add: Any, scene: Any) -> Any:
-    """Three meshes in many places: turned, mirrored, unevenly scaled, far away, with materials of their own."""
+    """Instances of three meshes: rotated, mirrored, unevenly scaled, far away, some with materials of their own."""
     scene.render.engine = engine.ENGINE
     scene.render.resolution_x, scene.render.resolution_y = 48, 32
     scene.render.resolution_percentage = 100
@@ -53,7 +53,7 @@ def find() -> extract.Found:
     return extract.find(bpy.context.evaluated_depsgraph_get(), Notes())
 
 
-def test_places_flatten_to_the_same_bits(forest: Any) -> None:
+def test_instances_flatten_to_the_same_bits(forest: Any) -> None:
     found = find()
     flat, kept = found.flattened().geometry, found.instanced().geometry
     assert len(kept.meshes) == 3
@@ -84,7 +84,7 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
             assert np.array_equal(channel, pictures[mode][name]), (mode, name)
 
 
-def test_an_object_that_the_tree_over_places_drops_is_named(forest: Any, add: Any, tmp_path: Path) -> None:
+def test_an_object_that_the_tree_over_instances_drops_is_named(forest: Any, add: Any, tmp_path: Path) -> None:
     add("Speck", forest.objects["Item 0"].data, scale=(1e-30, 1e-30, 1e-30))
     forest.halfspace.instancing = "two-level"
     render(forest, tmp_path)
@@ -93,7 +93,7 @@ def test_an_object_that_the_tree_over_places_drops_is_named(forest: Any, add: An
     assert "Dropped, the transform is out of range: Speck" in report.warnings
 
 
-def test_glowing_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
+def test_emissive_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
     shaders = [
         shader
         for block in bpy.data.materials

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a view layer says is obeyed, and what is not obeyed is said."""
+"""Settings of view layers are applied, and unsupported ones are reported."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def world(name: str, *color: float) -> Any:
 
 @pytest.fixture
 def layer(scene: Any, add: Any) -> Any:
-    """The view layer of a scene with a red cube in a collection of its own, a bare one, and a green world."""
+    """The view layer of a scene with a red cube in a collection of its own, a bare cube, and a green world."""
     apart = bpy.data.collections.new("Apart")
     scene.collection.children.link(apart)
     mesh = cube()
@@ -67,14 +67,14 @@ def test_without_sky_the_background_is_black_and_without_solids_there_are_no_sur
     assert found.world.color == (0, 1, 0)
 
 
-def test_what_only_light_sees_is_hidden_from_the_camera(layer: Any) -> None:
+def test_a_collection_seen_only_indirectly_is_hidden_from_the_camera(layer: Any) -> None:
     apart(layer).indirect_only = True
     found, notes = read()
     assert {(m.name, m.hidden_from) for m in found.materials[1:]} == {("Red", ("camera",))}
     assert notes == []
 
 
-def test_a_collection_that_is_a_holdout_is_said(layer: Any) -> None:
+def test_a_collection_that_is_a_holdout_is_reported(layer: Any) -> None:
     apart(layer).holdout = True
     assert [line for line in read()[1] if "Holdout" in line and line.endswith(": Cube")]
 
@@ -92,7 +92,7 @@ def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: 
     assert [m.hidden_from for m in read()[0].materials[1:]] == [("camera",)]
 
 
-def test_catchers_and_links_of_light_are_said(layer: Any, add: Any) -> None:
+def test_shadow_catchers_and_light_linking_are_reported(layer: Any, add: Any) -> None:
     bpy.data.objects["Bare"].is_shadow_catcher = True
     lamp = add("Lamp", bpy.data.lights.new("Lamp", "SUN"))
     lamp.light_linking.receiver_collection = lamp.light_linking.blocker_collection = bpy.data.collections["Apart"]
@@ -102,7 +102,7 @@ def test_catchers_and_links_of_light_are_said(layer: Any, add: Any) -> None:
     assert [line for line in notes if line.startswith("Shadow linking") and line.endswith(": Lamp")]
 
 
-def test_passes_that_are_not_rendered_are_said(layer: Any, scene: Any, tmp_path: Path) -> None:
+def test_passes_that_are_not_rendered_are_reported(layer: Any, scene: Any, tmp_path: Path) -> None:
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(scene.camera)
     scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
@@ -112,13 +112,13 @@ def test_passes_that_are_not_rendered_are_said(layer: Any, scene: Any, tmp_path:
     exr(scene, tmp_path / "picture.exr")
     report = reports.last(scene)
     assert report is not None
-    said = [line for line in report.warnings if line.startswith("The pass ")]
-    assert [line.split(" is not")[0] for line in said] == [
+    lines = [line for line in report.warnings if line.startswith("The pass ")]
+    assert [line.split(" is not")[0] for line in lines] == [
         "The pass Cryptomatte Object",
         "The pass Vector",
         "The pass AOV Wear",
     ]
-    assert all(line.endswith(f": {layer.name}") for line in said)
+    assert all(line.endswith(f": {layer.name}") for line in lines)
 
 
 def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add: Any, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The engine renders through `bpy.ops.render.render`, and what it writes is what was asked for."""
+"""Final renders through `bpy.ops.render.render`: pictures, passes, warnings, errors, cancelling and memory."""
 
 from __future__ import annotations
 
@@ -126,16 +126,16 @@ def test_every_structure_gives_the_same_picture(stage: Any, tmp_path: Path) -> N
 
 
 def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, int]] = []
+    used: list[tuple[str, int]] = []
 
     class Watched(engine.Session):
         @classmethod
         def start(cls, *arguments: Any, threads: int, **named: Any) -> Any:
-            asked.append(("build", threads))
+            used.append(("build", threads))
             return super().start(*arguments, threads=threads, **named)
 
         def render(self, camera: Any, settings: Any) -> Any:
-            asked.append(("trace", settings.threads))
+            used.append(("trace", settings.threads))
             return super().render(camera, settings)
 
     monkeypatch.setattr(engine, "Session", Watched)
@@ -144,10 +144,10 @@ def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.Mo
     assert viewport.preview_settings(stage).threads == 3
     stage.render.threads_mode = "AUTO"  # 0: one per core
     bpy.ops.render.render()
-    assert asked == [("build", 3), ("trace", 3), ("build", 0), ("trace", 0)]
+    assert used == [("build", 3), ("trace", 3), ("build", 0), ("trace", 0)]
 
 
-def test_what_is_not_understood_is_reported_once(stage: Any, tmp_path: Path) -> None:
+def test_unsupported_nodes_and_triangles_without_area_are_reported_once(stage: Any, tmp_path: Path) -> None:
     odd = material("Odd")
     shader = node(odd.node_tree, "ShaderNodeBsdfPrincipled")
     odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeTexVoronoi").outputs[0], shader.inputs["Roughness"])
@@ -199,14 +199,14 @@ def test_a_picture_larger_than_memory_is_refused_before_the_scene_is_read(
 ) -> None:
     monkeypatch.setattr(extract, "find", lambda *_, **__: pytest.fail("the scene was read"))
     monkeypatch.setattr(room, "SMALL", 0)
-    # Of the film alone there would be room.
+    # There is memory for the film alone.
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: 64 * 64 * 4 * 8)
     stage.render.resolution_x = stage.render.resolution_y = 64
     with pytest.raises(RuntimeError, match="a picture of 64 × 64 pixels: needs about 1 MB, of 0 MB that are free"):
         bpy.ops.render.render()
 
 
-def test_the_tree_of_the_last_picture_takes_no_room_from_the_next(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tree_of_the_last_picture_is_freed_before_the_next(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     bpy.ops.render.render()
     assert trees._tree is not None
     monkeypatch.setattr(room, "SMALL", 0)
@@ -226,20 +226,20 @@ def test_a_scene_that_needs_more_than_its_memory_limit_is_refused(stage: Any) ->
 
 @pytest.mark.parametrize("during", ["build", "trace"])
 def test_a_cancelled_render_ends_without_an_error(stage: Any, monkeypatch: pytest.MonkeyPatch, during: str) -> None:
-    """`test_break` cannot be triggered in background, so the question is answered in its place."""
+    """`test_break` cannot be triggered in background, so the method that calls it is replaced."""
     if during == "build":
         stage.collection.objects.link(bpy.data.objects.new("Grid", grid(700)))
     stage.halfspace.samples = 1 << 16
-    asked = []
+    calls = []
 
     def break_after_a_while(picture: Any, progress: float) -> bool:
-        asked.append(progress)
-        return len(asked) < 3
+        calls.append(progress)
+        return len(calls) < 3
 
     method = "_building" if during == "build" else "_tracing"
     monkeypatch.setattr(engine._Picture, method, break_after_a_while)
     bpy.ops.render.render()
-    assert len(asked) == 3
+    assert len(calls) == 3
     assert reports.last(stage) is None
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
@@ -269,7 +269,7 @@ def test_an_interrupted_render_leaves_the_old_picture(
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
-def test_an_empty_scene_says_why_nothing_is_seen(stage: Any, tmp_path: Path) -> None:
+def test_an_empty_scene_reports_why_the_picture_is_empty(stage: Any, tmp_path: Path) -> None:
     bpy.data.objects.remove(stage.objects["Cube"])
     stage.render.use_motion_blur = True
     picture = render(stage, tmp_path)
@@ -331,24 +331,24 @@ def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool
     away.objects.link(bpy.data.objects.new("Fog", bpy.data.volumes.new("Fog")))
     second.layer_collection.children["Away"].exclude = True
 
-    def said() -> list[str]:
+    def warnings() -> list[str]:
         report = reports.last(stage)
         assert report is not None
         return [line.partition(" ")[0] + line.partition(":")[2] for line in report.warnings]
 
     bpy.ops.render.render()
-    assert sorted(said()) == ["Holdout Cube", "Skipped, Fog", "The Second"]
+    assert sorted(warnings()) == ["Holdout Cube", "Skipped, Fog", "The Second"]
     stage.objects["Cube"].is_holdout = False
     bpy.ops.render.render()
-    assert sorted(said()) == ["Skipped, Fog", "The Second"]
+    assert sorted(warnings()) == ["Skipped, Fog", "The Second"]
     stage.view_layers["ViewLayer"].use = False
     bpy.ops.render.render()
-    assert said() == ["The Second"]
+    assert warnings() == ["The Second"]
 
 
 @pytest.mark.parametrize("persistent", [False, True])
 def test_an_animation_renders_the_frames_that_are_asked_for(stage: Any, tmp_path: Path, persistent: bool) -> None:
-    """As `blender -b FILE -E HALFSPACE -s 3 -e 9 -j 2 -a` does; each frame is what it is alone."""
+    """As with `blender -b FILE -E HALFSPACE -s 3 -e 9 -j 2 -a`; a frame equals its picture outside of an animation."""
     item = stage.objects["Cube"]
     for frame, place in ((1, -3.0), (10, 3.0)):
         item.location.x = place
@@ -382,7 +382,7 @@ def test_many_frames_take_no_more_memory(stage: Any, tmp_path: Path) -> None:
         stage.frame_start, stage.frame_end = start, end
         bpy.ops.render.render(animation=True)
         used.append(_resident())
-    # What is lost with each frame is lost in each span; the allocator's own growth is not.
+    # A leak of each frame shows in both spans; the allocator's own growth does not.
     growth = min(used[1] - used[0], used[2] - used[1])
     assert growth < 4e6, "one frame's tree and film alone are more than this by three"
 
@@ -391,7 +391,7 @@ def _resident() -> int:
     """Bytes of memory that this process holds."""
     status = Path("/proc/self/statm")
     if not status.exists():
-        pytest.skip("this system does not tell how much memory a process holds")
+        pytest.skip("this system does not report the memory of a process")
     return int(status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 

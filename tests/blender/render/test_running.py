@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unregistering waits for renders on other threads, ends them, and does not begin another."""
+"""Unregistering ends renders on other threads, waits for them, and lets no other begin."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Engine:
 
 
 def render_until_closing(begun: threading.Event, log: list[str]) -> None:
-    """A render that ends a moment after it was told to, and an engine that Blender frees a moment later."""
+    """A render that ends a moment after `closing` returns True, and an engine that Blender frees a moment later."""
     engine = Engine()
     with running.picture(engine):
         begun.set()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sweeps on a cluster: killed and resumed, without workers, without a scheduler; no row is lost or doubled."""
+"""Sweeps on a cluster: no row is lost or doubled after kills, and a lost cluster is reported in one line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 @pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
-def test_a_sweep_on_a_cluster_that_is_killed_twice_ends_as_if_it_had_not(
+def test_a_sweep_that_is_killed_twice_gives_the_rows_of_an_undisturbed_one(
     scenes: list[str], tmp_path: Path, whole: list[Any]
 ) -> None:
     out = tmp_path / "out"
@@ -48,7 +48,7 @@ def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(
     command += ["--size", "16x16", "--repeats", "1", "--check-rays", "64", "--curve", "none", "--only-rays"]
     assert bench.main([*command, "--out", str(tmp_path / "whole")]) == 0
     whole = table(tmp_path / "whole")
-    # Where the axes are among the directions there are three at least.
+    # Trees whose directions include the axes have at least three.
     assert len(whole) == 3 * 7 * sum(8 if "-plus" in name else 9 for name in with_both)
     out = tmp_path / "out"
     command = [sys.executable, bench.__file__, *command, "--cluster", "local:2", "--out", str(out)]
@@ -58,7 +58,10 @@ def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(
 
 
 def resumed_after_kills(command: list[str], out: Path, rows_at_kills: tuple[int, ...], seconds: float) -> None:
-    """Run it, kill it with all its workers after so many rows, each time, and let it end. Checks what was kept."""
+    """Run a command, kill it with all its workers at each of these numbers of rows, and let the last run end.
+
+    Checks that the last run keeps the finished rows. seconds: time limit of each run.
+    """
     for enough in rows_at_kills:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
         try:
@@ -83,10 +86,10 @@ def _finished(folder: Path) -> int:
 
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_a_scheduler_that_goes_is_no_folder_that_cannot_be_written(scenes: list[str]) -> None:
+def test_a_lost_scheduler_raises_a_cluster_error_not_a_folder_error(scenes: list[str]) -> None:
     class Gone:
         def scatter(self, *_: Any, **__: Any) -> None:
-            """The scene was still taken."""
+            """The scene is accepted before the scheduler is lost."""
 
         def scheduler_info(self, **_: Any) -> Any:
             raise OSError("ConnectionPool closing.")
@@ -97,13 +100,13 @@ def test_a_scheduler_that_goes_is_no_folder_that_cannot_be_written(scenes: list[
 
 
 LOSSES = {"killed, and another comes": 0, "gone for good": 2}
-"""What befalls the only worker, which alone has the scene, and the exit status."""
+"""Exit status by the loss of the only worker, which alone has the scene."""
 
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 @pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
 @pytest.mark.parametrize("loss", LOSSES)
-def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
+def test_a_sweep_survives_the_loss_of_its_scene_or_fails_in_one_line(
     scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any, loss: str
 ) -> None:
     import distributed
@@ -123,8 +126,8 @@ def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
 
     monkeypatch.setattr(bench, "say", say)
     out = tmp_path / "out"
-    asked = [scenes[0], *OPTIONS, "--curve", "none", "--cluster", "local:1", "--out", str(out)]
-    assert bench.main(asked) == LOSSES[loss]
+    arguments = [scenes[0], *OPTIONS, "--curve", "none", "--cluster", "local:1", "--out", str(out)]
+    assert bench.main(arguments) == LOSSES[loss]
     assert lost
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
     if LOSSES[loss]:
@@ -137,7 +140,7 @@ def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 @pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
-def test_a_finished_row_that_goes_with_its_worker_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finished_row_lost_with_its_worker_is_given_up_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     import distributed
 
     monkeypatch.setattr(cluster, "HANDING_SECONDS", 1.0)
@@ -153,7 +156,7 @@ def test_a_finished_row_that_goes_with_its_worker_is_not_waited_for_for_ever(mon
 
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_workers_here_are_started_whoever_else_has_some() -> None:
+def test_local_workers_start_while_the_default_port_is_taken() -> None:
     import socket
     import urllib.request
 
@@ -161,10 +164,10 @@ def test_workers_here_are_started_whoever_else_has_some() -> None:
 
     with socket.socket() as taken:
         try:
-            taken.bind(("", 8787))  # where a Dask scheduler listens if nobody tells it otherwise
+            taken.bind(("", 8787))  # the default port of Dask's dashboard
             taken.listen()
         except OSError:
-            pass  # somebody has some
+            pass  # another program has it
         with cluster.measurer("local:1", benchmark.Options(), lambda _: None):
             port = distributed.default_client().scheduler_info()["services"]["dashboard"]
             with urllib.request.urlopen(f"http://127.0.0.1:{port}/health", timeout=300) as answer:
@@ -172,7 +175,7 @@ def test_workers_here_are_started_whoever_else_has_some() -> None:
 
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
-def test_a_cluster_that_is_not_there_is_one_line(
+def test_an_unreachable_cluster_fails_in_one_line(
     scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(cluster, "START_SECONDS", 0.5)

@@ -22,7 +22,7 @@ SPREAD = {"mean": 2.0, "p50": 2, "p90": 3, "p99": 3, "max": 3, "histogram": [1, 
 
 
 def whole(spec: str, slowness: float, sah: float) -> dict[str, Any]:
-    """A row with all that is exported."""
+    """A row with all columns that an export uses."""
     made = everything(spec, slowness)
     levels = {"nodes": [1, 2, 3], "directions_axis": [1, 2, 3], "directions_oblique": [0, 1, 0]}
     tree = {"nodes": 6, "leaves": 7, "depth": SPREAD, "size": SPREAD, "depths": [0, 1, 2, 4], "levels": levels}
@@ -63,7 +63,7 @@ def test_every_figure_has_its_data() -> None:
     assert depths.y[3] == pytest.approx(100.0 * 4 / 7)
     assert found["directions-level"].series[0].y == (1.0, 3.0, 3.0)
     assert [text for _, text in found["leaf-size"].x.ticks] == ["0", "1", "2–3"]
-    # Wrong answers of none of the rays stand on a tick of their own.
+    # Zero wrong answers have a tick of their own on the logarithmic axis.
     wrong = found["wrong-time-here-primary"]
     assert wrong.y.ticks[0] == (min(series.y[0] for series in wrong.series), "0")
     assert {(series.hollow, series.y[0]) for series in wrong.series} == {(False, 100.0), (True, 7000.0)}
@@ -77,7 +77,7 @@ def test_nodes_and_traversals_of_one_tree_are_one_line_of_its_shape() -> None:
         one |= {"tree": "kd", "table": table, "tables": [table]}
     found = {figure.name: figure for figure in figures.of_scene([slow, quick])}
     assert [series.mark.label for series in found["leaf-depth"].series] == ["kd"]
-    assert len(found["error-time-relmse"].series) == 1, "pictures are those of the quickest ways"
+    assert len(found["error-time-relmse"].series) == 1, "pictures are those of the fastest traversals"
     assert [series.mark.label for series in found["steps-primary"].series] == ["kd:traversal=dir"]
 
 
@@ -169,7 +169,7 @@ def balanced(text: str) -> bool:
     return depth == 0 and not names
 
 
-def test_every_picture_is_whole() -> None:
+def test_every_pgfplots_picture_is_complete() -> None:
     for figure in figures.of_scene(ROWS):
         text = pgfplots.picture(figure)
         assert balanced(text)

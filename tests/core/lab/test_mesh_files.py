@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mesh files read without Blender: every variant gives the same triangles, and what is broken is one line."""
+"""Mesh files read without Blender: every variant gives the same triangles, and a broken file raises one line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRIANGLES = [[0, 1, 2], [0, 2, 3], [0, 1, 4], [3, 2, 1], [3, 1, 0], [3, 0, 4]]
 
 
 def ply(form: str, faces: list[tuple[int, ...]] = FACES, real: str = "float", extra: bool = False) -> bytes:
-    """A PLY file. extra: with an element and properties that are not read."""
+    """A PLY file. form: its format. real: type of the coordinates. extra: add an element and properties to skip."""
     head = ["ply", f"format {form} 1.0", "comment made by a test", "obj_info none"]
     head += [f"element vertex {len(CORNERS)}", *(f"property {real} {axis}" for axis in "xyz")]
     head += ["property uchar red"] * extra + [f"element face {len(faces)}"] + ["property uchar flags"] * extra
@@ -79,7 +79,7 @@ def test_every_ply_gives_the_same_triangles(tmp_path: Path, form: str, real: str
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_faces_of_one_size_are_read_as_a_whole(tmp_path: Path, form: str) -> None:
+def test_faces_of_equal_size_give_the_same_triangles(tmp_path: Path, form: str) -> None:
     faces = [tuple(triangle) for triangle in TRIANGLES]
     found = load(tmp_path / "mesh.ply", ply(form, faces, extra=True))
     assert found.triangles.tolist() == TRIANGLES
@@ -115,7 +115,7 @@ def test_other_formats_give_the_same_triangles(tmp_path: Path, name: str, data: 
         ("a.obj", b"v nan 2 3\nf 1 1 1\n", "none of its vertices is finite"),
     ],
 )
-def test_what_is_broken_is_one_line(tmp_path: Path, name: str, data: bytes, words: str) -> None:
+def test_a_broken_file_raises_one_line_with_its_name(tmp_path: Path, name: str, data: bytes, words: str) -> None:
     with pytest.raises(WorkloadError) as error:
         load(tmp_path / name, data)
     assert words in str(error.value)
@@ -125,7 +125,7 @@ def test_what_is_broken_is_one_line(tmp_path: Path, name: str, data: bytes, word
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
 @pytest.mark.parametrize("extra", [False, True])
-def test_a_file_cut_anywhere_is_one_line(tmp_path: Path, form: str, extra: bool) -> None:
+def test_a_file_cut_anywhere_raises_one_line(tmp_path: Path, form: str, extra: bool) -> None:
     whole = ply(form, extra=extra)
     for end in range(0, len(whole) - 8, 5):
         with pytest.raises(WorkloadError, match=r"cut\.ply: "):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stability table: right structures show zeros, wrong ones are caught, closed surfaces hold."""
+"""The stability table: right structures have no differences, wrong ones are noticed, closed surfaces do not leak."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_cases_cover_the_list_of_extremes() -> None:
     names = [case["name"] for case in cases]
     assert len(names) == len(set(names))
     covered = {number for case in cases for number in case["extremes"]}
-    # Flushed subnormals and thread counts are no scenes.
+    # Two extremes are not scenes: flushed subnormals and numbers of threads.
     assert covered == {f"X{n:02}" for n in range(1, 61)} - {"X57", "X58"}
     for case in cases:
         assert case["summary"]
@@ -75,12 +75,12 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
     ]
     narrow = stability.configurations(rows, ["bvh-sah:width=4"])
     assert "bvh-sah:width=4,traversal=ordered" in narrow
-    assert not any("packet" in spec for spec in narrow), "what has no effect is not tried"
+    assert not any("packet" in spec for spec in narrow), "values without effect are left out"
     octree = stability.configurations(rows, ["octree-net"])
     assert {"octree-net:shadow=cache", "octree-net:shadow=beam"} < set(octree)
 
 
-def test_of_slow_cases_rays_of_all_kinds_are_asked() -> None:
+def test_slow_cases_keep_rays_of_all_kinds() -> None:
     for name, most in stability.MOST_RAYS["small"].items():
         case = small_case(name)
         some = stability.fewer_rays(case, most)
@@ -91,7 +91,7 @@ def test_of_slow_cases_rays_of_all_kinds_are_asked() -> None:
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_a_lie_is_told(lie: str) -> None:
+def test_a_lie_is_noticed(lie: str) -> None:
     case = small_case("random soup")
     honest = list(stability.measure_case(halfspace_native, case, ["kd"], exact_pairs=1000, threads=1))
     lying = list(stability.measure_case(LyingNative(lie), case, ["kd"], exact_pairs=1000, threads=1))
@@ -103,8 +103,8 @@ def test_textbook_traversals_fail_and_ours_do_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(stability.EXACT_PAIRS, "small", 20_000)
-    walk = "kd:traversal=dir,shadow=none"
-    status = command.main(["--structures", walk, "--leak-rays", "400", "--out", str(tmp_path)])
+    spec = "kd:traversal=dir,shadow=none"
+    status = command.main(["--structures", spec, "--leak-rays", "400", "--out", str(tmp_path)])
     assert status == 0
     document = json.loads((tmp_path / "stability.json").read_text(encoding="utf-8"))
     none = [row for row in document["rows"] if "robust=none" in row["spec"]]
@@ -126,7 +126,7 @@ def test_a_wrong_structure_sets_the_status(monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.fixture
 def holed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The closed surfaces, of which one has a hole."""
+    """A single surface with a hole, in place of the closed surfaces."""
     vertices, triangles = leaks.icosphere(2)
     surface = ("holed", vertices.astype(np.float32), triangles[1:], np.zeros(3), 0.3)
     monkeypatch.setattr(leaks, "surfaces", lambda _: iter([surface]))
@@ -137,26 +137,26 @@ def holed(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_leak_sets_the_status(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     rows = trials.trial(halfspace_native, ["kd:shadow=none"], 3, 0)
     monkeypatch.setattr(command, "measure_cases", lambda *_: rows)
-    asked = ["--structures", "kd:shadow=none", "--leak-rays"]
-    assert command.main([*asked, "0"]) == 0
-    assert command.main([*asked, "4000"]) == 1
+    arguments = ["--structures", "kd:shadow=none", "--leak-rays"]
+    assert command.main([*arguments, "0"]) == 0
+    assert command.main([*arguments, "4000"]) == 1
     assert " 0 leaks" not in capsys.readouterr().out
-    assert command.main([*asked, "4000", "--leaks-only"]) == 1
+    assert command.main([*arguments, "4000", "--leaks-only"]) == 1
 
 
 def test_a_long_run_with_a_difference_sets_the_status(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(trials, "BLOCK", 2)
-    asked = ["--structures", "kd:shadow=none", "--seed", "3", "--long", "1", "--threads", "1"]
-    assert command.main(asked) == 0
+    arguments = ["--structures", "kd:shadow=none", "--seed", "3", "--long", "1", "--threads", "1"]
+    assert command.main(arguments) == 0
     monkeypatch.setattr(command.native, "load", lambda: LyingNative("wrong_triangle", "kd:shadow=none"))
-    assert command.main(asked) == 1
+    assert command.main(arguments) == 1
     assert "kd:shadow=none differs in trial 0 of seed 3" in capsys.readouterr().out
 
 
 class Broken:
-    """As the structure, whose nodes are not as they should be although it answers well."""
+    """A structure with right answers, whose `validate` reports a broken node."""
 
     def __init__(self, structure: Any) -> None:
         self._structure = structure
@@ -169,6 +169,8 @@ class Broken:
 
 
 class BrokenNative:
+    """The module, whose structures are all Broken."""
+
     def __getattr__(self, name: str) -> Any:
         return getattr(halfspace_native, name)
 
@@ -199,9 +201,18 @@ def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.Ca
     scene = tmp_path / "ball.npz"
     view = {"camera_eye": [0, -3, 0], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 40.0}
     np.savez(scene, vertices=vertices.astype(np.float32), triangles=triangles, **view)
-    asked = ["--structures", "octree-beam,bih", "--rays", "300", "--out", str(tmp_path / "out"), "--scenes", str(scene)]
-    assert command.main(asked) == 0
-    told = capsys.readouterr().out
+    arguments = [
+        "--structures",
+        "octree-beam,bih",
+        "--rays",
+        "300",
+        "--out",
+        str(tmp_path / "out"),
+        "--scenes",
+        str(scene),
+    ]
+    assert command.main(arguments) == 0
+    printed = capsys.readouterr().out
     rows = json.loads((tmp_path / "out" / "stability.json").read_text(encoding="utf-8"))["rows"]
     assert {"octree-beam", "octree-beam:shadow=beam", "bih"} < {row["spec"] for row in rows}
     links = {row["spec"]: row["statistics"]["links"] for row in rows}
@@ -210,14 +221,14 @@ def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.Ca
         assert row["rays"] > 1000
         assert row["statistics"]["bytes"] > row["statistics"]["nodes_axis"]
     assert links["octree-beam"] > 0
-    assert command.main(asked) == 0
-    assert "of them by brute force" in told
+    assert command.main(arguments) == 0
+    assert "of them by brute force" in printed
     assert "of them by brute force" not in capsys.readouterr().out
     for column in ("broken", "exact_wrong"):
         without(tmp_path / "out", column)
-        assert command.main(asked) == 0
+        assert command.main(arguments) == 0
         assert "of them by brute force" in capsys.readouterr().out, "measured again"
-        assert command.main(asked) == 0
+        assert command.main(arguments) == 0
         assert "of them by brute force" not in capsys.readouterr().out, "not once more"
     again = json.loads((tmp_path / "out" / "stability.json").read_text(encoding="utf-8"))["rows"]
     assert [row | {"seconds": 0, "statistics": {}} for row in again] == [
@@ -226,7 +237,7 @@ def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.Ca
 
 
 def without(folder: Path, column: str) -> None:
-    """Take a column away from the rows of a journal, and from the rows in its rows."""
+    """Remove a column from the rows of a journal, and from the rows nested in them."""
     journal = folder / "rows.jsonl"
     lines = [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()]
     for line in lines:
@@ -253,10 +264,10 @@ def test_a_build_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsy
     honest = agreement.row
     monkeypatch.setattr(agreement, "row", lambda _, *rest, **named: honest(wide, *rest, **named))
     assert command.main(["--structures", "kd:shadow=none", "--rays", "100", "--scenes", "grid"]) == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert told.startswith("stability: ")
-    assert "kd:" in told
-    assert "memory_limit" in told
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("stability: ")
+    assert "kd:" in line
+    assert "memory_limit" in line
 
 
 @pytest.mark.parametrize("bad", [["--structures", "tree"], ["--long", "-1"], ["--size", "huge"], ["--long", "x"]])
@@ -287,7 +298,7 @@ def test_a_long_run_is_resumed_where_it_was(tmp_path: Path, monkeypatch: pytest.
     assert made
     _, again = long_run(tmp_path / "other", "--long", str(2 * answers))
     assert [row | {"case": ""} for row in again["rows"]] == [row | {"case": ""} for row in second["rows"]]
-    # No time is left, but what is there counts.
+    # Without time for new blocks, those of the journal count.
     _, third = long_run(tmp_path, "--long", "1e12", "--seconds", "0")
     assert third["rows"] == second["rows"]
     for column in ("wrong_in", "rays", "seconds"):
@@ -298,13 +309,13 @@ def test_a_long_run_is_resumed_where_it_was(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_a_trial_tells_a_lie(lie: str) -> None:
+def test_a_trial_notices_a_lie(lie: str) -> None:
     rows = [trials.trial(native, ["kd"], 3, 0)[0] for native in (halfspace_native, LyingNative(lie))]
     assert [stability.differs(row) for row in rows] == [False, True]
 
 
 class Shady:
-    """The module whose shadow cache says one thing wrong: of the first ray, which is among the exact ones."""
+    """The module with a wrong any-hit answer of the shadow cache: for the first ray, which is also checked exactly."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(halfspace_native, name)
@@ -328,21 +339,21 @@ def test_any_hits_of_extreme_cases_are_compared_with_exact_arithmetic_too() -> N
         assert cache["exact_rays"] > 0
         assert (cache["wrong_any_hit"], cache["exact_wrong"]) == (wrong, wrong)
         assert plain["exact_wrong"] == 0
-    # A structure that lies in both is wrong once per ray, not twice.
+    # A ray that differs from both references counts once, not twice.
     both = {name: case[name][:1] for name in ("origins", "directions", "t_min", "t_max")}
     (row,) = stability.measure_case(Shady(), {**case, **both}, ["kd:shadow=cache"], exact_pairs=10_000, threads=1)
     assert (row["exact_rays"], row["exact_wrong"]) == (1, 1)
 
 
-def test_shadow_none_is_asked_for_its_closest_hits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nearest_hits_are_compared_for_shadow_none_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     nearest = stability.nearest
-    asked: list[int] = []
-    monkeypatch.setattr(stability, "nearest", lambda *a, **k: asked.append(1) or nearest(*a, **k))
+    calls: list[int] = []
+    monkeypatch.setattr(stability, "nearest", lambda *a, **k: calls.append(1) or nearest(*a, **k))
     trials.trial(halfspace_native, ["kd:shadow=none", "kd:shadow=cache"], 3, 0)
-    assert asked == [1]
+    assert calls == [1]
 
 
-def test_the_bound_counts_each_ray_once_however_many_answer_it() -> None:
+def test_the_bound_counts_each_ray_once_for_all_configurations() -> None:
     vertices, triangles = leaks.icosphere(1)
     rng = np.random.default_rng(1)
     ways = np.repeat(rng.normal(size=(100, 3)).astype(np.float32), 4, axis=0)
@@ -357,16 +368,16 @@ def test_the_bound_counts_each_ray_once_however_many_answer_it() -> None:
     }
     rows = list(stability.measure_case(halfspace_native, case, ["kd", "bih", "bvh-sah"], exact_pairs=0, threads=1))
     assert [row["rays"] for row in rows] == [400] * 3
-    told = stability.limit(rows)
-    assert "in 1,200 answers of 3 configurations to 100 different rays" in told
-    assert "fewer than 3.0e-02 of such rays" in told
-    # The same rays on another scene are other questions.
+    sentence = stability.limit(rows)
+    assert "in 1,200 answers of 3 configurations to 100 different rays" in sentence
+    assert "fewer than 3.0e-02 of such rays" in sentence
+    # The same rays on another scene count again.
     assert "to 200 different rays" in stability.limit([*rows, *rows])
 
 
-def test_of_a_whole_scene_bounces_in_another_order_are_the_same_rays() -> None:
-    asked = agreement.questions(halfspace_native, grid.workload(boxes=2, rays=64), 64, 1, threads=1)
-    fresh = {question.rays.name: question.fresh for question in asked}
+def test_shuffled_bounces_of_a_scene_count_as_no_new_rays() -> None:
+    questions = agreement.questions(halfspace_native, grid.workload(boxes=2, rays=64), 64, 1, threads=1)
+    fresh = {question.rays.name: question.fresh for question in questions}
     assert fresh["primary"] == fresh["diffuse"] == 64
     assert fresh["shuffled"] == 0
 
@@ -379,7 +390,7 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, disk
         command.save(tmp_path, {**document, "verdict": "new"})
 
 
-def test_trials_are_many_and_repeat() -> None:
+def test_trials_cover_all_sorts_and_are_reproducible() -> None:
     names = set()
     for number in range(8 * len(trials.SORTS) // 2):
         pair = [trials._scene(halfspace_native, 1, number, np.random.default_rng([1, number])) for _ in range(2)]
@@ -401,7 +412,7 @@ def test_closed_surfaces_hold(row: dict) -> None:
 
 
 @pytest.mark.parametrize("lie", ["false_miss", "wrong_any_hit"])
-def test_leaks_are_looked_for_by_both_questions(lie: str) -> None:
+def test_leaks_are_found_by_nearest_hits_and_by_any_hits(lie: str) -> None:
     vertices, triangles = leaks.icosphere(1)
     surface = ("sphere", vertices.astype(np.float32), triangles, np.zeros(3), 0.3)
     assert leaks.count_leaks(LyingNative(lie), ["kd"], [surface], 100, threads=1)["kd"]["sphere"] == 1
@@ -419,10 +430,10 @@ def test_a_hole_is_a_leak() -> None:
     assert not holed.occluded(origins, directions).all()
     surface = ("holed", points, triangles[1:], np.zeros(3), 0.3)
     assert leaks.count_leaks(halfspace_native, ["kd"], [surface], 4000)["kd"]["holed"] > 0
-    # The fan that closes it faces as the rest does: every edge is walked once each way.
+    # The fan that closes the hole has the orientation of the rest: each edge occurs once in each direction.
     closed_points, closed = leaks.closed(points, triangles[1:])
-    walked = np.concatenate([closed[:, [0, 1]], closed[:, [1, 2]], closed[:, [2, 0]]])
+    directed = np.concatenate([closed[:, [0, 1]], closed[:, [1, 2]], closed[:, [2, 0]]])
     assert len(closed) == len(triangles) + 2
-    assert sorted(map(tuple, walked.tolist())) == sorted(map(tuple, walked[:, ::-1].tolist()))
+    assert sorted(map(tuple, directed.tolist())) == sorted(map(tuple, directed[:, ::-1].tolist()))
     surface = ("closed", closed_points, closed, np.zeros(3), 0.3)
     assert not leaks.count_leaks(halfspace_native, ["kd"], [surface], 4000)["kd"]

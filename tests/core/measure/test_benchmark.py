@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The benchmark proves answers before it times them, and says no to a structure that lies."""
+"""The benchmark checks answers before it times them, and reports structures with wrong ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def measure(chosen: list[str], options: Options = QUICK, native: Any = halfspace
     return {row["spec"]: row for row in benchmark.measure(native, small, chosen, options, lambda _: None)}
 
 
-def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
+def test_a_row_has_every_key_and_the_expected_numbers_of_rays() -> None:
     row = measure(["kd:traversal=ta-b"])["kd:traversal=ta-b"]
     assert row.keys() >= KEYS
     assert list(row["rays"]) == [*rays.NAMES, "walls"]
@@ -73,12 +73,12 @@ def test_a_lie_is_seen(lie: str) -> None:
     assert not benchmark.agrees(row)
     column = "t_ulp_max" if lie == "late" else lie
     assert row["errors"][column] >= 1
-    # The miss of a closest hit leaves `occluded` right, so that the kinds are told apart.
+    # A false miss leaves `occluded` right, so the two kinds of errors are distinct.
     assert (row["errors"]["wrong_any_hit"] > 0) == (lie == "wrong_any_hit")
 
 
 @pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
-def test_the_yardstick_is_measured_beside_and_relates_all() -> None:
+def test_speeds_are_related_to_the_yardstick_round_by_round() -> None:
     rows = measure(["embree", "kd"])
     for name in rays.NAMES:
         ratio = rows["kd"]["rays"][name]["times_embree"]
@@ -87,7 +87,7 @@ def test_the_yardstick_is_measured_beside_and_relates_all() -> None:
     assert rows["embree"]["errors"]["sets"]["primary"]["false_miss"] == 0
 
 
-def test_a_sweep_over_k_is_timed_beside_the_tree_that_it_is_related_to() -> None:
+def test_a_sweep_over_k_is_anchored_at_its_kd_tree() -> None:
     assert benchmark.anchor_of(["embree", "kd-sah", "bsp-wn:k=3", "rbsp:k=13"]) == "embree"
     assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=13"]) == "kd-sah"
     assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "bsp-wn:k=13"]) == "embree"
@@ -95,7 +95,7 @@ def test_a_sweep_over_k_is_timed_beside_the_tree_that_it_is_related_to() -> None
 
 
 @pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
-def test_embree_is_a_row_as_others_where_it_is_not_the_anchor() -> None:
+def test_embree_is_an_ordinary_row_if_it_is_not_the_anchor() -> None:
     rows = measure(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=4"])
     assert {row["anchor"] for row in rows.values()} == {"kd-sah"}
     assert not any(row["error"] for row in rows.values())
@@ -124,18 +124,18 @@ def test_exact_arithmetic_agrees() -> None:
     assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
 
 
-def test_builds_with_their_first_picture_are_timed_where_rays_build_and_compared() -> None:
+def test_first_pictures_are_timed_and_compared_if_a_tree_is_lazy() -> None:
     rows = measure(["kd", "kd:lazy=1"])
     assert all(row["first_s"]["min"] > 0.0 for row in rows.values())
     assert benchmark.agrees(rows["kd:lazy=1"])
     assert rows["kd:lazy=1"]["statistics"]["parts_built"] > 0
-    (said,) = [text for text in report.findings(list(rows.values())) if text.startswith("Build and camera rays")]
-    assert "with kd:lazy=1" in said
-    assert "with kd; 0 rays differ" in said
-    assert measure(["kd"])["kd"]["first_s"] is None, "no tree of it is built by rays"
+    (sentence,) = [text for text in report.findings(list(rows.values())) if text.startswith("Build and camera rays")]
+    assert "with kd:lazy=1" in sentence
+    assert "with kd; 0 rays differ" in sentence
+    assert measure(["kd"])["kd"]["first_s"] is None, "without a lazy tree nothing is timed"
 
     class LateLiar:
-        """As the real module, but what rays build is wrong whenever it is built again."""
+        """The module, whose lazily built tree is wrong from its repeated builds on."""
 
         built = 0
 
@@ -169,35 +169,35 @@ def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() ->
     assert benchmark.agrees(rows["kd"])
 
 
-class Listening:
-    """As the structure, and remembers which question each pass asked."""
+class Recording:
+    """A structure that records the query of each pass."""
 
     def __init__(self, structure: Any) -> None:
         self._structure = structure
-        self.asked: list[str] = []
+        self.queries: list[str] = []
 
     def closest(self, *arguments: Any, **options: Any) -> Any:
-        self.asked.append("closest")
+        self.queries.append("closest")
         return self._structure.closest(*arguments, **options)
 
     def occluded(self, *arguments: Any, **options: Any) -> Any:
-        self.asked.append("occluded")
+        self.queries.append("occluded")
         return self._structure.occluded(*arguments, **options)
 
 
 def test_shadow_rays_are_timed_by_any_hits_and_all_others_by_closest_ones() -> None:
     scene = grid.workload(boxes=2, rays=64)
-    heard = Listening(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
-    for some in rays.make(scene, heard._structure, size=(8, 8), seed=1, names=rays.NAMES):
+    recorder = Recording(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
+    for some in rays.make(scene, recorder._structure, size=(8, 8), seed=1, names=rays.NAMES):
         expected = "occluded" if some.name == "shadow" else "closest"
-        timing.one_pass(timing.Candidate("kd", heard), some, 1)
-        check.rate(heard, some, 1)
-        assert heard.asked == [expected] * 3, some.name  # one pass, one to warm up, one timed
-        heard.asked.clear()
+        timing.one_pass(timing.Candidate("kd", recorder), some, 1)
+        check.rate(recorder, some, 1)
+        assert recorder.queries == [expected] * 3, some.name  # one pass, one to warm up, one timed
+        recorder.queries.clear()
 
 
 class Cached:
-    """Answers nothing; a pass takes 1 ms by a clock of its own, and 1 ms more behind another structure."""
+    """A structure without answers. By its own clock a pass takes 1 ms, and 2 ms after a pass of another structure."""
 
     last: ClassVar[Any] = None
     now: ClassVar[float] = 0.0
@@ -207,7 +207,7 @@ class Cached:
         Cached.last = self
 
 
-def test_what_the_structure_before_left_in_the_caches_is_in_no_short_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_passes_exclude_cache_misses_after_another_structure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "clock", lambda _: lambda: Cached.now)
     some = rays.RaySet("primary", *(np.zeros(shape, np.float32) for shape in ((64, 3), (64, 3), 64)))
     rate = len(some) / 1e6 / 1e-3
@@ -246,21 +246,21 @@ def test_progress_grows_and_a_closed_iterator_stops_at_once() -> None:
     assert list(events) == []
 
 
-def test_what_is_asked_beside_the_speed_is_in_the_row() -> None:
+def test_optional_measurements_are_in_the_row() -> None:
     options = replace(QUICK, repeats=1, scaling=True, peak=True, maps=True, offsets=(0.0, 1e3), pass_seconds=5.0)
     rows = measure(["kd", "octree-net"], options)
     assert [point["rays"] for point in rows["kd"]["scaling"]] == [8 * 8, 16 * 16, 32 * 32, 64 * 64]
     assert {(row["map"]["width"], row["map"]["height"]) for row in rows.values()} == {(96, 96)}
-    # The list of references alone is as large, and no build needs a gigabyte for a few hundred triangles.
+    # A build needs at least a byte per reference, and less than a gigabyte for a few hundred triangles.
     assert rows["kd"]["statistics"]["references"] < rows["kd"]["peak_bytes"] < 1e9
     for row in rows.values():
         assert [point["wrong"] for point in row["offsets"]] == [0, 0]
-    # Without its bounds the same walk is wrong on touching boxes; the octree has no such walk.
+    # Without error bounds the same traversal is wrong on touching boxes; the octree has none without them.
     assert all(point["wrong_unguarded"] > 0 for point in rows["kd"]["offsets"])
     assert rows["octree-net"]["offsets"][0]["wrong_unguarded"] is None
 
 
-def test_a_cost_map_is_the_work_of_each_pixel_and_of_tiles_where_they_are_walked_together() -> None:
+def test_a_cost_map_is_the_work_of_each_pixel_or_of_tiles_traversed_as_a_whole() -> None:
     scene, size = grid.workload(2, 64), (32, 16)
     trees = {
         spec: halfspace_native.build(scene.vertices, scene.triangles, spec) for spec in ("octree-net", "octree-beam")
@@ -277,7 +277,7 @@ def test_a_cost_map_is_the_work_of_each_pixel_and_of_tiles_where_they_are_walked
     assert np.array_equal(costmap.unpacked(costmap.packed(alone)), alone)
 
 
-def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_memory_measurement_that_fails_is_noted_and_leaves_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peak.sys, "executable", "/bin/false")
     row = measure(["kd"], replace(QUICK, repeats=1, peak=True))["kd"]
     assert row["peak_bytes"] is None
@@ -285,20 +285,20 @@ def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch:
     assert any(reason.startswith("peak memory: the process that measured it ended") for reason in row["left_out"])
 
 
-def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
+def test_a_structure_that_fails_during_a_query_is_a_row_with_its_error() -> None:
     class Broken:
         spec = "kd-sah"
         statistics: ClassVar[dict[str, Any]] = {"build_seconds": 0.1, "bytes": 1}
 
         def closest(self, *_: Any, **__: Any) -> Any:
-            raise RuntimeError("the walk went astray")
+            raise RuntimeError("the traversal failed")
 
     class Failing(LyingNative):
         def build(self, vertices: Any, triangles: Any, spec: str, **_: Any) -> Any:
             return Broken() if spec == "kd-sah" else halfspace_native.build(vertices, triangles, spec)
 
     rows = measure(["kd-sah", "kd"], native=Failing(""))
-    assert rows["kd-sah"]["error"] == "the walk went astray"
+    assert rows["kd-sah"]["error"] == "the traversal failed"
     assert benchmark.agrees(rows["kd"])
 
 
@@ -306,7 +306,7 @@ def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
 def test_real_scenes_agree(name: str) -> None:
     path = SCENES / f"{name}.npz"
     if not path.is_file():
-        pytest.skip(f"the scene {name} is not beside the repository")
+        pytest.skip(f"the scene {name} is not in {SCENES}")
     options = Options(size=(64, 64), repeats=1, check_rays=1024)
     rows = list(benchmark.measure(halfspace_native, workload.load_npz(path), ["kd"], options, lambda _: None))
     assert all(benchmark.agrees(row) for row in rows)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counters explain a time only where they are those of the walk that took it."""
+"""Counters explain a time only if they are those of the timed traversal."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ NAMES = [row["id"] for row in halfspace_native.structures()]
 
 
 def marked(*chosen: str) -> dict[str, dict[str, bool]]:
+    """For each configuration and ray set, the mark of its row that the counters are of the timed traversal."""
     options = benchmark.Options(size=(16, 16), repeats=1, check_rays=64)
     found = benchmark.measure(halfspace_native, grid.workload(2, 64), chosen, options, lambda _: None)
     return {
-        one["spec"]: {name: told["counts_timed_walk"] for name, told in one["rays"].items() if name != "walls"}
+        one["spec"]: {name: column["counts_timed_walk"] for name, column in one["rays"].items() if name != "walls"}
         for one in found
     }
 
 
-def test_a_row_tells_whether_its_counters_are_of_the_timed_walk() -> None:
+def test_a_row_marks_counters_of_the_timed_traversal() -> None:
     alone = dict.fromkeys(rays.NAMES, True)
     chosen = ("kd:traversal=dir", "kd:traversal=packet", "kd:shadow=beam,traversal=dir", "octree-net", "octree-beam")
     assert marked(*chosen) == dict.fromkeys(chosen, alone)
@@ -58,28 +59,30 @@ def _steps(tree: Any, some: rays.RaySet) -> Any:
     return tree.closest(some.origins, some.directions, **arguments).counters["steps"]
 
 
-def said(*rows: dict[str, Any]) -> str:
+def finding(*rows: dict[str, Any]) -> str:
+    """The sentence on primary rays in the findings of these rows."""
     return next(text for text in report.findings(list(rows)) if text.startswith("Primary"))
 
 
-def test_counters_of_another_walk_explain_nothing() -> None:
+def test_counters_of_another_traversal_explain_nothing() -> None:
     rows = row("a", 4.0), row("b", 2.0)
-    assert "because its steps are cheaper: it needs about as many" in said(*rows)
+    assert "because its steps are cheaper: it needs about as many" in finding(*rows)
     rows[0]["rays"]["primary"]["counts_timed_walk"] = False
-    assert "counters do not explain it: rays of a are counted one by one, though they may be traced together." in said(
-        *rows
+    assert (
+        "counters do not explain it: rays of a are counted one by one, though they may be traced together."
+        in finding(*rows)
     )
-    assert "because" not in said(*rows)
+    assert "because" not in finding(*rows)
 
 
-def test_where_no_steps_are_made_they_explain_nothing() -> None:
+def test_counters_without_steps_explain_nothing() -> None:
     rows = row("a", 4.0), row("b", 2.0)
     for one in rows:
         one["rays"]["primary"] |= {"steps": 0.0, "tests": 0.0}
-    assert said(*rows).endswith("the noise is 1.0 %).")
+    assert finding(*rows).endswith("the noise is 1.0 %).")
 
 
-def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
+def test_times_of_traversals_that_are_not_counted_are_not_fitted() -> None:
     rows = [everything(f"bsp-wn:k={k}", 1.0 + k / 10, k) for k in range(3, 8)]
     rows[0]["rays"]["primary"]["counts_timed_walk"] = False
     found = costs.fit(rows)
@@ -101,9 +104,9 @@ class Silent:
         return SimpleNamespace(spec=spec, routes={"closest": {"counted": True}, "tiles": {"counted": counted}})
 
 
-def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
+def test_a_remark_names_configurations_counted_in_another_traversal() -> None:
     chosen = {"kd": "kd:traversal=dir", "boxes": "bvh-sah", "a tree": "octree-net"}
     assert counting.remark(chosen, halfspace_native) == ""
     silent: Any = Silent()
-    told = counting.remark(chosen, silent)
-    assert told == " (rays of a tree are counted one by one, though they may be traced together)"
+    remark = counting.remark(chosen, silent)
+    assert remark == " (rays of a tree are counted one by one, though they may be traced together)"

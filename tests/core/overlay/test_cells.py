@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaf cells and ray paths of every structure, against what the structure says elsewhere."""
+"""Leaf cells and ray paths of every structure, against its statistics and its answers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def soup(count: int = 80) -> tuple[Any, Any]:
 
 
 def representatives() -> list[str]:
-    """One structure for each way of looking: the kinds of planes that it draws."""
+    """One structure for each family and set of polygon kinds."""
     chosen: dict[Any, str] = {}
     for spec, family in FAMILY.items():
         kinds = native.build(*soup(), spec).split_polygons()["kind"]
@@ -45,7 +45,7 @@ def faces(found: Any) -> list[list[Any]]:
 
 
 def volume(cell: list[Any]) -> float:
-    """Of a convex cell, from its faces and a point inside."""
+    """Volume of a convex cell, from its faces and a point inside."""
     middle = np.mean(np.concatenate(cell), axis=0)
     total = 0.0
     for face in cell:
@@ -74,7 +74,7 @@ def test_leaves_hold_all_references_and_fill_space(spec: str) -> None:
 
 
 @pytest.mark.parametrize("spec", FAMILY)
-def test_every_structure_tells_its_leaves_and_paths(spec: str) -> None:
+def test_every_structure_has_leaves_and_paths(spec: str) -> None:
     tree = native.build(*soup(), spec)
     assert tree.leaf_cells(0, 1_000_000)["count"].sum() == tree.statistics["references"]
     found = tree.trace_path([-3.0, 1.5, 1.0], [1.0, 0.0, 0.0])
@@ -83,7 +83,7 @@ def test_every_structure_tells_its_leaves_and_paths(spec: str) -> None:
 
 
 @pytest.mark.parametrize("spec", [*IDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
-def test_paths_are_those_of_the_walk(spec: str) -> None:
+def test_paths_are_those_of_the_traversal(spec: str) -> None:
     tree = native.build(*soup(), spec)
     rng = np.random.default_rng(6)
     origins = (rng.random((RAYS, 3)) * 8 - 2).astype(np.float32)
@@ -112,7 +112,7 @@ def test_paths_are_those_of_the_walk(spec: str) -> None:
             spans = np.stack([visits["enter"], visits["leave"]], axis=1)
             spans = spans[np.isfinite(spans).all(axis=1)]
             spans = spans[np.argsort(spans[:, 0])]
-            # One cell ends where the next begins, from the scene's box to the hit.
+            # Each cell ends where the next begins, from the scene's box to the hit.
             assert spans[1:, 0] == pytest.approx(spans[:-1, 1], abs=1e-6)
             if hits.triangle[i] >= 0:
                 assert spans[-1, 1] >= hits.t[i] - 1e-6
