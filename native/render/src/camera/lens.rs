@@ -46,7 +46,7 @@ impl Lens {
     /// The aperture, or `None` for a pinhole.
     ///
     /// # Errors
-    /// If a number is not finite or out of range.
+    /// [`Error::NonFinite`] or [`Error::Spec`] if a number is not finite or out of range.
     pub fn new(params: &LensParams) -> Result<Option<Self>> {
         // Check the numbers; the message names the key.
         let check = |value: f64, low: f64, high: f64, key: &str| {

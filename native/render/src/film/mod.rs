@@ -56,6 +56,7 @@ impl Film {
         let [x0, y0, x1, y1] = settings.region();
         // Passes given twice are counted twice here but stored once.
         let mut channels: usize = settings.passes.iter().map(|p| p.channels()).sum();
+        // Adaptive sampling keeps two sums of RGB per pixel.
         if settings.noise_threshold > 0.0 {
             channels += 6;
         }
@@ -154,7 +155,7 @@ impl Film {
         let area = self.tiles[tile].area;
         let mut sums = self.sums(tile);
         let sums = &mut *sums;
-        // Add one sample of all pixels after the other.
+        // Add the samples in the order of their indices.
         for (index, chunk) in (sums.done..).zip(samples.chunks_exact(area.pixels())) {
             let pixels = sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk);
             for (pixel, (out, sample)) in pixels.enumerate() {
@@ -184,7 +185,7 @@ impl Film {
         }
     }
 
-    /// Counts samples of a tile that are not needed because no block is active.
+    /// Counts `count` samples of a tile as done without adding any, because none of its blocks is active.
     pub fn skip(&self, tile: usize, count: u32) {
         self.sums(tile).done += count;
     }
@@ -243,11 +244,11 @@ impl Film {
                 let start = (((y - y0 + row) as usize) * width + (x - x0) as usize) * channels;
                 // The pixels of a tile are stored row by row, so one iterator passes through all rows.
                 for pixel in out[start..start + w as usize * channels].chunks_exact_mut(channels) {
-                    let Some((index, values)) = pixels.next() else {
+                    let Some((number, values)) = pixels.next() else {
                         break;
                     };
                     let samples = if mean {
-                        sums.samples[tile.area.block_of(index)].max(1)
+                        sums.samples[tile.area.block_of(number)].max(1)
                     } else {
                         1
                     };

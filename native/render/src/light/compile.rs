@@ -21,7 +21,7 @@ struct Emission {
 /// Converts a light; `None` if it emits nothing. `index`: its position in the list, for messages.
 pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light>> {
     // Check what all kinds share, then the parameters of the kind.
-    let light = Checked { params, index };
+    let light = Source { params, index };
     light.check()?;
     let emission = match params.kind {
         LightKind::Point { radius } => light.point(radius)?,
@@ -64,12 +64,12 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
 }
 
 /// The parameters of a light, with the names that messages use.
-struct Checked<'a> {
+struct Source<'a> {
     params: &'a LightParams,
     index: usize,
 }
 
-impl Checked<'_> {
+impl Source<'_> {
     /// Returns the name of a key for messages.
     fn name(&self, key: &str) -> String {
         format!("lights[{}]['{key}']", self.index)

@@ -11,7 +11,7 @@ pub(super) struct Many {
     tree: LightTree,
     /// Lamps at finite distances that a ray can hit.
     pub(super) hittable: LightTree,
-    /// Suns and the background, ascending.
+    /// Indices of suns and the background, ascending.
     pub(super) far: Vec<u32>,
     /// Normalized running sum of their brightness, for choosing by binary search.
     far_running: Vec<f32>,
@@ -68,14 +68,15 @@ impl Many {
         }
     }
 
-    /// Returns the probability of a light among the far ones.
+    /// Returns the probability of the light at `position` in `far`, among the far ones.
     fn far_probability(&self, position: usize) -> f32 {
-        // The difference of the running sum, which is what the choice compares with.
+        // Use the difference of the rounded running sums, because `choose` compares with these.
         let before = position.checked_sub(1).map_or(0.0, |p| self.far_running[p]);
         self.far_running[position] - before
     }
 
-    /// Chooses a light. Returns its index and its probability.
+    /// Chooses a light by a random number in [0, 1). Returns its index and its probability; `None` if the light
+    /// cannot contribute.
     pub(super) fn choose(
         &self,
         lights: &[Light],

@@ -9,10 +9,13 @@ use crate::values::visibility::Visibility;
 
 /// The geometry of a light.
 pub(super) enum Shape {
+    /// Point or spot light: a disc that faces the receiver.
     Disc(Disc),
     Sun(Sun),
     Area(Area),
+    /// Number of the scene's triangle, and its shape.
     Triangle(u32, Triangle),
+    /// The background.
     World,
 }
 

@@ -73,15 +73,15 @@ impl World {
         for &c in &params.color {
             within(c.into(), -1e30, 1e30, || "world['color']".into())?;
         }
-        let mut roots = [params.radiance.unwrap_or(Operand::color(params.color))];
-        let program = Program::compile(&params.program, &mut roots, "world")?;
+        let mut results = [params.radiance.unwrap_or(Operand::color(params.color))];
+        let program = Program::compile(&params.program, &mut results, "world")?;
         let mut world = Self {
             visible: params.visible,
             program,
-            radiance: roots[0],
+            radiance: results[0],
             map: None,
         };
-        // The map has the resolution of the largest image, or a default without images.
+        // Choose the map's resolution: that of the largest image, or a default without images.
         let is_image = |op: &Op| matches!(op, Op::Image { .. });
         let mut size = if world.program.ops().any(is_image) {
             [32, 16]
@@ -91,7 +91,7 @@ impl World {
         for op in world.program.ops() {
             match op {
                 Op::Image { image, .. } => {
-                    // Images must exist; attributes of corners cannot.
+                    // An image that does not exist is an error; so is an attribute, which only corners have.
                     let image = images.get(usize::from(*image)).ok_or_else(|| {
                         Error::Shape(format!(
                             "world['program']: image {image} is out of range for {}",

@@ -53,7 +53,7 @@ impl ShadowRays {
     }
 
     /// Traces all rays, adds the light of those that are not occluded, and removes them. Returns the number of rays
-    /// traced.
+    /// traced; a ray counts again for each surface behind which it continues.
     ///
     /// # Errors
     /// [`Cancelled`] if the render is cancelled.
@@ -115,7 +115,7 @@ impl ShadowRays {
         } = self;
         let scene = context.scene;
         let mut cast = 0;
-        // Trace all remaining rays, then keep those that continue behind their hit.
+        // Trace all remaining rays; keep those that continue behind their hit.
         while !rays.is_empty() {
             cast += rays.len() as u64;
             hits.clear();
@@ -127,7 +127,7 @@ impl ShadowRays {
             })?;
             let mut kept = 0;
             for i in 0..rays.len() {
-                // A ray without a hit delivers what is left of its light.
+                // Add the remaining light of a ray without a hit.
                 let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
                 if !hit.is_hit() {
                     samples[carried.slot as usize].add(carried.value);

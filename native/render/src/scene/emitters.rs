@@ -29,15 +29,14 @@ const PROBES: [[f32; 3]; 4] = [
 ];
 
 impl EmissionProbe<'_> {
-    /// Returns the emissive triangles with an estimate of their radiance.
+    /// Returns the emissive triangles with an estimate of their radiance; none if the scene consists of instances.
     pub(super) fn emissive_triangles(&self) -> Vec<EmissiveTriangle> {
         if !self.materials.iter().any(|m| m.emits) {
             return Vec::new();
         }
         let mut registers = Vec::new();
         let mut out = Vec::new();
-        // Emissive triangles of instances are found by scattered rays only; as lights, each instance would need its
-        // own.
+        // Only scattered rays find the emissive triangles of instances: as lights, each instance would need its own.
         let Some(triangles) = self.tracer.triangles() else {
             return out;
         };
@@ -53,7 +52,7 @@ impl EmissionProbe<'_> {
             let normal = (b - a).cross(c - a).normalized();
             let mut sum = 0.0;
             for weights in PROBES {
-                // EmissionProbe along the normal, as by a diffuse ray.
+                // Evaluate the emission along the normal, as a diffuse ray would meet it.
                 let point = || ShadingPoint {
                     varying: self.varying,
                     triangle: triangle as usize,

@@ -18,6 +18,7 @@ pub struct Indices {
 
 impl Indices {
     /// Checks the arrays against each other and against the number of triangles.
+    ///
     /// # Errors
     /// [`Error::Shape`] if a length does not match or the runs do not ascend.
     pub fn check(&self, triangles: usize) -> Result<()> {
@@ -61,10 +62,10 @@ impl Indices {
             return [0.0; 3];
         };
         // NaN marks triangles without UVs.
-        let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
         if a[0].is_nan() {
             return [0.0; 3];
         }
+        let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
         [at(0), at(1), 1.0]
     }
 }
@@ -74,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn triangles_find_their_object() {
+    fn each_triangle_has_the_index_of_its_run_and_its_own_uv() {
         let indices = Indices {
             first: vec![0, 3, 3, 10],
             object: vec![5.0, 6.0, 7.0, 8.0],

@@ -4,9 +4,9 @@
 /// The mist pass: 0 up to `start`, 1 from `start + depth` on, as in Blender.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mist {
-    /// Distance from the camera where the mist begins.
+    /// Distance from the camera where the mist begins, in scene units.
     pub start: f32,
-    /// Distance from there to full mist.
+    /// Distance from there to full mist, in scene units.
     pub depth: f32,
     /// Curve between them.
     pub falloff: Falloff,

@@ -50,7 +50,7 @@ impl Tracer for FaultyTracer {
     }
 }
 
-/// A cube traced by a [`FaultyTracer`] tracer.
+/// A cube traced by a [`FaultyTracer`].
 fn faulty_scene(
     per_ray: Duration,
     fail_after: Option<u64>,
@@ -126,7 +126,7 @@ fn an_empty_scene_shows_its_background() {
     assert_eq!(
         scene.features().left_out(),
         ["shading: no triangles"],
-        "nothing is known of materials and shadows"
+        "without triangles no material or shadow feature is listed"
     );
 }
 

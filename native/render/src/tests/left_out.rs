@@ -20,8 +20,8 @@ fn cube(params: SceneParams, settings: Settings) -> (Work, Vec<String>) {
     (work, scene.features().left_out())
 }
 
-/// The parts of a scene with one material.
-fn of(material: MaterialParams) -> SceneParams {
+/// A scene of one material without lights.
+fn with_material(material: MaterialParams) -> SceneParams {
     SceneParams {
         materials: vec![material],
         ..Default::default()
@@ -35,7 +35,7 @@ fn sun() -> Vec<LightParams> {
 
 #[test]
 fn a_diffuse_scene_computes_nothing_else() {
-    let (work, lines) = cube(of(matte(0.5)), square(16, 4, 3));
+    let (work, lines) = cube(with_material(matte(0.5)), square(16, 4, 3));
     let lines = lines.join("\n");
     for words in [
         "shadow rays: no lights",
@@ -61,17 +61,17 @@ fn a_diffuse_scene_computes_nothing_else() {
 fn each_feature_adds_its_work_and_removes_its_line() {
     let missing = |lines: &[String], word: &str| !lines.iter().any(|l| l.starts_with(word));
     let settings = square(16, 4, 3);
-    let (work, lines) = cube(of(MaterialParams::default()), settings.clone());
+    let (work, lines) = cube(with_material(MaterialParams::default()), settings.clone());
     assert!(work.shaded_glossy > 0 && missing(&lines, "mirror"));
     let glass = MaterialParams {
         transmission: 1.0,
         ..matte(0.5)
     };
-    let (work, lines) = cube(of(glass), settings.clone());
+    let (work, lines) = cube(with_material(glass), settings.clone());
     assert!(work.shaded_glass > 0 && missing(&lines, "refraction"));
     let lit = SceneParams {
         lights: sun(),
-        ..of(matte(0.5))
+        ..with_material(matte(0.5))
     };
     let (work, lines) = cube(lit, settings.clone());
     assert!(work.rays_shadow > 0 && work.lights_tested > 0);
@@ -83,13 +83,13 @@ fn each_feature_adds_its_work_and_removes_its_line() {
             at(0.0, 0.0, 4.0),
             9.0,
         )],
-        ..of(matte(0.5))
+        ..with_material(matte(0.5))
     };
     let (_, lines) = cube(point, settings.clone());
     assert!(!missing(&lines, "rays that meet lights"));
     let smooth = SceneParams {
         corner_normals: Some(vec![[[0.0, 0.0, 1.0]; 3]; 12]),
-        ..of(matte(0.5))
+        ..with_material(matte(0.5))
     };
     let (work, lines) = cube(smooth, settings);
     assert!(work.normals_fetched > 0 && missing(&lines, "smooth"));
@@ -118,7 +118,7 @@ fn the_ray_after_the_last_bounce_needs_light_that_it_can_hit() {
     let lamp = light(LightKind::Point { radius: 0.0 }, at(0.0, 0.0, 4.0), 9.0);
     let scene = mesh.scene(SceneParams {
         lights: vec![lamp],
-        ..of(matte(0.5))
+        ..with_material(matte(0.5))
     });
     let work = run(&scene, &from_above(2.0), square(16, 4, 0), 1).1.work;
     assert_eq!(work.rays_secondary, 0);

@@ -15,8 +15,8 @@ pub struct Cone {
 }
 
 impl Cone {
-    /// A cone of full angle `size`, in radians. `blend`: fraction of the cone over which the light fades; `None`
-    /// for a singular matrix.
+    /// A cone of full angle `size`, in radians; `None` for a singular matrix. `blend`: fraction of the range of
+    /// cosines over which the light fades.
     pub fn new(to_world: &[[f64; 4]; 4], size: f32, blend: f32) -> Option<Self> {
         let [x, y, z] = [0, 1, 2].map(|k| matrix_column(to_world, k));
         // Scale to 1 first, so that the determinant neither overflows nor underflows.
@@ -31,7 +31,7 @@ impl Cone {
             return None;
         }
         let inverse = [y.cross(z), z.cross(x), x.cross(y)].map(|v| v * (1.0 / determinant));
-        // The light fades from the edge inwards over the fraction `blend` of the cosine range.
+        // The fade starts at the edge. Keep a minimal range, so that a hard edge does not divide by zero.
         let cos_half = (0.5 * f64::from(size)).cos() as f32;
         let smooth = 1.0 / ((1.0 - cos_half) * blend.clamp(0.0, 1.0)).max(1e-7);
         Some(Self {

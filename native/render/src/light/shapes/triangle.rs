@@ -52,10 +52,11 @@ impl Triangle {
         }
     }
 
-    /// Samples a point, uniform by area.
+    /// Samples a point, uniform by area, and returns the ray to it from the receiver at `from`; `None` if the
+    /// receiver sees the triangle edge-on or the density overflows.
     pub fn sample(&self, from: Vec3, u: [f32; 2]) -> Option<LightRay> {
         let [a, b, c] = self.corners;
-        // Choose the point and the direction to it.
+        // Compute the vector to the point.
         let [v, w] = Self::weights(u);
         let to = a * (1.0 - v - w) + b * v + c * w - from;
         let d2 = to.length2();

@@ -42,7 +42,7 @@ const NO_BOUNDARY: Boundary = Boundary {
 
 impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
-    /// at the back of the surface; `filter`: what the settings change.
+    /// at the back of the surface; `filter`: the lobes that the settings keep, and their least width.
     #[inline(always)]
     pub fn new(
         closures: &[Closure],

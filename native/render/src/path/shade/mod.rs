@@ -107,7 +107,7 @@ struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, con
 impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
     Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH>
 {
-    /// Looks up what is the same for all hits.
+    /// Computes the values that are the same for all hits.
     fn new(context: &'a Context<'a>, sample: u32) -> Self {
         let Context {
             scene, settings, ..
@@ -172,7 +172,8 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             [0.0; 2]
         };
 
-        // Pass through in proportion to the transparent part; the other branch gets the rest of the throughput.
+        // Pass through with the probability of the transparent part; scatter with the remaining probability. Dividing
+        // by the probability keeps both unbiased.
         let pass = unscattered.pass_probability();
         if features.transparency && opacity < pass {
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
@@ -206,6 +207,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
     }
 
+    /// Whether the settings select this integrator.
     #[inline(always)]
     fn is(&self, integrator: Integrator) -> bool {
         self.settings.integrator == integrator
