@@ -12,6 +12,7 @@ from pathlib import Path
 
 import documents_site
 import halfspace_native as native
+import overlay_picture
 import pytest
 import structure_pages
 from one_line import told
@@ -120,6 +121,31 @@ def test_links_lead_to_the_staged_places() -> None:
     )
     assert documents_site.retargeted("[a](docs/manual.md) [b](LICENSE)", "README.md") == "[a](manual.md) [b](LICENSE)"
     assert documents_site.retargeted("[a](../manual.md)", "docs/lessons/1.md") == "[a](../manual.md)"
+
+
+def test_pictures_that_are_missing_are_drawn_with_valid_options(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def draw(arguments: list[str]) -> int:
+        asked = overlay_picture.read(arguments)
+        drawn.append(asked.structure)
+        asked.out.write_bytes(b"a picture")
+        return 0
+
+    monkeypatch.setattr(documents_site, "PICTURES", tmp_path)
+    monkeypatch.setattr(overlay_picture, "main", draw)
+    (tmp_path / "kd.jpg").write_bytes(b"drawn before")
+    documents_site.draw()
+    assert drawn == [row["id"] for row in native.structures() if row["id"] not in ("kd", "brute")]
+    assert (tmp_path / "kd.jpg").read_bytes() == b"drawn before"
+    documents_site.draw()
+    assert len(drawn) == len(set(drawn)), "nothing is drawn twice"
+    monkeypatch.setattr(overlay_picture, "main", lambda _: 2)
+    (tmp_path / "bih.jpg").unlink()
+    with pytest.raises(documents_site.SiteError, match="the picture of bih cannot be drawn"):
+        documents_site.draw()
 
 
 def test_a_warning_of_mkdocs_ends_the_build(
