@@ -7,11 +7,12 @@
 //! is decided by the exact verdict on the flattened scene's vertices. Triangles are numbered as in the flattened
 //! scene: all of the first instance, then all of the second.
 //!
-//! [`tracing`] holds the traversal.
+//! [`tracing`] holds the traversal, [`tracer`] its use.
 
+mod tracer;
 mod tracing;
 
-pub use crate::instances::tracing::AtLevel;
+pub use crate::instances::tracer::AtLevel;
 use crate::structure::Structure;
 use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};

@@ -13,8 +13,8 @@ use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::ItemKind;
 use halfspace_ray::counters::Log;
 use halfspace_ray::frame::Placed;
-use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef, SelectiveTracer, Tracer};
+use halfspace_ray::query::{Best, Count, Counters as _, Query};
+use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef};
 use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
@@ -75,17 +75,9 @@ struct Calls<'a> {
 }
 
 impl Instances {
-    /// Returns the same scene with its traversals on the given instruction set instead of the best one.
-    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
-        AtLevel {
-            instances: self,
-            level,
-        }
-    }
-
     /// Traces rays in groups of [`TOGETHER`]; `write` receives the index and hit of each ray once, and `log` returns
     /// what is recorded or hidden for a ray.
-    fn trace<'l, Q: Query>(
+    pub(super) fn trace<'l, Q: Query>(
         &self,
         level: Level,
         rays: &[Ray],
@@ -386,79 +378,5 @@ impl RayState<'_> {
         let reach = self.frame.reach(hit.t).min(self.best.reach);
         self.best = Best::known(hit);
         self.best.reach = reach;
-    }
-}
-
-/// Two-level scene with traversals on a given instruction set.
-pub struct AtLevel<'a> {
-    instances: &'a Instances,
-    level: Level,
-}
-
-impl Tracer for AtLevel<'_> {
-    fn count(&self) -> usize {
-        self.instances.count()
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        self.instances.corners(id)
-    }
-
-    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        let write = &mut |i: usize, hit: Hit| hits[i] = hit;
-        let log = &mut |_| Log::Nothing;
-        self.instances
-            .trace::<Closest>(self.level, rays, write, log, counters);
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let write = &mut |i: usize, hit: Hit| occluded[i] = hit.is_hit();
-        let log = &mut |_| Log::Nothing;
-        self.instances
-            .trace::<Any>(self.level, rays, write, log, counters);
-    }
-}
-
-impl Tracer for Instances {
-    fn count(&self) -> usize {
-        *self.firsts.last().expect("one more than instances") as usize
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        let (instance, local) = self.locate(id);
-        let corners = self.meshes[self.mesh_of[instance] as usize]
-            .scene()
-            .corners(local);
-        let placed = self
-            .place(instance)
-            .and_then(|place| place.to_scene.corners(corners));
-        placed.unwrap_or([[f32::NAN; 3]; 3])
-    }
-
-    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new()).closest(rays, hits, counters);
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new())
-            .occluded(rays, occluded, counters);
-    }
-}
-
-impl SelectiveTracer for Instances {
-    fn observe<'l>(
-        &self,
-        rays: &[Ray],
-        any: bool,
-        write: &mut dyn FnMut(usize, Hit),
-        log: &mut dyn FnMut(usize) -> Log<'l>,
-    ) {
-        if any {
-            self.trace::<Any>(Level::new(), rays, write, log, None);
-        } else {
-            self.trace::<Closest>(Level::new(), rays, write, log, None);
-        }
     }
 }
