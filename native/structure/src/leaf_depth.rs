@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The depth of the last leaf that each ray tests, for a render pass that shows it.
+//! The depth of the last leaf that each ray tests, for a render pass.
 
 use crate::structure::Structure;
 use halfspace_nodes::cells::each_leaf;
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 pub struct LeafDepths(HashMap<u32, u32>);
 
 impl LeafDepths {
-    /// The depths of all leaves that single rays test; none without a tree.
+    /// Finds the depths of all leaves that single rays test; none without a tree.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "bounded by the depth limit"
@@ -32,7 +32,7 @@ impl LeafDepths {
         Self(depths)
     }
 
-    /// The depth of the last leaf whose triangles were tested against this ray; 0 if none was.
+    /// Traces a ray and returns the depth of the last leaf whose triangles were tested; 0 if none was.
     pub fn of(&self, structure: &Structure, ray: &Ray) -> u32 {
         let (_, path) = structure.path(ray);
         let last = path.leaves.last().and_then(|(first, _)| self.0.get(first));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A built structure: the tree over its scene, and the plan that assigns kernels to rays.
+//! Built structures: a tree over a scene, and a plan that assigns a kernel to each kind of ray batch.
 
 pub mod instances;
 pub mod leaf_depth;

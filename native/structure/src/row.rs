@@ -24,13 +24,13 @@ pub struct StructureSpec {
     pub code: i32,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// What is divided: "space", "objects", "octants", or "oracle" for nothing.
+    /// What nodes divide: "space", "objects" or "octants"; "oracle" for brute force.
     pub family: &'static str,
     /// One sentence.
     pub summary: &'static str,
-    /// The source.
+    /// The publication that it follows.
     pub paper: &'static str,
-    /// Its own parameters; see [`Self::all_params`].
+    /// Its own parameters, without those of all structures; see [`Self::all_params`].
     pub params: &'static [ParamSpec],
     /// All valid pairs of nodes and traversal; the first is the default.
     pub ways: &'static [Way],
@@ -38,16 +38,16 @@ pub struct StructureSpec {
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
 }
 
-/// A tree that is built as far as rays reach.
+/// A tree that rays build where they reach it.
 pub trait Growing: Debug + Send + Sync {
-    /// How far it is built.
+    /// Returns the progress of the build.
     fn progress(&self) -> Progress;
 
-    /// Builds the rest and lays the whole tree out in one piece.
+    /// Builds the rest, and copies the whole tree to one piece.
     fn whole(&self, scene: &Triangles, frame: &Frame, left_out: &[String]) -> Built;
 }
 
-/// What was made from the tree for kernels that do not run on the tree alone: its leaves are those of the tree.
+/// A second layout, made from the tree for kernels that need one; its leaves are those of the tree.
 #[derive(Debug, Clone)]
 pub struct Derived {
     /// The nodes or links.
@@ -63,20 +63,20 @@ pub struct Built {
     pub tree: Option<Arc<dyn Tree>>,
     /// The triangles of its leaves.
     pub leaves: Arc<Blocks>,
-    /// Nodes that were made from the tree.
+    /// Further layouts that were made from the tree.
     pub derived: Vec<Derived>,
-    /// Which kernel answers which rays.
+    /// The kernel of each kind of batch.
     pub plan: Plan,
     /// Statistics of its shape.
     pub shape: Shape,
-    /// What this scene did not need, each with its reason.
+    /// Features that this scene did not need, each with its reason.
     pub left_out: Vec<String>,
-    /// The part that rays have not built yet, if they build it.
+    /// The tree that rays build, if they do.
     pub growing: Option<Arc<dyn Growing>>,
 }
 
 impl Built {
-    /// Whether both have the same nodes, bit for bit.
+    /// Returns whether both have the same nodes, bit for bit.
     pub fn same_nodes(&self, other: &Self) -> bool {
         match (&self.tree, &other.tree) {
             (Some(one), Some(other)) => one.same(&**other),
@@ -85,7 +85,7 @@ impl Built {
         }
     }
 
-    /// Bytes of nodes and leaves, those of derived nodes included.
+    /// Returns the bytes of nodes and leaves, derived layouts included.
     pub fn bytes(&self) -> usize {
         let derived = self.derived.iter().map(|derived| derived.tree.bytes());
         let nodes = match &self.growing {
@@ -103,35 +103,35 @@ pub struct ParamSpec {
     pub name: &'static str,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// What it does, and what more of it costs; see [`Self::full_doc`].
+    /// What it does, and what a larger value costs; see [`Self::full_doc`].
     pub doc: &'static str,
     /// Unit, empty for none.
     pub unit: &'static str,
     /// Type and range.
     pub kind: Kind,
-    /// Value where none is given.
+    /// Value if none is given.
     pub default: Value,
     /// Part of a panel that shows it.
     pub group: Group,
-    /// Where it has an effect: where each of these holds.
+    /// Conditions under which it has an effect: all must hold.
     pub needs: &'static [Need],
 }
 
 /// Parts of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
-    /// What matters most; always open.
+    /// The most important parameters; always open.
     Main,
     /// How the tree is built.
     Builder,
-    /// Prices of the cost model.
+    /// Constants of the cost model.
     Costs,
     /// Rounding, and what leaves store.
     Numerics,
 }
 
 impl Group {
-    /// The name in registries.
+    /// Returns the name in registries.
     pub fn name(self) -> &'static str {
         match self {
             Self::Main => "main",
@@ -161,7 +161,7 @@ pub enum Only {
 }
 
 impl Need {
-    /// Whether the condition holds for a value of the other parameter.
+    /// Returns whether the condition holds for a value of the other parameter.
     pub fn holds(&self, value: &Value) -> bool {
         match (self.only, value) {
             (Only::Options(options), Value::Choice(x)) => options.contains(x),
@@ -189,13 +189,13 @@ pub struct Named {
     pub name: &'static str,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// One clause for the documentation; empty where the parameter's own text has it.
+    /// One clause for the documentation; empty if the parameter's text describes it.
     pub doc: &'static str,
-    /// Where it can be chosen: where each of these holds.
+    /// Conditions under which it can be chosen: all must hold.
     pub needs: &'static [Need],
 }
 
-/// An option that its parameter's text describes.
+/// Makes an option that its parameter's text describes.
 pub const fn named(name: &'static str, label: &'static str) -> Named {
     Named {
         name,
@@ -233,7 +233,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Where a value can be chosen.
+    /// Returns the conditions under which a value can be chosen.
     pub fn needs(&self, value: &Value) -> &'static [Need] {
         match (self, value) {
             (Self::Choice(options), Value::Choice(name)) => (options.iter())
@@ -243,7 +243,7 @@ impl Kind {
         }
     }
 
-    /// The names of a choice; `None` for a number.
+    /// Returns the names of the options of a choice; `None` for a number.
     pub fn options(&self) -> Option<Vec<&'static str>> {
         match self {
             Self::Choice(options) => Some(options.iter().map(|option| option.name).collect()),
@@ -253,7 +253,7 @@ impl Kind {
 }
 
 impl ParamSpec {
-    /// The description with a clause for each option that has one.
+    /// Returns the description, followed by the clauses of the options.
     pub fn full_doc(&self) -> String {
         let Kind::Choice(options) = self.kind else {
             return self.doc.to_owned();
@@ -271,14 +271,14 @@ impl ParamSpec {
         )
     }
 
-    /// The same parameter with these conditions.
+    /// Returns the same parameter with these conditions.
     pub const fn needing(self, needs: &'static [Need]) -> Self {
         Self { needs, ..self }
     }
 }
 
 impl StructureSpec {
-    /// Its parameters, and those that all structures have.
+    /// Returns its own parameters, then those of all structures that it does not redefine.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
         let divided = matches!(self.family, "space" | "octants");
@@ -293,7 +293,7 @@ impl StructureSpec {
         own.iter().chain(common)
     }
 
-    /// The traversals that it offers through its own nodes, the default first; empty with only one.
+    /// Returns the traversals of its default nodes, the default first; empty if the structure has only one.
     pub fn traversals(&self) -> Vec<&'static str> {
         let own = self.ways[0].nodes;
         (self.ways.iter())
@@ -302,7 +302,7 @@ impl StructureSpec {
             .collect()
     }
 
-    /// The part of a configuration string that chooses a way; empty for the default.
+    /// Returns the part of a configuration string that chooses a way; empty for the default.
     pub fn spelled(&self, way: &Way) -> String {
         let usual = &self.ways[0];
         let choices = [
@@ -316,7 +316,7 @@ impl StructureSpec {
         parts.join(",")
     }
 
-    /// Configuration strings for all ways, the default first.
+    /// Returns configuration strings for all ways, the default first.
     pub fn spelled_ways(&self) -> Vec<String> {
         let spelled = self.ways.iter().map(|way| self.spelled(way));
         let whole = spelled.map(|part| {
@@ -327,7 +327,7 @@ impl StructureSpec {
     }
 }
 
-/// The shadow cache.
+/// The parameter `shadow` of structures without beams.
 pub const SHADOW: ParamSpec = ParamSpec {
     name: "shadow",
     label: "Shadow Rays",
@@ -343,7 +343,7 @@ pub const SHADOW: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// The same for trees that divide space, which offer beams too.
+/// [`SHADOW`] of structures with beams: trees that divide space.
 pub const SHADOW_BEAM: ParamSpec = ParamSpec {
     doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
           through the tree together; mostly one traversal shows that nothing blocks any of 64. On trees \
@@ -357,7 +357,7 @@ pub const SHADOW_BEAM: ParamSpec = ParamSpec {
     ..SHADOW
 };
 
-/// The same for trees with a choice of nodes: beams go through the planes.
+/// [`SHADOW`] of trees with a choice of nodes, whose beams need the planes.
 const SHADOW_NODES: ParamSpec = ParamSpec {
     kind: Kind::Choice(&[
         named("none", "As Other Rays"),
@@ -373,11 +373,11 @@ const SHADOW_NODES: ParamSpec = ParamSpec {
     ..SHADOW_BEAM
 };
 
-/// Parameters that every structure has, unless its row has one of the same name.
+/// Parameters of every structure, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[SHADOW];
 
-/// The same for structures that divide space.
+/// [`COMMON`] of structures that divide space.
 const COMMON_SPACE: &[ParamSpec] = &[SHADOW_BEAM];
 
-/// The same for trees with a choice of nodes.
+/// [`COMMON`] of trees with a choice of nodes.
 const COMMON_NODES: &[ParamSpec] = &[SHADOW_NODES];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A built structure over a scene: rays in, answers out.
+//! A built structure over a scene.
 
 use crate::leaf_depth::LeafDepths;
 use crate::outline::Outline;
@@ -22,7 +22,7 @@ pub struct Structure {
     pub(crate) scene: Arc<Triangles>,
     config: Config,
     pub(crate) built: Built,
-    /// The whole of a tree that is built as far as rays reach, in one piece; made on demand.
+    /// The whole tree in one piece, if rays build the tree; made on demand.
     whole: OnceLock<Built>,
     build_seconds: f64,
     /// Made on demand.
@@ -32,7 +32,7 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
+    /// Builds `config` over `scene` on `threads` threads; 0 means one per core.
     ///
     /// # Errors
     /// [`Error::Cancelled`] when the monitor is cancelled; [`Error::Memory`] when the build would need more than the
@@ -62,27 +62,27 @@ impl Structure {
         })
     }
 
-    /// The triangles.
+    /// Returns the triangles.
     pub fn scene(&self) -> &Arc<Triangles> {
         &self.scene
     }
 
-    /// Structure and parameters.
+    /// Returns the structure's row and its parameters.
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// Wall-clock seconds of the build.
+    /// Returns the wall-clock seconds of the build.
     pub fn build_seconds(&self) -> f64 {
         self.build_seconds
     }
 
-    /// Statistics of the tree's shape, as far as it is built.
+    /// Returns statistics of the tree's shape, as far as it is built.
     pub fn shape(&self) -> Shape {
         self.progress().shape
     }
 
-    /// How far the tree is built: wholly, unless rays build it.
+    /// Returns the progress of the build; only trees that rays build are ever incomplete.
     pub fn progress(&self) -> Progress {
         match &self.built.growing {
             Some(growing) => growing.progress(),
@@ -93,21 +93,21 @@ impl Structure {
         }
     }
 
-    /// The frame of its coordinates.
+    /// Returns the frame of the tree's coordinates.
     pub fn frame(&self) -> &Frame {
         &self.built.frame
     }
 
-    /// What the scene did not need, each with its reason.
+    /// Returns the features that this scene did not need, each with its reason.
     pub fn left_out(&self) -> &[String] {
         &self.built.left_out
     }
 
-    /// The whole tree, for validation and drawing. If rays build the tree, this builds the rest and lays all of it out
-    /// once more in one piece.
+    /// Returns the whole tree, for validation and drawing. If rays build the tree, builds the rest, and copies the tree
+    /// to one piece.
     ///
     /// # Panics
-    /// When the whole has more nodes or leaf data than its links can name; other builds return an error for that.
+    /// If that piece has more nodes or leaf data than its links can address; other builds return an error for it.
     pub fn built(&self) -> &Built {
         match &self.built.growing {
             None => &self.built,
@@ -117,32 +117,32 @@ impl Structure {
         }
     }
 
-    /// The leaves that rays test.
+    /// Returns the triangles of the leaves.
     pub fn leaves(&self) -> &Blocks {
         &self.built().leaves
     }
 
-    /// Which kernel answers each kind of batch.
+    /// Returns the kernel of each kind of batch.
     pub fn routes(&self) -> [Route; 4] {
         self.built.plan.routes()
     }
 
-    /// Name of the traversal that counters count where the kernel of a batch cannot count.
+    /// Returns the name of the traversal that is counted where the kernel of a batch cannot count.
     pub fn counted_as(&self) -> &'static str {
         self.built.plan.counted_as
     }
 
-    /// What the counters [`halfspace_ray::RayCounters::cases`] mean, in their order.
+    /// Returns the names of the counters [`halfspace_ray::RayCounters::cases`], in their order.
     pub fn cases(&self) -> &'static [&'static str] {
         self.built.plan.cases
     }
 
-    /// Bytes of all nodes and leaves, without the scene's own arrays.
+    /// Returns the bytes of all nodes and leaves, without the scene's arrays.
     pub fn bytes(&self) -> usize {
         self.built.bytes() + self.whole.get().map_or(0, Built::bytes)
     }
 
-    /// The outline of the triangles, for instances.
+    /// Returns the outline of the triangles, which instances need.
     pub fn outline(&self) -> &Outline {
         self.outline.get_or_init(|| Outline::new(&self.scene))
     }

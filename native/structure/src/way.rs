@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The two choices of tracing: the nodes that rays are tested against, and how rays are sent through them.
+//! The two choices of tracing: the nodes against which rays are tested, and the traversal.
 
 use crate::row::Named;
 
-/// How the rays of a batch go through the nodes together.
+/// How the rays of a batch are grouped for the traversal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rays {
     /// One ray after another.
     Single,
-    /// Several single rays in turn.
+    /// Several single rays whose steps alternate.
     Flight,
-    /// Packets of rays, one to a lane.
+    /// Packets of 4, 8 or 16 rays, one per lane.
     Packet,
-    /// Tiles of camera rays, and of shadow rays turned round.
+    /// Tiles of camera rays, and of shadow rays reversed to start at the light.
     Tile,
-    /// Beams: a bundle of rays is clipped or split by the nodes.
+    /// Beams: nodes clip or split the convex region of a bundle of rays.
     Beam,
-    /// Streams: a node is visited once for all rays that meet it.
+    /// Streams: each node is visited once for all rays that hit it.
     Stream,
-    /// The quickest of these for each batch.
+    /// The fastest of these for each batch.
     Auto,
 }
 
 impl Rays {
-    /// The name in registries and reports.
+    /// Returns the name in registries and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Single => "single",
@@ -46,7 +46,7 @@ pub struct Way {
     pub traversal: &'static str,
     /// Name of the traversal in user interfaces.
     pub label: &'static str,
-    /// How rays go together.
+    /// How rays are grouped.
     pub rays: Rays,
     /// One clause for the documentation.
     pub doc: &'static str,
@@ -81,18 +81,18 @@ pub const NODES_OF_PLANES: [Named; 3] = [
     },
 ];
 
-/// A value of `traversal` of former versions: what it means today.
+/// A value of `traversal` that earlier versions accepted, and its replacement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Former {
     /// The former value.
     pub spelled: &'static str,
-    /// Value of `nodes` that it stands for, for structures with that parameter.
+    /// Value of `nodes` that replaces it, for structures with that parameter.
     pub nodes: Option<&'static str>,
-    /// Value of `traversal`.
+    /// Value of `traversal` that replaces it.
     pub traversal: &'static str,
 }
 
-/// Former values of `traversal`; they stay accepted.
+/// Former values of `traversal`, which are still accepted.
 pub const FORMER: [Former; 6] = [
     Former {
         spelled: "p16",
@@ -126,7 +126,7 @@ pub const FORMER: [Former; 6] = [
     },
 ];
 
-/// What a former value of `traversal` means; `None` for a value of today.
+/// Returns the replacement of a former value of `traversal`; `None` for a current value.
 pub fn former(spelled: &str) -> Option<Former> {
     FORMER.into_iter().find(|former| former.spelled == spelled)
 }
