@@ -8,12 +8,11 @@ use halfspace_structure::Structure;
 /// Kind of a leaf; inner nodes have the kind of their first plane, see [`halfspace_nodes::cells`].
 pub const LEAF: u8 = 7;
 
-/// The nodes of a tree in preorder, in the frame of the scene. Lists of different length per node lie one after
-/// another; `offsets` has the index of each node's first entry, then the number of entries.
+/// The nodes of a tree in preorder, in the scene's space.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Export {
-    /// Kind of each node: 0, 1, 2 a plane across that axis; 3 oblique planes; 4 slabs; 5 octants; 6 boxes of its
-    /// children; [`LEAF`].
+    /// Kind of each node: 0, 1, 2 a plane perpendicular to that axis; 3 oblique planes; 4 slabs; 5 octants; 6 boxes of
+    /// its children; [`LEAF`].
     pub kinds: Vec<u8>,
     /// Index of each node's parent; -1 for the root.
     pub parents: Vec<i32>,
@@ -21,19 +20,19 @@ pub struct Export {
     pub depths: Vec<u32>,
     /// Indices of the children.
     pub children: Lists<u32>,
-    /// Planes that the node stores, normal and height.
+    /// Planes that the node stores: normal, and height along it.
     pub planes: Lists<[f64; 4]>,
     /// Kind of each plane.
     pub plane_kinds: Vec<u8>,
     /// The box of each node's region: lower and upper corner.
     pub bounds: Vec<[f64; 6]>,
-    /// The faces of regions that are no boxes, outward normal and height.
+    /// The faces of regions other than boxes: outward normal, and height along it.
     pub walls: Lists<[f64; 4]>,
     /// Triangles of leaves.
     pub triangles: Lists<u32>,
 }
 
-/// One list per node.
+/// One list per node, one after another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lists<T> {
     /// Index in `entries` of each node's first entry, then the number of entries.
@@ -60,7 +59,7 @@ impl<T> Lists<T> {
     }
 }
 
-/// Exports the tree of a structure, the one that its statistics describe. Without a tree, the scene's box is a leaf.
+/// Exports the tree of a structure, not its derived layouts. Without a tree, the scene's box is the only node, a leaf.
 pub fn export(structure: &Structure) -> Export {
     let built = structure.built();
     let (frame, bounds) = (&built.frame, built.frame.bounds());
@@ -95,7 +94,7 @@ impl Export {
             .push(u32::try_from(depth).expect("bounded by the depth limits"));
     }
 
-    /// Appends a node and the triangles of a leaf; `scale` leads from the scene to the frame of the tree.
+    /// Appends a node, and the triangles if it is a leaf; `scale` is the factor from scene to frame coordinates.
     fn node(&mut self, node: &NodeCell<'_>, triangles: Vec<u32>, scale: f64) {
         let view = node.view;
         let kind = match view.planes.first() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Inspection of structures for people and tests: validation, statistics, drawing, ray paths, export.
+//! Inspection of structures: validation, statistics, drawing, ray paths, export.
 
 pub mod analysis;
 pub mod export;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The split planes of a tree as polygons, each clipped to its node's region. The overlay draws them.
+//! The split planes of a tree as polygons, each clipped to its node's region, for the overlay.
 
 use halfspace_geom::region::rectangle;
 use halfspace_geom::vec3::Vec3;
 use halfspace_nodes::cells::BOX;
 use halfspace_structure::Structure;
 
-/// Convex polygons in the scene's frame.
+/// Convex polygons in the scene's space.
 #[derive(Debug, Clone, Default)]
 pub struct Polygons {
     /// Vertices of all polygons, one polygon after another.
@@ -38,7 +38,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         let mut next = Vec::new();
         for (id, region) in level {
             let mut node = cells.node(id, &region);
-            // Draw the planes that the node stores, each cut to the node.
+            // Append the planes that the node stores, each clipped to its region.
             for (plane, kind) in &node.planes {
                 let corners = region.section(plane);
                 if !corners.is_empty() {
@@ -46,7 +46,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
                     polygons.push(corners, depth, *kind, max_count);
                 }
             }
-            // Draw the boxes of its children, with the depth of the children.
+            // Append the boxes of its children, with the depth of the children.
             if node.boxes && depth < max_depth {
                 let boxes = node.children.iter().filter_map(|(_, child)| child.bounds());
                 for bounds in boxes.filter(|bounds| !bounds.is_empty()) {

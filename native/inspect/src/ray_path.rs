@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The path of one ray through a structure: cells visited in order, planes crossed, triangles tested.
+//! The path of one ray through a structure: leaves visited in order, planes crossed, triangles tested.
 //!
-//! The traversal itself records the leaves it tested, in its own order. The cells, empty ones included, and planes
-//! that the ray passes are computed separately in plain f64, so that tests can compare the two.
+//! The traversal records the leaves whose triangles it tested, in its own order. The cells through which the ray
+//! passes, empty ones included, and the planes it crosses are computed separately in f64 without error bounds, so that
+//! tests can compare the two.
 
 use halfspace_geom::Aabb;
 use halfspace_geom::region::{Face, Line, Region, Span};
@@ -15,14 +16,14 @@ use std::collections::HashMap;
 /// A leaf on the path of a ray.
 #[derive(Debug, Clone)]
 pub struct Visit {
-    /// Region that the leaf covers, in the structure's frame.
+    /// Region that the leaf covers, in the frame of the structure.
     pub region: Region,
     /// Depth of the leaf; the root has depth 0.
     pub depth: usize,
-    /// Interval of `t` in which the ray is inside, in units of the ray's direction. Both NaN for a leaf that the
-    /// ray misses but the traversal tested, which the error bounds permit.
+    /// Interval of `t` in which the ray lies in the region, in units of the ray's direction. Both ends are NaN for a
+    /// leaf that the ray misses but whose triangles the traversal tested because of its error bounds.
     pub span: Span,
-    /// Index of the leaf's first block.
+    /// Word offset of the leaf's first block.
     pub first: u32,
     /// Number of triangles in the leaf.
     pub count: usize,
@@ -57,7 +58,7 @@ pub struct RayPath {
     pub crossings: Vec<Crossing>,
 }
 
-/// Follows a ray to its nearest hit, or out of the scene.
+/// Returns the path of a ray to its nearest hit, or out of the scene.
 pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
     let (hit, path) = structure.path(ray);
     let built = structure.built();
@@ -116,11 +117,14 @@ fn alone(structure: &Structure, line: &Line, hit: Hit, path: &Path) -> RayPath {
     }
 }
 
-/// Task that intersects a line with all regions of a tree.
+/// A search for the nodes of a tree on a line.
 struct Follow<'a> {
+    /// Box of the scene, in the frame of the structure.
     bounds: Aabb,
     line: Line,
+    /// Interval of `t` from the ray's start to its nearest hit.
     span: Span,
+    /// The record of the traversal.
     path: &'a Path,
 }
 
@@ -134,14 +138,14 @@ struct Entry {
 }
 
 impl Follow<'_> {
-    /// The leaves and the planes on the path.
+    /// Returns the leaves and the planes on the path.
     fn run(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
         let (passed, mut crossings) = self.pass(tree);
         crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
         (self.merge(tree, passed), crossings)
     }
 
-    /// Every leaf and every plane that the line passes within the span.
+    /// Returns every leaf whose region the line passes within the span, and every plane that it crosses there.
     fn pass(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
         let (mut passed, mut crossings) = (Vec::new(), Vec::new());
         if self.bounds.is_empty() {
@@ -157,6 +161,7 @@ impl Follow<'_> {
                 depth: 0,
             });
         }
+        // Visit the nodes whose region the line passes.
         while let Some(entry) = stack.pop() {
             let found = tree.node(entry.id, &entry.region);
             let Entry {
@@ -205,8 +210,8 @@ impl Follow<'_> {
         (passed, crossings)
     }
 
-    /// The tested leaves in the order of the traversal, those passed untested between them. A cell that is
-    /// only touched in a point counts when it was tested.
+    /// Returns the tested leaves in the order of the traversal, and between them the passed leaves that were not
+    /// tested. Omits cells that the line only touches in a point, unless they were tested.
     fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();

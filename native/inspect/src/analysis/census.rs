@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Counts of nodes and leaves, and what the surface area heuristic expects a ray to visit.
+//! Counts of nodes and leaves, and the operations that the surface area heuristic expects for a ray.
 
 use super::{Analysis, Overlap};
 use halfspace_geom::Aabb;
@@ -9,7 +9,7 @@ use halfspace_nodes::cells::{NodeCell, Steps};
 use halfspace_nodes::cost::Costs;
 use std::collections::{BTreeMap, HashSet};
 
-/// Operations of a ray, each with a share or a number of visits.
+/// Expected numbers of operations of a ray.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Charges {
     /// Axis-aligned steps.
@@ -21,24 +21,25 @@ pub struct Charges {
 }
 
 impl Charges {
-    /// Adds the steps at a node and the tests of its triangles, `weight` times.
+    /// Adds the steps at a node and the tests of its triangles, multiplied by `weight`.
     pub fn add(&mut self, steps: Steps, tests: usize, weight: f64) {
         self.axis += weight * f64::from(steps.axis);
         self.oblique += weight * f64::from(steps.oblique);
         self.tests += weight * tests as f64;
     }
 
-    /// Cost of the steps in the units of the thesis (Hoobergs 2019): 1 per axis-aligned step, 5 per oblique one.
+    /// Returns the cost of the steps in the units of the thesis (Hoobergs 2019): 1 per axis-aligned step, 5 per oblique
+    /// one.
     pub fn nodes(&self) -> f64 {
         self.axis + f64::from(Costs::THESIS_OBLIQUE) * self.oblique
     }
 
-    /// Cost of the tests in the units of the thesis: 80 per triangle.
+    /// Returns the cost of the tests in the units of the thesis: 80 per triangle.
     pub fn leaves(&self) -> f64 {
         f64::from(Costs::THESIS.triangle) * self.tests
     }
 
-    /// The sum of both costs.
+    /// Returns the sum of both costs.
     pub fn cost(&self) -> f64 {
         self.nodes() + self.leaves()
     }
@@ -47,29 +48,29 @@ impl Charges {
 /// Numbers per level of the tree; the root is level 0. All lists have the same length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Levels {
-    /// Inner nodes.
+    /// Number of inner nodes.
     pub nodes: Vec<u64>,
-    /// Planes across an axis that the nodes store.
+    /// Number of axis-aligned planes that the nodes store.
     pub planes_axis: Vec<u64>,
-    /// Oblique planes that the nodes store.
+    /// Number of oblique planes that the nodes store.
     pub planes_oblique: Vec<u64>,
-    /// Distinct axes among the planes.
+    /// Number of distinct axes of the planes.
     pub directions_axis: Vec<u64>,
-    /// Distinct normals of oblique planes, opposite ones counted once.
+    /// Number of distinct normals of oblique planes, opposite ones counted once.
     pub directions_oblique: Vec<u64>,
 }
 
-/// Mean over the visits of nodes that one plane divides in two: the probability that a random ray which meets the node
-/// meets one child only. The thesis writes it as beta (Hoobergs 2019, section 3.2). `None` without such nodes.
+/// Beta of the thesis (Hoobergs 2019, section 3.2): the probability that a random ray that visits a node hits one child
+/// only, averaged over the visits of nodes that one plane divides in two. `None` without such nodes.
 ///
-/// A random line that meets a convex cell of surface area A crosses a section of area C with probability 2 C / A.
+/// A random line that hits a convex cell of surface area A crosses a section of area C with probability 2 C / A.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Beta {
     /// All split planes.
     pub all: Option<f64>,
-    /// Planes across an axis.
+    /// Axis-aligned split planes.
     pub axis: Option<f64>,
-    /// Oblique planes.
+    /// Oblique split planes.
     pub oblique: Option<f64>,
 }
 
@@ -81,7 +82,7 @@ struct Mean {
 }
 
 impl Mean {
-    /// The mean; `None` without any weight.
+    /// Returns the mean; `None` without any weight.
     fn value(self) -> Option<f64> {
         (self.weight > 0.0).then(|| self.sum / self.weight)
     }
@@ -109,8 +110,8 @@ pub struct Census {
     beta_oblique: Mean,
 }
 
-/// Probability that a random ray which meets the scene's box meets a region: the ratio of their surface areas. A box is
-/// clipped to that of the scene.
+/// Returns the probability that a random ray that hits the scene's box hits a region: the ratio of their surface areas.
+/// A box is clipped to that of the scene.
 pub fn share(region: &Region, bounds: &Aabb) -> f64 {
     let area = match region.bounds() {
         Some(cell) => {
@@ -138,7 +139,7 @@ fn count(histogram: &mut Vec<u64>, entry: usize) {
     histogram[entry] += 1;
 }
 
-/// Bits of a normal, the same for the opposite one.
+/// Returns the bits of a normal, the same for the opposite one.
 fn unsigned(normal: [f32; 3]) -> [u32; 3] {
     let first = normal.into_iter().find(|&x| x != 0.0);
     let sign = if first.is_some_and(|x| x < 0.0) {
@@ -151,14 +152,14 @@ fn unsigned(normal: [f32; 3]) -> [u32; 3] {
 }
 
 impl Census {
-    /// Adds a leaf.
+    /// Adds a leaf that a random ray visits with probability `share`.
     pub fn leaf(&mut self, triangles: usize, depth: usize, share: f64) {
         count(&mut self.leaf_depths, depth);
         *self.leaf_sizes.entry(triangles).or_default() += 1;
         self.visits.add(Steps::default(), triangles, share);
     }
 
-    /// Adds the steps at a node that a random ray meets with this probability.
+    /// Adds the steps at a node that a random ray visits with probability `share`.
     pub fn steps(&mut self, steps: Steps, share: f64) {
         self.visits.add(steps, 0, share);
     }
@@ -169,6 +170,7 @@ impl Census {
         if self.levels.len() <= node.depth {
             self.levels.resize_with(node.depth + 1, Level::default);
         }
+        // Count the planes and their distinct directions.
         let level = &mut self.levels[node.depth];
         level.nodes += 1;
         for (plane, _) in &node.view.planes {
@@ -183,6 +185,7 @@ impl Census {
                 }
             }
         }
+        // Add the probability of a single child at a node that one plane divides in two.
         if let ([(plane, _)], [(_, below), (_, above)], true) =
             (&node.view.planes[..], &node.view.children[..], partitions)
         {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Statistics of a tree as the literature reports them: histograms of leaves, levels and children, the terms of the
-//! surface area heuristic, the share of nodes of which a ray meets one child only, and end-point overlap.
+//! surface area heuristic, the probability that a ray hits one child only, and end-point overlap.
 //!
 //! Everything is computed on demand from the nodes as convex regions, and depends on the tree alone.
 
@@ -18,33 +18,33 @@ use overlap::{Owners, Sample};
 /// Statistics of a tree.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Analysis {
-    /// Inner nodes.
+    /// Number of inner nodes.
     pub nodes: u64,
     /// Number of leaves at each depth; the root has depth 0.
     pub leaf_depths: Vec<u64>,
-    /// Numbers of triangles that leaves hold, ascending, and the number of leaves that hold as many.
+    /// Histogram of leaves: pairs of a number of triangles, ascending, and the number of leaves with as many.
     pub leaf_sizes: Vec<[u64; 2]>,
     /// Nodes, planes and directions at each depth.
     pub levels: Levels,
-    /// Number of inner nodes with 0, 1, 2, ... children.
+    /// Number of inner nodes with 0, 1, 2 and more children, by that number.
     pub children: Vec<u64>,
-    /// What a random ray that meets the scene's box visits on average, if nothing stops it.
+    /// Expected operations of a random ray that hits the scene's box and ends at no triangle.
     pub visits: Charges,
-    /// Share of visits of split nodes in which a random ray meets one child only.
+    /// Probability that a random ray that visits a split node hits one child only.
     pub beta: Beta,
     /// End-point overlap.
     pub overlap: Overlap,
 }
 
-/// Analyses the tree of a structure, the one that its statistics describe. End-point overlap of a tree of more than
-/// `max_nodes` nodes is estimated from a sample of the triangles.
+/// Computes the statistics of the tree of a structure, not of its derived layouts. In a tree of more than `max_nodes`
+/// nodes, end-point overlap is estimated from a sample of the triangles.
 pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
     let built = structure.built();
     let bounds = built.frame.bounds();
     let (mut census, mut sizes) = (Census::default(), Vec::new());
     let cells = built.tree.as_ref().and_then(|tree| tree.cells());
     let Some(cells) = cells.filter(|_| !bounds.is_empty()) else {
-        // Without a tree, the scene's box is the only leaf.
+        // Without a tree, count the scene's box as the only leaf.
         census.leaf(
             built.shape.references,
             0,
@@ -53,7 +53,7 @@ pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
         let triangles = structure.scene().live().len();
         return census.finish(Overlap::none(triangles));
     };
-    // Count the nodes, and note in which leaves the triangles of the sample lie.
+    // Count the nodes, and collect the leaves that contain each triangle of the sample.
     let sample = Sample::new(structure, max_nodes);
     let mut owners = Owners::new(&sample);
     each_node(cells, bounds, |node| {
@@ -81,8 +81,10 @@ pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
     census.finish(overlap)
 }
 
-/// Number of nodes of a subtree, its root included.
+/// A subtree.
 struct Subtree {
+    /// Index of the parent of its root, in preorder.
     parent: Option<u32>,
+    /// Number of nodes, its root included.
     nodes: u32,
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! End-point overlap (Aila, Karras and Laine 2013, On quality metrics of bounding volume hierarchies): for each node,
-//! the surface inside its region of triangles that no leaf below it holds, over the whole surface, multiplied by the
-//! cost of the node. A ray that ends on such a surface visits the node without need.
+//! the area inside its region of triangles that no leaf below it contains, divided by the area of all triangles and
+//! multiplied by the cost of the node. A ray that ends on such an area visits the node needlessly.
 //!
-//! Triangles are clipped to the region in f64. A region of a tree that partitions space is made smaller by [`INWARDS`]
-//! on each side, because a triangle may lie in the wall between two regions and the builder's heights are rounded; its
-//! overlap is therefore 0. All other regions are closed and made larger by [`OUTWARDS`], so that flat boxes hold what
-//! lies in them. Both are relative to the scene's largest coordinate, and bound the error of the clipped area by the
-//! triangle's perimeter times that distance.
+//! Triangles are clipped to the region in f64. If the tree partitions space, the region is made smaller by [`INWARDS`]
+//! on each side, because a triangle may lie in the plane between two regions and the builder's heights are rounded; the
+//! overlap of such trees is therefore 0. Other regions are made larger by [`OUTWARDS`], so that boxes without thickness
+//! contain the triangles in them. Both are relative to the scene's largest coordinate; the clipped area has an error of
+//! at most the triangle's perimeter multiplied by that distance.
 
 use super::Charges;
 use halfspace_geom::Aabb;
@@ -24,11 +24,11 @@ use rand::seq::index;
 /// of f32, the error bound of a builder's heights along an oblique normal.
 pub const INWARDS: f64 = 1.0 / (1_u64 << 21) as f64;
 
-/// Distance by which other regions are larger, per unit of the largest coordinate: vertices of polytopes are this
-/// accurate.
+/// Distance by which other regions are larger, per unit of the largest coordinate: the error bound of vertices of
+/// polytopes.
 pub const OUTWARDS: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// Smallest number of triangles in a sample.
+/// Smallest number of triangles in a sample (chosen).
 const SMALLEST: usize = 1024;
 
 /// Seed of all samples.
@@ -37,7 +37,7 @@ const SEED: u64 = 2013;
 /// End-point overlap of a tree.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Overlap {
-    /// Number of needless operations per ray that ends on a random point of the surface.
+    /// Expected needless operations of a ray that ends at a random point of the triangles.
     pub charges: Charges,
     /// Standard error of their cost, because the triangles are a sample; 0 if all were used.
     pub error: f64,
@@ -48,7 +48,7 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    /// The overlap of a tree with one leaf.
+    /// Returns the overlap of a tree with one leaf, which is 0.
     pub fn none(triangles: usize) -> Self {
         Self {
             sample: triangles,
@@ -76,7 +76,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Takes all triangles of a tree of at most `max_nodes` nodes, else as many times fewer as it has more nodes.
+    /// Takes all triangles that can be hit if the tree has at most `max_nodes` nodes; otherwise a fraction of them, in
+    /// inverse proportion to the nodes.
     pub fn new(structure: &Structure, max_nodes: usize) -> Self {
         let (scene, shape) = (structure.scene(), structure.shape());
         let live = scene.live();
@@ -98,7 +99,7 @@ impl Sample {
             chosen.sort_unstable();
             chosen
         };
-        // Convert their corners to the frame.
+        // Convert their vertices to the frame.
         let frame = structure.frame();
         let mut positions = vec![u32::MAX; scene.len()];
         let mut triangles = Vec::with_capacity(chosen.len());
@@ -129,7 +130,7 @@ pub struct Owners {
 }
 
 impl Owners {
-    /// No leaves yet.
+    /// Makes an empty list.
     pub fn new(sample: &Sample) -> Self {
         Self {
             pairs: Vec::with_capacity(sample.triangles.len()),
@@ -137,7 +138,7 @@ impl Owners {
         }
     }
 
-    /// Adds a leaf and its triangles.
+    /// Adds a leaf, given by its preorder position and its triangles.
     pub fn add(&mut self, sample: &Sample, ids: &[u32], leaf: u32) {
         let positions = ids.iter().map(|&id| sample.positions[id as usize]);
         let chosen = positions.filter(|&position| position != u32::MAX);
@@ -160,7 +161,8 @@ impl Owners {
         self
     }
 
-    /// Whether one of the nodes from `first` on, `nodes` in number, is a leaf that holds a triangle.
+    /// Returns whether one of the `nodes` consecutive nodes from position `first` on is a leaf that contains the
+    /// triangle.
     fn below(&self, triangle: u32, first: u32, nodes: u32) -> bool {
         let at = triangle as usize;
         let (Some(&from), Some(&to)) = (self.firsts.get(at), self.firsts.get(at + 1)) else {
@@ -181,7 +183,7 @@ struct Piece {
     area: f64,
 }
 
-/// A node whose region some triangles reach into.
+/// A node to visit, whose region contains parts of triangles.
 struct Open {
     id: NodeId,
     region: Region,
@@ -223,7 +225,7 @@ pub fn measure(
         pieces,
     }];
     while let Some(node) = open.pop() {
-        // Charge the node to the triangles that reach into it from elsewhere.
+        // Charge the node to the triangles inside its region that no leaf below it contains.
         let view = tree.node(node.id, &node.region);
         let (steps, tests) = (tree.steps(&view), view.leaf.map_or(0, |(_, count)| count));
         let size = sizes[node.index as usize];
@@ -232,7 +234,7 @@ pub fn measure(
                 needless[piece.triangle as usize].add(steps, tests, piece.area);
             }
         }
-        // Clip the triangles to the children. Those of a leaf need no clipping if the leaf holds them.
+        // Clip the triangles to the children; at a leaf, only those that it does not contain.
         let mut index = node.index + 1;
         for (id, region) in view.children {
             let size = sizes[index as usize];
@@ -265,7 +267,7 @@ struct Clip<'a> {
 }
 
 impl Clip<'_> {
-    /// The parts of triangles inside a region.
+    /// Returns the parts of triangles inside a region.
     fn pieces(&mut self, region: &Region, triangles: impl Iterator<Item = u32>) -> Vec<Piece> {
         region.half_spaces(&mut self.walls);
         triangles
@@ -279,7 +281,7 @@ impl Clip<'_> {
     }
 }
 
-/// The overlap and its standard error as a ratio of two sums over the sample (Cochran 1977, section 2.11).
+/// Returns the overlap, a ratio of two sums over the sample, and its standard error (Cochran 1977, section 2.11).
 fn summed(sample: &Sample, needless: &[Charges]) -> Overlap {
     let (count, live) = (sample.triangles.len(), sample.live);
     let surface: f64 = sample.triangles.iter().map(|triangle| triangle.area).sum();
@@ -296,7 +298,7 @@ fn summed(sample: &Sample, needless: &[Charges]) -> Overlap {
         oblique: mean(|charges| charges.oblique),
         tests: mean(|charges| charges.tests),
     };
-    // The variance of the residuals, corrected for the part of all triangles that the sample holds.
+    // Compute the variance of the residuals, corrected for the fraction of all triangles in the sample.
     let squares: f64 = (needless.iter().zip(&sample.triangles))
         .map(|(one, triangle)| (one.cost() - charges.cost() * triangle.area).powi(2))
         .sum();
