@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The instruction sets of this machine for which traversals are compiled. Answers do not depend on them, and
+//! The instruction sets for which traversals are compiled and that this machine has. Answers do not depend on them;
 //! tests run on all of them.
 
 use fearless_simd::Level;
 
-/// Returns each level with its name, the lowest first.
+/// Returns each instruction set with its name, the smallest first.
 #[must_use]
 pub fn levels() -> Vec<(&'static str, Level)> {
     let best = Level::new();

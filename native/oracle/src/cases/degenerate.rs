@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Degenerate scenes: no triangles, few triangles, no thickness, no area, no finite numbers.
+//! Degenerate scenes: no or few triangles, triangles in one plane, without area, or with coordinates that are not
+//! finite.
 
 use crate::cases::rays::{everywhere, lattice_rays};
 use crate::cases::shapes::{cloud, grid};
 use crate::cases::{Draft, Random, Recipe, Size};
 
+/// The cases of this file.
 pub const CASES: &[Recipe] = &[
     Recipe {
         name: "nothing",
@@ -57,12 +59,14 @@ pub const CASES: &[Recipe] = &[
     },
 ];
 
+/// Makes a lattice of triangles in the plane z = 0.
 fn flat(size: Size, random: &mut Random) -> Draft {
     let corners = grid(size.pick(3, 8), 0.3);
     let corners = corners.into_iter().map(|p| [p[0], p[1], 0.0]).collect();
     (corners, lattice_rays(3, random, size.rays()))
 }
 
+/// Makes a scene and rays of which some have invalid numbers.
 fn broken(size: Size, random: &mut Random) -> Draft {
     let mut corners = cloud(size.pick(100, 2000), 0.2, random);
     // Replace one coordinate of every seventh vertex.
@@ -83,10 +87,11 @@ fn broken(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes tiny triangles around one point, among larger ones.
 fn one_point(size: Size, random: &mut Random) -> Draft {
     let mut corners = cloud(40, 0.05, random);
     for _ in 0..size.pick(60, 1000) {
-        // All triangles share the point (1/4, 1/4, 1/4), and are a millionth of the scene.
+        // Each triangle has a vertex at (1/4, 1/4, 1/4), and a millionth of the scene's size.
         let a = random.point(-1.0, 1.0);
         let b = random.point(-1.0, 1.0);
         corners.extend([

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Cells that are halved: rays along their edges and through their corners, and views with pixels on these.
+//! Cells at halves of halves, as octrees have: rays along their edges and through their corners, also as pixels of
+//! views.
 
 use crate::cases::rays::{ray, view};
 use crate::cases::shapes::{box_triangles, grid};
 use crate::cases::{Draft, Random, Recipe, Size};
 
+/// The cases of this file.
 pub const CASES: &[Recipe] = &[
     Recipe {
         name: "octants",
@@ -60,7 +62,7 @@ fn octants(size: Size, random: &mut Random) -> Draft {
     }
     let mut rays = Vec::new();
     for _ in 0..2 * size.rays() {
-        // Start at a lattice point of a random level, in a direction along edges or diagonals.
+        // Start at a lattice point of a random level, and aim along edges or diagonals.
         let level = i32::try_from(random.below(10)).expect("small");
         let s = 2.0_f32.powi(-level);
         let cells = 2 << level;
@@ -73,12 +75,13 @@ fn octants(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes rays that touch the scene's box only in a corner or along an edge.
 fn touching(size: Size, random: &mut Random) -> Draft {
     let corners = grid(2, 0.0);
     let mut rays = Vec::new();
     for _ in 0..size.rays() {
         let corner = [0; 3].map(|_| random.pick(&[0.0_f32, 2.0]));
-        // A direction that only touches there: outwards in one coordinate and inwards in another.
+        // Choose a direction at random; if it points outwards on one axis and inwards on another, the ray only touches.
         let d = [0; 3].map(|_| random.pick(&[1.0, -1.0, 0.5, -0.0, 0.0]));
         let back = random.pick(&[0.0, 1.0, 4.0]);
         rays.push(ray(std::array::from_fn(|k| corner[k] - back * d[k]), d));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Invalid and unusual rays: with components that are not finite, without direction, with empty intervals.
+//! Invalid and unusual rays: components that are not finite, zero directions, empty intervals.
 
 use halfspace_ray::Ray;
 

@@ -41,13 +41,13 @@ pub fn aimed(scene: &Triangles, count: usize, random: &mut Random) -> Vec<Ray> {
     rays
 }
 
-/// Returns rays along axes and diagonals of a unit grid, in its walls, along its edges, through its corners, with
-/// all signs of zero.
+/// Returns rays along axes and diagonals of the unit grid of `n` cells per axis: in its walls, along its edges and
+/// through its corners, with all signs of zero.
 pub fn lattice_rays(n: usize, random: &mut Random, count: usize) -> Vec<Ray> {
     let mut rays = Vec::new();
     let steps = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-20, -1e-38];
     for _ in 0..count {
-        // Three of four coordinates are multiples of one half.
+        // Make three of four coordinates multiples of one half.
         let place = |random: &mut Random| {
             let whole = random.below(2 * n + 5) as f32 / 2.0 - 1.0;
             if random.below(4) == 0 {
@@ -69,14 +69,14 @@ pub fn everywhere(count: usize, random: &mut Random) -> Vec<Ray> {
     (0..count).map(one).collect()
 }
 
-/// Returns rays from a point to points.
+/// Returns rays from `origin`, one to each target.
 pub fn towards(origin: [f32; 3], targets: impl IntoIterator<Item = [f32; 3]>) -> Vec<Ray> {
     let one = |p: [f32; 3]| ray(origin, std::array::from_fn(|k| p[k] - origin[k]));
     targets.into_iter().map(one).collect()
 }
 
-/// Returns rays from points near the centre of a closed shape, half of them to its vertices and edge midpoints,
-/// the others in random directions: all must hit it.
+/// Returns rays from points near the centre of a closed shape, half of them to its vertices and edge midpoints, the
+/// others in random directions. All of them must hit the shape.
 pub fn from_inside(
     corners: &[[f32; 3]],
     centre: [f32; 3],

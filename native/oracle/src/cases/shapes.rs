@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Shapes of which scenes are made, as lists of vertices, three per triangle.
+//! Shapes for scenes, as lists of vertices, three per triangle.
 
 use crate::cases::Random;
 use halfspace_scene::Triangles;
@@ -37,7 +37,8 @@ pub fn box_triangles(min: [f32; 3], max: [f32; 3]) -> Vec<[f32; 3]> {
     out
 }
 
-/// Returns `n`^3 adjacent boxes on an integer grid; rotated by the angle `turn` and sheared if it is not zero.
+/// Returns `n`^3 adjacent unit cubes from the origin on; rotated by the angle `turn` in radians and sheared, unless it
+/// is zero.
 pub fn grid(n: usize, turn: f32) -> Vec<[f32; 3]> {
     let mut corners = Vec::new();
     for i in 0..n * n * n {
@@ -58,7 +59,8 @@ pub fn grid(n: usize, turn: f32) -> Vec<[f32; 3]> {
     corners
 }
 
-/// Returns small random triangles in the cube from -1 to 1.
+/// Returns `count` random triangles with centres in the cube from -1 to 1; their vertices differ from the centre by at
+/// most `size` per axis.
 pub fn cloud(count: usize, size: f32, random: &mut Random) -> Vec<[f32; 3]> {
     let mut corners = Vec::new();
     for _ in 0..count {
@@ -71,8 +73,8 @@ pub fn cloud(count: usize, size: f32, random: &mut Random) -> Vec<[f32; 3]> {
     corners
 }
 
-/// Returns a closed unit sphere: an icosahedron, each triangle divided into four `levels` times. It has
-/// `20 * 4^levels` triangles; shared vertices have the same bits.
+/// Returns a closed unit sphere of `20 * 4^levels` triangles: an icosahedron whose triangles are divided into four,
+/// `levels` times. Shared vertices are equal bit for bit.
 pub fn icosphere(levels: usize) -> Vec<[f32; 3]> {
     const G: f32 = 1.618_034;
     const POINTS: [[f32; 3]; 12] = [
@@ -111,7 +113,7 @@ pub fn icosphere(levels: usize) -> Vec<[f32; 3]> {
         [8, 6, 7],
         [9, 8, 1],
     ];
-    // Project the icosahedron to the unit sphere, and divide its triangles.
+    // Project the vertices to the unit sphere, and divide the triangles.
     let mut corners: Vec<_> = FACES
         .as_flattened()
         .iter()
@@ -123,9 +125,9 @@ pub fn icosphere(levels: usize) -> Vec<[f32; 3]> {
     corners
 }
 
-/// Divides each triangle into four on the unit sphere.
+/// Divides each triangle into four, with the new vertices on the unit sphere.
 fn divide(corners: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    // The sum of two numbers does not depend on their order, so neighbours compute the same midpoint.
+    // Neighbours compute the same midpoint, because a sum of two numbers does not depend on their order.
     let middle = |a: [f32; 3], b: [f32; 3]| unit(std::array::from_fn(|k| a[k] + b[k]));
     let mut out = Vec::with_capacity(4 * corners.len());
     for &[a, b, c] in corners.as_chunks().0 {
@@ -157,7 +159,7 @@ pub fn placed(corners: &[[f32; 3]], scale: f32, offset: [f32; 3]) -> Vec<[f32; 3
     corners.iter().map(place).collect()
 }
 
-/// Returns `x` moved by `steps` floats away from zero, or towards it for negative `steps`.
+/// Returns the float `steps` places farther from zero than `x`, or nearer to it for negative `steps`.
 pub fn nudged(x: f32, steps: i32) -> f32 {
     f32::from_bits(x.to_bits().wrapping_add_signed(steps))
 }
