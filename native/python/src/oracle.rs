@@ -39,7 +39,7 @@ fn exact(
     let rays = arguments.rays();
     let (hits, on_boundary) = py
         .detach(|| {
-            // Every ray tests all triangles.
+            // Test each ray against all triangles.
             let scene = Triangles::new(vertices, indices)?;
             let blank = (Hit::MISS, false);
             let (answers, _) = in_chunks(rays, threads.0, false, blank, |rays, answers, _| {
@@ -58,9 +58,9 @@ fn exact(
     })
 }
 
-/// Number of steps between two floats, counted through zero; NaN is infinitely far from any number.
+/// Returns the number of steps from one float to the other, counted through zero; `i64::MAX` between NaN and a number.
 fn ulps(a: f32, b: f32) -> i64 {
-    // NaN has no place in the order of floats.
+    // Handle NaN, which the order of floats does not contain.
     if a.is_nan() || b.is_nan() {
         return if a.is_nan() && b.is_nan() {
             0

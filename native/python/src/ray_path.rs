@@ -31,7 +31,7 @@ pub fn path<'py>(
     Ok(dict)
 }
 
-/// The counters of the ray, with the names that `Hits.counters` uses.
+/// Returns the counters of the ray, with the names of `Hits.counters`.
 fn counters<'py>(
     py: Python<'py>,
     counters: &RayCounters,
@@ -47,7 +47,7 @@ fn counters<'py>(
     Ok(dict)
 }
 
-/// The visited leaves in order: faces of their cells, triangles, interval of the ray.
+/// Returns the visited leaves in order: faces of their cells, triangles, interval of the ray.
 fn visits<'py>(
     py: Python<'py>,
     structure: &Structure,
@@ -72,7 +72,7 @@ fn visits<'py>(
         .flat_map(|&id| structure.scene().corners(id))
         .collect();
     dict.set_item("corners", points(py, &corners)?)?;
-    // Interval, depth and test of each visited leaf.
+    // Add the interval, the depth and the test of each visited leaf.
     let column = |get: fn(&Visit) -> f64| {
         let values: Vec<_> = path.visits.iter().map(get).collect();
         values.to_pyarray(py)
@@ -88,7 +88,7 @@ fn visits<'py>(
     Ok(dict)
 }
 
-/// The crossed split planes in order.
+/// Returns the crossed split planes in order.
 fn crossings<'py>(
     py: Python<'py>,
     structure: &Structure,

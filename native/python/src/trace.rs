@@ -10,7 +10,7 @@ use halfspace_trace::threads;
 use numpy::ToPyArray;
 use pyo3::prelude::*;
 
-/// A tracer, and the names of the counters that only its traversal has.
+/// A tracer, and the names of the counters that are particular to its traversal.
 #[derive(Clone, Copy)]
 pub struct CountedTracer<'a> {
     /// Traces the rays.
@@ -19,7 +19,7 @@ pub struct CountedTracer<'a> {
     pub cases: &'static [&'static str],
 }
 
-/// Traces nearest hits.
+/// Traces nearest hits with the GIL released; with `counters`, counts the work of each ray.
 pub fn closest(
     py: Python<'_>,
     CountedTracer { tracer, cases }: CountedTracer<'_>,
@@ -38,7 +38,7 @@ pub fn closest(
     })
 }
 
-/// Traces any hits; with `counting`, returns a pair of them and the counters.
+/// Traces any-hit rays with the GIL released: returns an array of bool, with `counting` a pair of it and the counters.
 pub fn occluded<'py>(
     py: Python<'py>,
     CountedTracer { tracer, cases }: CountedTracer<'_>,

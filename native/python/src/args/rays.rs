@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays from arrays.
+//! Rays in numpy arrays.
 
 use crate::args::arrays::{self, PerRay, Points};
 use halfspace_base::error::{Error, Result};
 use halfspace_ray::{Order, Rays};
 use pyo3::prelude::*;
 
-/// The arguments of `closest` and `occluded`; owns or borrows the arrays.
+/// The arguments of `closest` and `occluded`; borrows the arrays, or owns converted copies.
 pub struct RayArrays<'py> {
     origins: Points<'py>,
     directions: Points<'py>,
@@ -16,8 +16,11 @@ pub struct RayArrays<'py> {
 }
 
 impl<'py> RayArrays<'py> {
-    /// Checks types, shapes and distances. Rays are checked to be finite as they are traced, see
+    /// Checks types, shapes, distances and order. That coordinates are finite is checked when the rays are traced, see
     /// [`halfspace_ray::rays::Finite`].
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NonFinite`] for distances and [`Error::Spec`] for `order`; each names the argument.
     pub fn new(
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
@@ -35,6 +38,7 @@ impl<'py> RayArrays<'py> {
                 directions.len()
             )));
         }
+        // Check the order, which for tiles needs whole tiles.
         let order = match order {
             "none" => Order::None,
             "tile8" => Order::Tiles,
@@ -50,6 +54,7 @@ impl<'py> RayArrays<'py> {
                 origins.len()
             )));
         }
+        // Read the distances, which are 0 and infinity by default.
         let limit = |name, value: Option<&Bound<'py, PyAny>>, default| match value {
             None => Ok(PerRay::Same(default)),
             Some(value) => arrays::per_ray(name, value, origins.len()),

@@ -87,7 +87,7 @@ const INTERPOLATIONS: &[(&str, Interpolation)] = &[
     ("closest", Interpolation::Closest),
 ];
 
-/// Continuations of images by their names in dictionaries.
+/// Continuations of images beyond their edges by their names in dictionaries.
 const EXTENSIONS: &[(&str, Extension)] = &[
     ("repeat", Extension::Repeat),
     ("extend", Extension::Extend),
@@ -95,7 +95,7 @@ const EXTENSIONS: &[(&str, Extension)] = &[
     ("mirror", Extension::Mirror),
 ];
 
-/// The keys that a step may have; its `op` decides which of them are used.
+/// The keys of steps; which of them a step uses depends on its `op`.
 const STEP_KEYS: &[&str] = &[
     "op",
     "args",
@@ -126,7 +126,7 @@ pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Resu
             value,
         )
     };
-    // In Python a bool is an int, but here it is a mistake.
+    // Reject a bool, which is an int in Python.
     if value.is_instance_of::<PyInt>() && !value.is_instance_of::<PyBool>() {
         return value.extract().map(Operand::Register).map_err(|_| wrong());
     }
@@ -143,12 +143,12 @@ pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Resu
 
 /// Reads the closures of a material.
 pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
-    // Inputs that are not given keep Blender's defaults.
     let mut known = vec!["kind", "normal", "multiscatter"];
     known.extend(INPUTS.iter().map(|(name, _)| *name));
     let name = format!("{}['closures']", keys.name);
     list(&name, keys.find("closures").as_ref(), |dict, index| {
         let keys = Keys::new(dict, format!("{name}[{index}]"), &known)?;
+        // Replace Blender's defaults by the given inputs.
         let mut closure = ClosureParams::new(keys.choice("kind", KINDS)?);
         for (key, input) in INPUTS {
             if let Some(value) = keys.find(key) {
@@ -169,7 +169,7 @@ pub fn program(keys: &Keys<'_, '_>) -> Result<Vec<Step>> {
     let name = format!("{}['program']", keys.name);
     list(&name, keys.find("program").as_ref(), |dict, index| {
         let keys = Keys::new(dict, format!("{name}[{index}]"), STEP_KEYS)?;
-        // Operands may be a list, a tuple or any other sequence.
+        // Read the operands from a list, a tuple or any other sequence.
         let args = match keys.find("args") {
             None => Vec::new(),
             Some(value) => value
@@ -318,7 +318,7 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
     let mut out = Vec::new();
     for item in value.try_iter().map_err(|_| wrong(value))? {
         let item = item.map_err(|_| wrong(value))?;
-        // A layer without values reads as missing on every triangle.
+        // Represent a missing layer by one without values.
         if item.is_none() {
             out.push(Layer {
                 width: 2,
@@ -345,7 +345,7 @@ pub fn varying(
     object_index: Option<&Bound<'_, PyAny>>,
     origin: Option<[f64; 3]>,
 ) -> Result<Varying> {
-    // Objects with their texture spaces.
+    // Read the objects with their texture spaces.
     let frames = list("objects", objects, |dict, index| {
         let keys = Keys::new(
             dict,
