@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Nodes as convex regions, for any layout: for drawing, for leaf depths and for ray paths. Traversals do not use it.
+//! Nodes of any layout as convex regions, for drawing, statistics and ray paths. Traversals do not use this.
 
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::Plane;
 use halfspace_geom::region::Region;
 
-/// Kind of an oblique plane. Kinds 0, 1 and 2 are the planes of an axis.
+/// Kind of an oblique plane. Kinds 0, 1 and 2 are planes perpendicular to that axis.
 pub const OBLIQUE: u8 = 3;
 /// Kind of a plane that bounds a child of an interval hierarchy.
 pub const SLAB: u8 = 4;
-/// Kind of a middle plane of an octant.
+/// Kind of a plane through the centre of an octree node.
 pub const OCTANT: u8 = 5;
 /// Kind of a face of a box.
 pub const BOX: u8 = 6;
@@ -20,13 +20,13 @@ pub fn axis_kind(axis: usize) -> u8 {
     axis as u8
 }
 
-/// Name of a node within its tree; each layout defines its four words.
+/// Identifier of a node within its tree; each layout defines its four words.
 pub type NodeId = [u32; 4];
 
 /// A node in terms common to all layouts.
 #[derive(Debug, Clone, Default)]
 pub struct NodeView {
-    /// For a leaf, the position of its first block and its number of triangles.
+    /// For a leaf, the word offset of its first block and its number of triangles.
     pub leaf: Option<(u32, usize)>,
     /// For an inner node, the planes that it stores, each with its kind.
     pub planes: Vec<(Plane, u8)>,
@@ -55,16 +55,16 @@ pub struct Steps {
     pub oblique: u32,
 }
 
-/// A tree as nodes that cover regions.
+/// A tree whose nodes cover convex regions, in the frame of the tree.
 pub trait Cells {
     /// Returns the root and its region; `bounds` is the box of the scene in the frame of the tree.
     fn root(&self, bounds: Aabb) -> (NodeId, Region);
 
-    /// Returns the node with this name and this region.
+    /// Returns the node `id`, whose region is `region`.
     fn node(&self, id: NodeId, region: &Region) -> NodeView;
 
-    /// Returns whether the children of a node cover it without common inner points, so that a leaf holds every triangle
-    /// that reaches into its region.
+    /// Returns whether the children of a node cover it without common inner points, so that a leaf contains every
+    /// triangle that overlaps its region.
     fn partitions(&self) -> bool {
         false
     }
@@ -86,7 +86,7 @@ pub trait Cells {
 /// A leaf on a visit of all leaves.
 #[derive(Debug, Clone, Copy)]
 pub struct LeafCell<'a> {
-    /// Position of its first block.
+    /// Word offset of its first block.
     pub first: u32,
     /// Number of triangles.
     pub count: usize,

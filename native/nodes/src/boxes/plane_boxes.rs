@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Boxes that are made from the planes of a tree.
+//! [`Tree`] for boxes that are made from the planes of a tree.
 
 use super::box_tree::BoxTree;
 use crate::cells::Cells;
@@ -8,7 +8,7 @@ use crate::nested::Nested;
 use crate::tree::{Body, Tree};
 use std::sync::Arc;
 
-/// The boxes that are made from the planes of a tree: a triangle may lie in several leaves.
+/// A box tree that is made from the planes of a tree, so that a triangle may lie in several leaves.
 #[derive(Debug)]
 pub struct PlaneBoxTree(pub Arc<BoxTree<8>>);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Checks object trees: each triangle is in one leaf, inside the bounds of every node above it.
+//! Checks of object trees: each triangle lies in exactly one leaf, and inside the bounds of every node above it.
 
 use crate::nested::{Content, Nested, Visit, visit};
 use crate::plane_tree::MAX_DEPTH;
@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 
 /// Appends a description of each broken invariant.
 pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>) {
+    // Visit all nodes.
     let scene = body.scene;
     let mut seen = BTreeSet::new();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Access to plane trees for their traversals: trees in one piece, or trees of parts that are built by the
-//! first ray that reaches them.
+//! Access to plane trees for their traversals: to trees in one piece, and to trees whose parts the first ray that
+//! reaches them builds.
 
 pub mod lazy_tree;
 pub mod plane_tree;
@@ -36,10 +36,11 @@ pub trait Planes: Copy + Sync {
     /// Returns the decoded node.
     fn node(self, at: Self::At) -> Node;
 
-    /// Returns the node with number `index` in the same part of the tree.
+    /// Returns a reference to the node number `index` in the same part of the tree as `at`.
     fn sibling(self, at: Self::At, index: u32) -> Self::At;
 
-    /// Returns the contents of the leaf at `at`. The blocks of `job` are those of a tree in one piece.
+    /// Returns the contents of the leaf `leaf` at `at`. `job` holds the blocks of a tree in one piece; parts have their
+    /// own.
     fn inside<'a>(self, at: Self::At, leaf: Leaf, job: Job<'a>) -> Inside<'a, Self::At>
     where
         Self: 'a;

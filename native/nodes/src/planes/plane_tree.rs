@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Plane trees as traversals read them: 8 bytes per node.
 //!
-//! Word 0 is the split of an axis node, the index of an oblique node's plane, or the index of a leaf's first
-//! block. Word 1 holds the node's kind in its low three bits (0, 1, 2: an axis; 3: a leaf; 4: oblique), a mask of
-//! children that are empty leaves in the next two, and above them the index of the first of two consecutive
-//! children, which is even, or the number of triangles. The sibling of a child is therefore one bit away, a cache
-//! line holds four pairs, an oblique plane's 16 bytes exist only for oblique nodes, and a ray can skip an empty
-//! child without reading it.
+//! Word 0 is the height of an axis node's plane, the index of an oblique node's plane, or the word offset of a leaf's
+//! first block. Word 1 holds the node's kind in its low three bits (0, 1, 2: an axis; 3: a leaf; 4: oblique), a mask of
+//! children that are empty leaves in the next two, and above them the index of the first of two consecutive children,
+//! which is even, or the number of triangles. The indices of siblings therefore differ in one bit, a cache line holds
+//! four pairs, only oblique nodes need the 16 bytes of an oblique plane, and a ray can skip an empty child without
+//! reading it.
 
 use crate::preorder::{Item, Preorder};
 use halfspace_base::error::{Error, Result};
@@ -20,15 +20,19 @@ use prefetch_index::prefetch_index;
 /// Largest depth of a tree. Traversals keep at most one child per level on their stack.
 pub const MAX_DEPTH: usize = 60;
 
-/// Marks a leaf as the entrance of a subtree that is built later: replaces the number of triangles, and the index
-/// of the first block is the subtree's index among those of its tree.
+/// Number of triangles of a leaf that stands for a subtree that is built later; the leaf's first block is then the
+/// subtree's index among those of the tree.
 pub const ENTRANCE: usize = (1 << (32 - LOW_BITS)) - 1;
 
+/// Kind of a leaf.
 const LEAF: u32 = 3;
+/// Kind of an oblique node.
 const OBLIQUE: u32 = 4;
+/// Mask of the kind.
 const KIND: u32 = 7;
 /// Flag of an inner node whose lower child is an empty leaf; shifted by one for the upper child.
 const EMPTY: u32 = 8;
+/// Number of bits below the index of the children.
 const LOW_BITS: u32 = 5;
 
 /// A node, decoded.
@@ -60,14 +64,15 @@ pub enum Node {
     },
     /// A leaf.
     Leaf {
-        /// Index of its first block.
+        /// Word offset of its first block.
         first: u32,
         /// Number of triangles.
         count: usize,
     },
 }
 
-/// A node as it is stored. Traversals that hold it in place of its index read the children of a node together.
+/// A node as it is stored. Traversals that keep it on the stack in place of its index read both children of a node
+/// together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Words([u32; 2]);
 
@@ -87,14 +92,15 @@ impl Words {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneTree {
     nodes: Vec<[u32; 2]>,
+    /// Normals and heights of the oblique planes.
     planes: Vec<[f32; 4]>,
 }
 
-/// Returns the child of an axis node that a ray enters first; the other is one bit away. `signs` holds the ray's
-/// sign bits as bits 0, 1 and 2 of each byte.
+/// Returns the child of an axis node that a ray enters first; the index of the other differs in its lowest bit. `signs`
+/// holds the ray's sign bits as bits 0, 1 and 2 of each byte.
 ///
-/// The address of the next node depends on this at every step. The shift uses the low five bits of the link, axis
-/// and empty mask alike, as its count, so no table lookup and no mask delay it.
+/// The address of the next node depends on this at every step, so it uses neither a table nor a mask: the shift count
+/// is the low five bits of the link, which are the axis plus a multiple of 8.
 #[inline(always)]
 pub fn near_child(link: u32, signs: u32) -> u32 {
     (link >> LOW_BITS) ^ (signs.wrapping_shr(link) & 1)
@@ -118,7 +124,7 @@ impl PlaneTree {
                  are possible"
             )));
         }
-        // The root's pair has an unused second node, so that all pairs start at even indices.
+        // Start with a pair whose second node is unused, so that all pairs start at even indices.
         let mut tree = Self {
             nodes: vec![[0; 2]; 2],
             planes: Vec::new(),
@@ -183,7 +189,7 @@ impl PlaneTree {
         Words(self.nodes[index as usize])
     }
 
-    /// Returns the words of a child of a node with this mask of empty leaves, `None` if it is one of them.
+    /// Returns the words of a child; `None` if it is an empty leaf by the mask `empty` of its parent.
     #[inline(always)]
     pub fn held(&self, child: u32, empty: u32) -> Option<Words> {
         (empty >> (child & 1) & 1 == 0).then(|| self.words(child))
