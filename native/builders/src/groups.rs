@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Counts the pieces on each side of a plane without testing each of them.
+//! A hierarchy of boxes that counts the pieces on each side of a plane without testing each of them.
 //!
-//! The hierarchy has a box for each eight consecutive pieces, one for each eight of those, and so on. The pieces
-//! of a build are sorted along a curve once, and splitting keeps their order, so consecutive ones stay close: the
-//! hierarchy of a node costs one pass over its pieces, without another sort.
+//! It has a box for each eight consecutive pieces, one for each eight of those boxes, and so on. The pieces of a build
+//! are sorted along a curve once, and splits keep their order, so consecutive ones stay close: the hierarchy of a node
+//! needs one pass over its pieces, without another sort.
 
 use crate::piece::Piece;
 use halfspace_geom::Aabb;
@@ -13,8 +13,8 @@ use halfspace_ray::frame::U;
 /// Number of pieces, or boxes, per box.
 const FAN: usize = 8;
 
-/// Error margin of the heights of boxes, per unit of the scene's largest coordinate. Derived: three products and two
-/// sums, of boxes and of pieces, with a factor of at least two to spare.
+/// Error margin of the heights of boxes, per unit of the scene's largest coordinate. Derived: twice the rounding errors
+/// of three products and two sums, for the box and for a piece.
 const ROOM: f32 = 32.0 * U;
 
 /// A hierarchy of boxes around the pieces of a node.
@@ -26,14 +26,15 @@ pub struct Groups {
     room: f32,
 }
 
-/// Number of pieces that extend below a plane, that extend above it, and that lie in it.
+/// Numbers of pieces that extend below a plane, that extend above it, and that lie in it. A piece that the plane cuts
+/// is in the first two.
 pub type Sides = [usize; 3];
 
 impl Groups {
     /// Builds the hierarchy over the pieces of a node; `magnitude` is the scene's largest coordinate.
     pub fn fill<P: Piece>(&mut self, pieces: &[P], magnitude: f32) {
         self.room = ROOM * magnitude;
-        // Keep the memory of the lowest level, the largest.
+        // Keep the memory of the lowest level, which is the largest.
         self.levels.truncate(1);
         if self.levels.is_empty() {
             self.levels.push(Vec::new());
@@ -60,7 +61,7 @@ impl Groups {
         sides
     }
 
-    /// Adds the counts of one box, and descends only into boxes that the plane cuts.
+    /// Adds the counts of the box with this index on this level; descends only into boxes that the plane may cut.
     fn descend<P: Piece>(
         &self,
         pieces: &[P],
@@ -71,15 +72,15 @@ impl Groups {
     ) {
         let size = FAN.pow(u32::try_from(level).expect("few levels") + 1);
         let (first, end) = (index * size, ((index + 1) * size).min(pieces.len()));
-        // A box that lies on one side with the error margin counts for all its pieces.
+        // Count all pieces of a box that lies on one side by more than the error margin.
         let (low, high) = ends(&self.levels[level][index], plane);
         if high + self.room < plane.offset {
             sides[0] += end - first;
         } else if low - self.room > plane.offset {
             sides[1] += end - first;
         } else if level == 0 {
+            // On the lowest level, compare the pieces themselves.
             for piece in &pieces[first..end] {
-                // On the lowest level, compare the pieces themselves.
                 let (min, max) = piece.interval(plane.direction);
                 let (below, above) = (min < plane.offset, max > plane.offset);
                 sides[0] += usize::from(below);

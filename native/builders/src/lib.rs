@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The loops that fill nodes. A structure only proposes candidates; everything else is shared.
+//! The builders of trees. A structure supplies only a policy that proposes candidates; the loops are shared.
 
 pub mod binned;
 pub mod global;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The object-partition loop: builds every tree in which each triangle lies in exactly one leaf.
 //!
-//! A tree supplies only a policy that proposes a partition of a node's objects ([`ObjectPolicy`]); bounds,
-//! in-place partitioning, limited depth and parallelism are implemented here, once. The result is a pure function
-//! of the triangles and the policy, for any number of threads.
+//! A tree supplies only a policy that proposes a partition of a node's objects ([`ObjectPolicy`]); bounds, partitioning
+//! in place, the depth limit and parallelism are implemented here, once. The result depends only on the triangles and
+//! the policy, not on the number of threads.
 
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, footprint};
@@ -14,13 +14,13 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use rayon::prelude::*;
 
-/// Progress is reported for subtrees of fewer than this number of objects.
+/// Subtrees of fewer objects are built on one thread, and report their progress at the end (chosen).
 pub const TASK: usize = 4096;
 
-/// Number of tasks per thread, to balance their different durations.
+/// Number of tasks per thread (chosen): several, because their durations differ.
 const TASKS: usize = 8;
 
-/// Nodes of at least this number of objects are measured in parallel.
+/// Nodes of at least this number of objects are measured in parallel (chosen).
 const PARALLEL: usize = 1 << 15;
 
 /// A triangle during the build.
@@ -33,14 +33,14 @@ pub struct Object {
 }
 
 impl Object {
-    /// Returns the middle of its box along axis `k`, rounded; always the same number for the same object.
+    /// Returns the middle of its box along axis `k`, rounded; equal boxes have equal centres.
     #[inline(always)]
     pub fn centre(&self, k: usize) -> f32 {
         0.5 * self.bounds.min[k] + 0.5 * self.bounds.max[k]
     }
 }
 
-/// View of a node that a policy gets.
+/// The data of a node that a policy receives.
 pub struct Node<'a, R> {
     /// The node's objects.
     pub objects: &'a [Object],
@@ -72,7 +72,7 @@ pub fn measure(objects: &[Object]) -> (Aabb, Aabb) {
     both
 }
 
-/// Proposed partition of a node's objects.
+/// A proposed partition of a node's objects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Partition<R> {
     /// None: the node becomes a leaf.
@@ -86,7 +86,7 @@ pub enum Partition<R> {
         /// Data of the policy for the two children.
         regions: [R; 2],
     },
-    /// The half with the smaller centres goes below; possible for any two or more objects.
+    /// The half with the smaller centres goes below, which leaves no side empty.
     Median {
         /// Axis along which the centres are compared.
         axis: usize,
@@ -311,13 +311,11 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         if objects.len() < 2 {
             return Ok(None);
         }
-        // Apply the proposal, or take the median where it must not or cannot be applied.
         let partition = self.policy.partition(&Node {
             objects,
             region: &node.region,
         });
-        // The median reaches single objects in this number of levels; nearer to the depth limit nothing else is
-        // allowed.
+        // Apply the proposal, unless the depth limit is near: from there on only medians reach single objects in time.
         let levels = objects.len().next_power_of_two().ilog2() as usize;
         let last_resort = MAX_DEPTH - node.depth <= levels;
         let (axis, regions, count) = match partition {
@@ -331,7 +329,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
                 (axis, regions, 0)
             }
         };
-        // Halve the objects if the partition leaves a side empty.
+        // Take the median if a side is empty, or no partition was applied.
         let count = if count == 0 || count == objects.len() {
             median(objects, axis)
         } else {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Box trees derived from plane trees: boxes around the objects that the planes separate.
 //!
-//! A box excludes at once the empty space of a cell, which planes cut off by a chain of splits; and eight
-//! children per node are filled well by boxes, while three levels of planes leave most of eight slots empty.
-//! Boxes around the nodes of a plane tree are known from hardware, where they replace the planes (Woop, Marmitt
-//! and Slusallek 2006, B-KD trees for hardware accelerated ray tracing of dynamic scenes).
+//! One box excludes the empty space of a cell for which planes need a chain of splits. Boxes also fill nodes of eight
+//! children well, while three levels of planes leave most of eight slots empty. Boxes around the nodes of a plane tree
+//! are known from hardware, where they replace the planes (Woop, Marmitt and Slusallek 2006, B-KD trees for hardware
+//! accelerated ray tracing of dynamic scenes).
 //!
-//! The box tree has leaves of its own: boxes are split further where planes end, and one box need not contain
-//! all objects of a cell ([`crate::plane_objects`]).
+//! The box tree has its own leaves: it splits objects further than the planes do, and a box need not contain all
+//! objects of a cell ([`crate::plane_objects`]).
 
 use crate::plane_objects;
 use halfspace_base::Monitor;
@@ -36,6 +36,7 @@ impl PlaneBoxes {
     /// [`halfspace_base::error::Error::Cancelled`] if the monitor is cancelled,
     /// [`halfspace_base::error::Error::Memory`] above its limit.
     pub fn new(planes: &PlaneTree, framed: FramedScene<'_>, monitor: &Monitor) -> Result<Self> {
+        // Build a binary tree of boxes, then its layout with eight children per node, then the leaves.
         let binary = plane_objects::build(planes, framed, monitor)?;
         let mut leaves = Leaves::new(Keep::Corners);
         let tree = BoxTree::new(&binary, &mut leaves)?;

@@ -4,9 +4,10 @@
 use crate::piece::Piece;
 use halfspace_geom::Aabb;
 
-/// Sorts pieces along Morton's curve (1966) through the scene's box, by the centres of their boxes with ten bits
-/// per axis.
+/// Sorts pieces along the Z-order curve (Morton 1966) through the scene's box `bounds`, by the centres of their boxes,
+/// with ten bits per axis.
 pub fn sort<P: Piece>(pieces: &mut [P], bounds: &Aabb) {
+    // Compute the Morton code of a piece.
     let code = |piece: &P| {
         let own = piece.bounds();
         (0..3).fold(0_u32, |code, k| {

@@ -5,37 +5,37 @@ use crate::piece::Piece;
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Cell, Direction, Plane};
 
-/// The policy of a plane tree: the only part in which plane trees differ.
+/// The policy of a plane tree: the only part of the build in which plane trees differ.
 pub trait PlanePolicy: Sync {
     /// Type of the cells: boxes if all planes are axis-aligned, otherwise convex polytopes.
     type Cell: Cell;
     /// Data that a node keeps per triangle.
     type Piece: Piece;
-    /// Returns the cell of the whole scene.
+    /// Returns the cell of the whole scene; `bounds` is the scene's box in the frame of the tree.
     fn root(&self, bounds: Aabb) -> Self::Cell;
-    /// Appends the directions to sweep at a node to the empty `out`. Of equally cheap planes, that of the earlier
-    /// direction is chosen.
+    /// Writes the directions to sweep at a node to `out`, which is empty. Among equally cheap planes, the one with the
+    /// earlier direction is chosen.
     fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
-    /// Appends single planes to try in addition to the sweeps to the empty `out`.
+    /// Writes the single planes to try in addition to the sweeps to `out`, which is empty.
     fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
-    /// Appends further directions to `out`; called only if the cheapest plane of [`Self::directions`] costs more
-    /// than [`crate::space::Params::enough`].
+    /// Appends further directions to `out`. Called only if the cheapest plane of [`Self::directions`] costs more than
+    /// [`crate::space::Params::enough`].
     fn further(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
-    /// Appends directions for a node that would otherwise become a leaf to the empty `out`.
+    /// Writes further directions to `out`, which is empty. Called for a node that would otherwise become a leaf.
     fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
-    /// Appends directions to the empty `out` for a node that is too large for a leaf and that no plane of
-    /// [`Self::directions`] splits.
+    /// Writes further directions to `out`, which is empty. Called for a node that is too large for a leaf and that no
+    /// plane of [`Self::directions`] splits.
     fn last_resort(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
 }
 
-/// View of a node that a policy gets.
+/// The data of a node that a policy receives.
 #[derive(Debug, Clone, Copy)]
 pub struct Node<'a, P> {
     /// The node's triangles.
     pub pieces: &'a [P],
     /// Depth of the node; the root has depth 0.
     pub depth: usize,
-    /// Random number of the node, which depends only on its path from the root. The policy's random choices depend
-    /// on it.
+    /// Random number of the node, which depends only on its path from the root: the seed of the policy's random
+    /// choices.
     pub key: u64,
 }
