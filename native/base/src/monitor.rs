@@ -1,26 +1,31 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Progress, cancellation and a memory limit of long work, shared between threads.
+//! Progress, cancellation and memory limit of long work, shared between threads.
 
 use crate::error::{Error, Result};
 use crate::memory::megabytes;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// One in fixed point: progress is summed in integers, so that the order of the threads does not matter.
+/// Fixed-point representation of the whole work: progress is summed in integers, so that the sum does not depend on the
+/// order of the threads.
 const ONE: f64 = (1_u64 << 40) as f64;
 
 /// Bytes that a thread accumulates before it updates the shared counter: an update per leaf would make threads
 /// contend for it.
-const GATHERED: usize = 1 << 18;
+const BATCH: usize = 1 << 18;
 
 /// State shared between the thread that waits and the threads that work.
 #[derive(Debug)]
 pub struct Monitor {
+    /// Share of the work that is done, in units of 1 / [`ONE`].
     done: AtomicU64,
     /// Bits of an f64: the share of the whole that the current part of the work has.
     scale: AtomicU64,
     cancelled: AtomicBool,
+    /// Bytes counted as used.
     used: AtomicU64,
+    /// Limit of `used` in bytes.
     limit: AtomicU64,
+    /// Whether `used` has exceeded the limit.
     exhausted: AtomicBool,
 }
 
@@ -37,7 +42,7 @@ impl Default for Monitor {
     }
 }
 
-/// Memory that is held for a while; dropping this value releases it.
+/// Bytes counted as used until this value is dropped.
 #[derive(Debug)]
 pub struct Held<'a> {
     monitor: &'a Monitor,
@@ -126,15 +131,15 @@ impl Monitor {
         self.limit.load(Ordering::Relaxed).saturating_sub(used)
     }
 
-    /// Like [`Self::take`], in larger steps: `gathered` accumulates the thread's own bytes, whose remainder the
-    /// caller passes to [`Self::take`] at the end.
+    /// Like [`Self::take`], but updates the shared count rarely: `gathered` accumulates the bytes of one thread, which
+    /// passes the remainder to [`Self::take`] at the end.
     ///
     /// # Errors
     /// Those of [`Self::take`].
     #[inline(always)]
     pub fn charge(&self, gathered: &mut usize, bytes: usize) -> Result<()> {
         *gathered += bytes;
-        if *gathered < GATHERED {
+        if *gathered < BATCH {
             return Ok(());
         }
         self.take(std::mem::take(gathered))

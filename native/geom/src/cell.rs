@@ -25,7 +25,7 @@ impl Direction {
         }
     }
 
-    /// Returns the height of a point along the direction: rounded, but always the same for the same point.
+    /// Returns the height of a point along the direction, rounded; equal points have equal heights.
     #[inline(always)]
     pub fn height(self, p: [f32; 3]) -> f32 {
         match self {
@@ -41,7 +41,7 @@ impl Direction {
 pub struct Plane {
     /// The plane's normal.
     pub direction: Direction,
-    /// Height of the plane along the normal, in the structure's frame.
+    /// Height of the plane along the normal, in the frame of the structure.
     pub offset: f32,
 }
 
@@ -59,15 +59,15 @@ pub trait Cell: Clone + Send + Sync {
     /// Returns the surface area.
     fn area(&self) -> f64;
     /// Writes the cell's extent along `direction` and the range where planes may lie to `out`. Returns whether the
-    /// cell has a surface area; no cost model applies to a cell without one.
+    /// cell has a surface area, by which the cost model divides.
     fn extent(&self, direction: Direction, out: &mut Profile) -> bool;
     /// Writes the surface areas of both parts as a function of the plane's height along `direction` to `out`,
     /// which an earlier call of [`Self::extent`] filled. Much more expensive than the extent alone.
     fn divide(&self, direction: Direction, out: &mut Profile);
-    /// Returns the parts below and above a plane through the cell. A part that rounding lost is replaced by the
+    /// Returns the parts below and above a plane through the cell. Where rounding makes a part degenerate, it is the
     /// whole cell: cells only determine costs, never which child receives a triangle.
     fn split(&self, plane: Plane) -> (Self, Self);
-    /// Returns those parts below and above a plane whose entry in `wanted` is set.
+    /// Returns the parts below and above a plane, each only if its entry in `wanted` is set.
     fn parts(&self, plane: Plane, wanted: [bool; 2]) -> [Option<Self>; 2] {
         if wanted == [false; 2] {
             return [None, None];
@@ -90,7 +90,7 @@ impl Cell for BoxCell {
         let Direction::Axis(k) = direction else {
             unreachable!("trees of boxes have axis-aligned planes only");
         };
-        // The walls of a box are certain: triangles are clipped to them exactly.
+        // Triangles are clipped exactly to the faces of a box, so planes in the faces need no margin.
         (out.low, out.high) = (self.0.min[k], self.0.max[k]);
         (out.margin, out.walls) = (0.0, true);
         self.0.area() > 0.0
@@ -123,22 +123,22 @@ impl Cell for BoxCell {
 #[derive(Debug, Clone)]
 pub enum ConvexCell {
     /// Axis-aligned.
-    Box(FlatCell),
+    Box(LazyPolytope),
     /// Any convex polytope.
     Polytope(Polytope),
 }
 
-/// A box that can be converted to a polytope.
+/// A box, and the same cell as a polytope once it is needed.
 #[derive(Debug, Clone)]
-pub struct FlatCell {
+pub struct LazyPolytope {
     cell: BoxCell,
-    /// Largest coordinate of the scene.
+    /// Largest absolute coordinate of the scene.
     magnitude: f32,
     /// The box as a polytope, computed when the first oblique plane is tried.
     polytope: OnceLock<Box<Polytope>>,
 }
 
-impl FlatCell {
+impl LazyPolytope {
     /// Returns the box.
     pub fn bounds(&self) -> Aabb {
         self.cell.0
@@ -152,19 +152,19 @@ impl FlatCell {
 }
 
 impl ConvexCell {
-    /// Makes a cell from a box, in a scene whose largest coordinate is `magnitude`.
+    /// Makes a cell from a box, in a scene whose largest absolute coordinate is `magnitude`.
     pub fn from_box(bounds: Aabb, magnitude: f32) -> Self {
-        Self::Box(FlatCell {
+        Self::Box(LazyPolytope {
             cell: BoxCell(bounds),
             magnitude,
             polytope: OnceLock::new(),
         })
     }
 
-    /// Returns the largest coordinate of the scene.
+    /// Returns the largest absolute coordinate of the scene.
     pub fn magnitude(&self) -> f32 {
         match self {
-            Self::Box(flat) => flat.magnitude,
+            Self::Box(boxed) => boxed.magnitude,
             #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
             Self::Polytope(cell) => cell.magnitude() as f32,
         }
@@ -173,7 +173,7 @@ impl ConvexCell {
     /// Returns the cell as a polytope.
     pub fn polytope(&self) -> &Polytope {
         match self {
-            Self::Box(flat) => flat.polytope(),
+            Self::Box(boxed) => boxed.polytope(),
             Self::Polytope(cell) => cell,
         }
     }
@@ -182,18 +182,18 @@ impl ConvexCell {
 impl Cell for ConvexCell {
     fn area(&self) -> f64 {
         match self {
-            Self::Box(flat) => flat.cell.area(),
+            Self::Box(boxed) => boxed.cell.area(),
             Self::Polytope(cell) => cell.area(),
         }
     }
 
     fn extent(&self, direction: Direction, out: &mut Profile) -> bool {
         match (self, direction) {
-            (Self::Box(flat), Direction::Axis(_)) => {
-                let surface = flat.cell.extent(direction, out);
+            (Self::Box(boxed), Direction::Axis(_)) => {
+                let surface = boxed.cell.extent(direction, out);
                 // Triangles are not clipped to the faces of convex cells, so none is certain to lie in a face.
                 out.walls = false;
-                out.margin = NEAR * flat.magnitude;
+                out.margin = NEAR * boxed.magnitude;
                 surface
             }
             _ => self.polytope().extent(direction.vector(), out),
@@ -202,17 +202,17 @@ impl Cell for ConvexCell {
 
     fn divide(&self, direction: Direction, out: &mut Profile) {
         match (self, direction) {
-            (Self::Box(flat), Direction::Axis(_)) => flat.cell.divide(direction, out),
+            (Self::Box(boxed), Direction::Axis(_)) => boxed.cell.divide(direction, out),
             _ => self.polytope().divide(direction.vector(), out),
         }
     }
 
     fn split(&self, plane: Plane) -> (Self, Self) {
-        if let (Self::Box(flat), Direction::Axis(_)) = (self, plane.direction) {
-            let (below, above) = flat.cell.split(plane);
+        if let (Self::Box(boxed), Direction::Axis(_)) = (self, plane.direction) {
+            let (below, above) = boxed.cell.split(plane);
             return (
-                Self::from_box(below.0, flat.magnitude),
-                Self::from_box(above.0, flat.magnitude),
+                Self::from_box(below.0, boxed.magnitude),
+                Self::from_box(above.0, boxed.magnitude),
             );
         }
         // Keep the whole cell for both children if rounding allows no split.

@@ -25,7 +25,7 @@ pub fn triangle_area([a, b, c]: [Vec3; 3]) -> f64 {
     0.5 * length(cross(sub(b, a), sub(c, a)))
 }
 
-/// Clips triangles to convex regions, in f64 (Sutherland and Hodgman 1974). Reuses its memory.
+/// Clips triangles to convex regions, in f64 (Sutherland and Hodgman 1974), and keeps its buffers between calls.
 #[derive(Debug, Default)]
 pub struct Clipper {
     polygon: Vec<Vec3>,
@@ -33,13 +33,13 @@ pub struct Clipper {
 }
 
 impl Clipper {
-    /// Returns the area of the part of a triangle inside all half-spaces, each moved outwards by `slack`, or inwards by
-    /// a negative one. Rounding moves a side of the part by at most 2^-49 of the largest coordinate.
+    /// Returns the area of the part of a triangle inside all half-spaces, each moved outwards by `slack`, inwards if
+    /// `slack` is negative. Rounding moves an edge of the part by at most 2^-49 of the largest coordinate.
     pub fn area(&mut self, corners: [Vec3; 3], walls: &[HalfSpace], slack: f64) -> f64 {
         self.polygon.clear();
         self.polygon.extend(corners);
         let mut whole = true;
-        // Cut by the half-spaces that contain only a part of the triangle.
+        // Clip the polygon to the half-spaces that contain only a part of the triangle.
         for wall in walls {
             let heights = corners.map(|p| wall.height(p) - slack);
             if heights.iter().all(|&h| h <= 0.0) {
@@ -54,7 +54,7 @@ impl Clipper {
         if whole {
             triangle_area(corners)
         } else {
-            self.fan()
+            self.polygon_area()
         }
     }
 
@@ -67,7 +67,7 @@ impl Clipper {
             if from <= 0.0 {
                 self.clipped.push(a);
             }
-            // Add the vertex where the side crosses the plane.
+            // Add the vertex where the edge crosses the plane.
             if (from < 0.0 && to > 0.0) || (from > 0.0 && to < 0.0) {
                 self.clipped
                     .push(add_scaled(a, from / (from - to), sub(b, a)));
@@ -76,8 +76,8 @@ impl Clipper {
         std::mem::swap(&mut self.polygon, &mut self.clipped);
     }
 
-    /// Returns the area of the polygon, as a fan of triangles.
-    fn fan(&self) -> f64 {
+    /// Returns the area of the polygon, summed over a fan of triangles.
+    fn polygon_area(&self) -> f64 {
         let Some((&first, rest)) = self.polygon.split_first() else {
             return 0.0;
         };

@@ -1,26 +1,28 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Overlap test of a triangle and a box by separating axes (Akenine-Möller 2001), in f64 with error margins: a
-//! negative answer is certain, a positive one may be wrong by the margin.
+//! Overlap test of a triangle and a box by separating axes (Akenine-Möller 2001), in f64 with error margins. A negative
+//! answer is certain; a positive one may be wrong if the two are within the margin of each other.
 
 use crate::vec3::{Vec3, cross, dot, map, sub, widen};
 
-/// Relative error margin: products of f64 lose less than 2^-50 of their factors; the rest is reserve.
+/// Relative error margin (chosen): each operation in f64 has a relative error of at most 2^-53, far less.
 const MARGIN: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// A triangle with the axes that may separate it from boxes.
 pub struct TriangleBox {
     corners: [Vec3; 3],
-    /// Normal of the triangle's plane, and a bound on the rounding error of heights along it.
-    normal: (Vec3, f64),
-    /// Cross products of the three edges and three axes.
-    across: [Vec3; 9],
-    /// Upper bound on the distance between any two points of the scene.
+    /// Normal of the triangle's plane, not normalized.
+    normal: Vec3,
+    /// Bound on the rounding error of heights along the normal.
+    normal_error: f64,
+    /// Cross products of the three edges and the three unit axes.
+    products: [Vec3; 9],
+    /// Upper bound on the distance between any two points of the scene and the boxes to test.
     span: f64,
 }
 
 impl TriangleBox {
-    /// Makes the axes of a triangle in a scene whose coordinates are at most `magnitude`. The boxes to test may
-    /// extend beyond the scene by at most their side.
+    /// Computes the axes of a triangle in a scene whose absolute coordinates are at most `magnitude`. A box to test may
+    /// extend beyond the scene by at most its side.
     pub fn new(corners: [[f32; 3]; 3], magnitude: f32) -> Self {
         let corners = map(corners, widen);
         let [a, b, c] = corners;
@@ -28,36 +30,37 @@ impl TriangleBox {
         let span = 16.0 * f64::from(magnitude);
         let size = |e: Vec3| e[0].abs() + e[1].abs() + e[2].abs();
         // The normal of nearly parallel edges is inexact; its error is small against the product of the edges.
-        let doubt = MARGIN * size(edges[0]) * size(edges[1]) * span;
-        let mut across = [[0.0; 3]; 9];
+        let normal_error = MARGIN * size(edges[0]) * size(edges[1]) * span;
+        let mut products = [[0.0; 3]; 9];
         // Compute cross products with the unit axes, without multiplications by zero and one.
         for (i, e) in edges.iter().enumerate() {
-            across[3 * i] = [0.0, -e[2], e[1]];
-            across[3 * i + 1] = [e[2], 0.0, -e[0]];
-            across[3 * i + 2] = [-e[1], e[0], 0.0];
+            products[3 * i] = [0.0, -e[2], e[1]];
+            products[3 * i + 1] = [e[2], 0.0, -e[0]];
+            products[3 * i + 2] = [-e[1], e[0], 0.0];
         }
         Self {
             corners,
-            normal: (cross(edges[0], edges[1]), doubt),
-            across,
+            normal: cross(edges[0], edges[1]),
+            normal_error,
+            products,
             span,
         }
     }
 
-    /// Returns whether the triangle may meet the cube with this centre and half side `reach`.
+    /// Returns whether the triangle may overlap the cube with this centre and half side `reach`.
     pub fn meets(&self, centre: Vec3, reach: f64) -> bool {
         self.meets_box(centre, [reach; 3])
     }
 
-    /// Returns whether the triangle may meet the box with this centre and half sides `reach`.
+    /// Returns whether the triangle may overlap the box with this centre and half sides `reach`.
     pub fn meets_box(&self, centre: Vec3, reach: Vec3) -> bool {
         let corners = map(self.corners, |p| sub(p, centre));
         // Compare the triangle's projection with that of the box, enlarged by the rounding error.
-        let apart = |axis: Vec3, doubt: f64| {
+        let apart = |axis: Vec3, error: f64| {
             let [x, y, z] = map(corners, |p| dot(axis, p));
             let (low, high) = (x.min(y).min(z), x.max(y).max(z));
             let size = map(axis, f64::abs);
-            let limit = dot(reach, size) + doubt;
+            let limit = dot(reach, size) + error;
             low > limit || high < -limit
         };
         // Try the separating axes: the box's normals, the triangle's normal, and the cross products of edges.
@@ -65,11 +68,10 @@ impl TriangleBox {
         if units.iter().any(|axis| apart(*axis, MARGIN * self.span)) {
             return false;
         }
-        let (normal, doubt) = self.normal;
-        if apart(normal, doubt) {
+        if apart(self.normal, self.normal_error) {
             return false;
         }
-        !self.across.iter().any(|axis| {
+        !self.products.iter().any(|axis| {
             let size = axis[0].abs() + axis[1].abs() + axis[2].abs();
             apart(*axis, MARGIN * size * self.span)
         })

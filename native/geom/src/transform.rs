@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Transform of an instance: an affine map from the mesh's space to the scene's, and its inverse with a bound on
-//! the error.
+//! Transform of an instance: an affine map from the mesh's space to the scene's, and its inverse with an error bound.
 
 use crate::vec3::{Vec3, widen};
 
-/// Range of the lengths of columns, rounded to powers of two: no scene has scales outside it.
+/// Accepted scales of columns, about 2^-100 to 2^100 (chosen): no scene has others.
 const SCALES: std::ops::RangeInclusive<f64> = 7.9e-31..=1.3e30;
 
-/// Largest relative error of the computed inverse; beyond it the map counts as singular.
-const WORST: f64 = 1.0 / 256.0;
+/// Largest residual of the computed inverse (chosen); a map with a larger one counts as singular.
+const SINGULAR: f64 = 1.0 / 256.0;
 
 /// Relative rounding error of a product of a matrix and a vector that is itself a rounded difference.
 const PRODUCT: f64 = 4.0 * f64::EPSILON;
@@ -55,16 +54,16 @@ impl Transform {
         determinant(&self.columns().0) < 0.0
     }
 
-    /// Returns the linear part with columns scaled to lengths near one, and the powers of two that they were
-    /// divided by.
+    /// Returns the linear part with each column divided by a power of two, so that its largest entry lies in [1, 2),
+    /// and these powers.
     fn columns(&self) -> ([Vec3; 3], Vec3) {
         // Powers of two scale exactly.
         let scale = [0, 1, 2].map(|k| {
-            let longest = (self.linear.iter()).fold(0.0_f64, |most, row| most.max(row[k].abs()));
-            power_of_two(longest)
+            let largest = (self.linear.iter()).fold(0.0_f64, |most, row| most.max(row[k].abs()));
+            power_of_two(largest)
         });
-        let even = self.linear.map(|row| [0, 1, 2].map(|k| row[k] / scale[k]));
-        (even, scale)
+        let scaled = self.linear.map(|row| [0, 1, 2].map(|k| row[k] / scale[k]));
+        (scaled, scale)
     }
 
     /// Returns the inverse; `None` if the map is nearly singular, not finite, or its scale is out of range.
@@ -72,36 +71,37 @@ impl Transform {
         if !self.is_finite() || self.offset.iter().any(|x| x.abs() > f64::from(f32::MAX)) {
             return None;
         }
-        let (even, scale) = self.columns();
+        let (scaled, scale) = self.columns();
         if !scale.iter().all(|s| SCALES.contains(s)) {
             return None;
         }
         // Invert the scaled matrix by cofactors.
-        let determinant = determinant(&even);
+        let determinant = determinant(&scaled);
         let cofactor = |i: usize, j: usize| {
-            let (a, b) = (&even[(j + 1) % 3], &even[(j + 2) % 3]);
+            let (a, b) = (&scaled[(j + 1) % 3], &scaled[(j + 2) % 3]);
             a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]
         };
         let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|j| cofactor(i, j) / determinant));
-        // Bound the residual 1 - rows * even, and add the rounding error of its computation.
-        let mut off = 0.0_f64;
+        // Bound the residual 1 - rows * scaled in the maximum norm, its own rounding error included.
+        let mut largest = 0.0_f64;
         for (i, row) in rows.iter().enumerate() {
             let (mut sum, mut size) = (0.0, 0.0);
             for j in [0, 1, 2] {
-                let terms = [0, 1, 2].map(|k| row[k] * even[k][j]);
+                let terms = [0, 1, 2].map(|k| row[k] * scaled[k][j]);
                 let one = f64::from(u8::from(i == j));
                 sum += (one - terms.iter().sum::<f64>()).abs();
                 size += terms.iter().map(|x| x.abs()).sum::<f64>() + one;
             }
             let residual = sum + 4.0 * f64::EPSILON * size;
-            if residual.is_nan() || residual > WORST {
+            if residual.is_nan() || residual > SINGULAR {
                 return None;
             }
-            off = off.max(residual);
+            largest = largest.max(residual);
         }
-        // A^-1 = (1 - R)^-1 rows, where R is the residual.
-        let doubt = off / (1.0 - off);
-        Some(Inverse { rows, scale, doubt })
+        // The exact inverse is (1 - R)^-1 rows, where R is the residual, so it differs from `rows` by at most the
+        // factor |R| / (1 - |R|).
+        let error = largest / (1.0 - largest);
+        Some(Inverse { rows, scale, error })
     }
 }
 
@@ -111,12 +111,12 @@ pub struct Inverse {
     rows: [Vec3; 3],
     /// Powers of two by which the coordinates are finally divided.
     scale: Vec3,
-    /// Bound on the error of `rows` multiplied by any vector, relative to its largest component.
-    doubt: f64,
+    /// Bound on the error of the product of `rows` and any vector, relative to the product's largest component.
+    error: f64,
 }
 
 impl Inverse {
-    /// Returns the vector that the map takes to `q`, and a bound on its error per coordinate; `q` may itself be a
+    /// Returns the vector that the map transforms to `q`, and its error bound per coordinate. `q` may itself be a
     /// rounded difference.
     #[inline(always)]
     pub fn vector(&self, q: Vec3) -> (Vec3, Vec3) {
@@ -129,7 +129,7 @@ impl Inverse {
             size[k] = terms[0].abs() + terms[1].abs() + terms[2].abs();
         }
         // Add the error of the inverse and that of the product.
-        let common = self.doubt * out[0].abs().max(out[1].abs()).max(out[2].abs());
+        let common = self.error * out[0].abs().max(out[1].abs()).max(out[2].abs());
         let mut error = [0.0; 3];
         for k in 0..3 {
             out[k] /= self.scale[k];
@@ -138,14 +138,14 @@ impl Inverse {
         (out, error)
     }
 
-    /// Returns bounds on the components of vectors that the map takes to vectors with components of at most
-    /// `most`.
+    /// Returns bounds on the absolute components of all vectors that the map transforms to vectors with absolute
+    /// components of at most `most`.
     pub fn reach(&self, most: Vec3) -> Vec3 {
         let sums = self.rows.map(|row| {
             let terms = [0, 1, 2].map(|k| row[k].abs() * most[k]);
             terms.iter().sum::<f64>()
         });
-        let common = self.doubt * sums[0].max(sums[1]).max(sums[2]);
+        let common = self.error * sums[0].max(sums[1]).max(sums[2]);
         [0, 1, 2].map(|k| (sums[k] + common) * (1.0 + 1e-6) / self.scale[k])
     }
 }

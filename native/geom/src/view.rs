@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The plane of view of a beam: convex polygons at unit depth before the eye, and the lines in which planes
-//! through the eye intersect it.
+//! The plane of view of a beam, at unit depth before the eye: convex polygons in it, and its intersections with planes
+//! through the eye.
 //!
-//! A direction is `(1, x, y)`, its first component along the common axis of the beam's rays, so a line through
-//! two points, or a polygon's edge, is an affine function of `x` and `y`. The side of a line on which a pixel
-//! lies is decided once, by that function in f64, and this assigns the pixel to a polygon.
+//! A point `(x, y)` of the plane stands for the direction `(1, x, y)`, whose first component lies along the common axis
+//! of the beam's rays. A line is an affine function of `x` and `y`; its sign at a pixel, computed once in f64, assigns
+//! the pixel to the polygon on that side.
 //!
-//! Corners of polygons are off by about 1e-14 of the slopes, which are at most 4; bounds over all directions of
-//! a polygon are widened by [`NOISE`]. That is a thousand times as much, since a polygon is cut again and
-//! again; a larger margin would only widen beams.
+//! A cut computes corners with an error of about 1e-14, because `|x|` and `|y|` are at most 4. Bounds over a polygon
+//! are widened by [`NOISE`], a thousand times that error, because a polygon is cut many times.
 
 use crate::vec3::{Vec3, cross, dot};
 
-/// Margin for the error of an affine function with unit coefficients at the corners of a polygon. Derived
-/// above.
+/// Error bound of an affine function with unit coefficients at the corners of a polygon (chosen, see above).
 pub const NOISE: f64 = 1e-11;
 
-/// Largest number of corners; a polygon that would get more is left uncut.
-const MOST: usize = 12;
+/// Largest number of corners; a cut that would make more is omitted.
+const CORNERS: usize = 12;
 
 /// An affine function on the plane of view: constant, and coefficients of `x` and `y`.
 #[derive(Debug, Clone, Copy)]
@@ -34,14 +32,14 @@ impl Line {
 /// A convex polygon in the plane of view.
 #[derive(Debug, Clone, Copy)]
 pub struct Polygon {
-    corners: [[f64; 2]; MOST],
+    corners: [[f64; 2]; CORNERS],
     count: usize,
 }
 
 impl Polygon {
     /// Makes an axis-aligned rectangle.
     pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Self {
-        let mut corners = [[0.0; 2]; MOST];
+        let mut corners = [[0.0; 2]; CORNERS];
         corners[0] = low;
         corners[1] = [high[0], low[1]];
         corners[2] = high;
@@ -68,34 +66,33 @@ impl Polygon {
         (low - noise, high + noise)
     }
 
-    /// Returns the part on which a function is not negative (Sutherland and Hodgman 1974), the whole polygon if the
-    /// part has too many corners, and `None` if it is empty.
+    /// Returns the part on which a function is not negative (Sutherland and Hodgman 1974): the whole polygon if that
+    /// part has too many corners, `None` if it is empty.
     pub fn part(&self, line: &Line) -> Option<Self> {
         let mut part = Self {
-            corners: [[0.0; 2]; MOST],
+            corners: [[0.0; 2]; CORNERS],
             count: 0,
         };
-        let mut before = self.corners[self.count - 1];
-        let mut height = line.at(before);
+        let mut previous = self.corners[self.count - 1];
+        let mut value = line.at(previous);
         // Keep the corners on the positive side, and add the points where edges cross the line.
         for &corner in self.corners() {
             let next = line.at(corner);
-            let crosses = (height >= 0.0) != (next >= 0.0);
-            if part.count + usize::from(crosses) + 1 > MOST {
+            let crosses = (value >= 0.0) != (next >= 0.0);
+            if part.count + usize::from(crosses) + 1 > CORNERS {
                 return Some(*self);
             }
-            // Interpolate along the edge.
             if crosses {
-                let share = height / (height - next);
+                let share = value / (value - next);
                 part.corners[part.count] =
-                    [0, 1].map(|k| before[k] + share * (corner[k] - before[k]));
+                    [0, 1].map(|k| previous[k] + share * (corner[k] - previous[k]));
                 part.count += 1;
             }
             if next >= 0.0 {
                 part.corners[part.count] = corner;
                 part.count += 1;
             }
-            (before, height) = (corner, next);
+            (previous, value) = (corner, next);
         }
         (part.count > 0).then_some(part)
     }
@@ -119,14 +116,14 @@ impl View {
         }
     }
 
-    /// Returns the point of a direction.
+    /// Returns the point that stands for a direction.
     #[inline(always)]
     pub fn pixel(&self, d: [f32; 3]) -> [f64; 2] {
         let [a, i, j] = self.axes;
         [i, j].map(|k| f64::from(d[k]) / f64::from(d[a]))
     }
 
-    /// Returns the dot product of the direction with a vector, per unit of depth, as a function on the plane of view.
+    /// Returns the dot product of `n` and a direction, per unit of depth, as a function on the plane of view.
     #[inline(always)]
     pub fn speed(&self, n: Vec3) -> Line {
         Line(self.axes.map(|k| self.sign * n[k]))
@@ -139,10 +136,11 @@ impl View {
         if volume == 0.0 || !volume.is_finite() {
             return None;
         }
-        let turn = volume.signum();
+        // Orient the edges so that the inside is positive.
+        let orientation = volume.signum();
         let edge = |p: Vec3, q: Vec3| {
             let Line(l) = self.speed(cross(p, q));
-            Line(l.map(|x| turn * x))
+            Line(l.map(|x| orientation * x))
         };
         Some([edge(a, b), edge(b, c), edge(c, a)])
     }

@@ -8,7 +8,7 @@ use halfspace_nodes::cells::{Cells, each_leaf};
 use halfspace_ray::frame::Frame;
 use halfspace_structure::Structure;
 
-/// Cells of leaves in the scene's frame.
+/// Cells of leaves, in the scene's space.
 #[derive(Debug, Clone, Default)]
 pub struct LeafCells {
     /// The faces of all cells.
@@ -43,10 +43,11 @@ impl Default for Faces {
 }
 
 impl Faces {
-    /// Appends a cell with these faces, given in the frame of the structure, transformed to the scene by `frame`.
+    /// Appends a cell with these faces, which are given in the frame of the structure and converted to the scene's
+    /// space.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "what is drawn is bounded, and f32"
+        reason = "the number of drawn faces is limited, and drawing needs no more than f32"
     )]
     pub fn push(&mut self, faces: &[Face], frame: &Frame) {
         for face in faces {
@@ -105,9 +106,9 @@ fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>,
     (std::iter::once(only).take(max_count).collect(), 1)
 }
 
-/// The chosen leaves, and the number of all leaves with at least `least` triangles.
+/// Returns the leaves with the most triangles, and the number of all leaves with at least `least`.
 fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
-    // Collect the numbers alone, because regions of millions of leaves would take much memory.
+    // Collect only the numbers of the leaves, because the regions of millions of leaves would need much memory.
     let mut order = Vec::new();
     let mut number = 0_usize;
     each_leaf(tree, bounds, |leaf| {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Checks of the invariants that every built structure satisfies.
+//! Checks of the invariants of built structures.
 
 use halfspace_geom::cell::Direction;
 use halfspace_nodes::tree::Body;
@@ -7,10 +7,10 @@ use halfspace_ray::{Hit, Order, Ray, Tracer};
 use halfspace_structure::Structure;
 use std::collections::BTreeSet;
 
-/// Rays of a tile.
+/// Number of rays of a tile.
 const TILE: usize = 64;
 
-/// Broken invariants, one sentence each; empty for a sound structure.
+/// Checks a structure, and returns its broken invariants, one sentence each; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
     let (built, scene) = (structure.built(), structure.scene());
     let mut broken = Vec::new();
@@ -21,6 +21,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
         blocks: &built.leaves,
         shape: &shape,
     };
+    // Check the tree and its derived layouts, and collect the triangles of all leaves.
     let mut ids = BTreeSet::new();
     match &built.tree {
         None => ids.extend(built.leaves.ids(0, shape.references)),
@@ -45,7 +46,8 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     broken
 }
 
-/// The point where the planes of the root meet, in the scene's frame; its middle along axes without a plane.
+/// Returns the point in which the axis-aligned planes of the root meet, in the scene's space; the middle of the scene's
+/// box along axes without a plane.
 fn crossing(structure: &Structure) -> [f32; 3] {
     let built = structure.built();
     let bounds = built.frame.bounds();
@@ -61,8 +63,8 @@ fn crossing(structure: &Structure) -> [f32; 3] {
     built.frame.to_scene(point)
 }
 
-/// Compares every pixel of tiles with its single ray: perspective and parallel views from a corner of cells and from the
-/// lowest corner of the scene, along all axes.
+/// Compares the hits of tiles with those of single rays, for perspective and parallel views along all axes, from a
+/// corner of cells and from the lowest corner of the scene.
 fn tiles(structure: &Structure, broken: &mut Vec<String>) {
     let bounds = structure.scene().bounds();
     if bounds.is_empty() {
@@ -72,29 +74,27 @@ fn tiles(structure: &Structure, broken: &mut Vec<String>) {
     for apex in [crossing(structure), bounds.min] {
         for face in 0..6 {
             let (axis, sign) = (face / 2, if face % 2 == 1 { 1.0 } else { -1.0 });
-            let mut rays = Vec::with_capacity(4 * TILE);
+            // Make the rays of two tiles of each view.
+            let mut perspective = Vec::with_capacity(2 * TILE);
+            let mut parallel = Vec::with_capacity(2 * TILE);
             for pixel in 0..2 * TILE {
                 let position = [pixel % 16, pixel / 16].map(|i| i as f32 / 8.0 - 1.0);
                 let mut d = [sign; 3];
                 (d[(axis + 1) % 3], d[(axis + 2) % 3]) = (position[0], position[1]);
-                let mut ray = Ray {
-                    o: apex,
+                let ray = |o: [f32; 3], d: [f32; 3]| Ray {
+                    o,
                     d,
                     t_min: 0.0,
                     t_max: f32::INFINITY,
                 };
-                rays.push(ray);
-                // Add a parallel ray from the same window.
-                ray.o = std::array::from_fn(|k| apex[k] + 0.5 * d[k] * size[k]);
-                ray.d = [0.0; 3];
-                ray.d[axis] = sign;
-                rays.push(ray);
+                perspective.push(ray(apex, d));
+                let mut along = [0.0; 3];
+                along[axis] = sign;
+                let start = std::array::from_fn(|k| apex[k] + 0.5 * d[k] * size[k]);
+                parallel.push(ray(start, along));
             }
-            // Put all rays of the first kind before those of the second.
-            let rays: Vec<_> = (0..2)
-                .flat_map(|kind| rays.iter().skip(kind).step_by(2))
-                .copied()
-                .collect();
+            let rays = [perspective, parallel].concat();
+            // Trace them as single rays and as tiles, and count the different hits.
             let mut hits = [(); 2].map(|()| vec![Hit::MISS; rays.len()]);
             structure.closest(&rays, &mut hits[0], None);
             structure.closest_ordered(&rays, &mut hits[1], None, Order::Tiles);

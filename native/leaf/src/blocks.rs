@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Leaf storage: triangles in blocks of up to eight, which the f32 test takes at once.
+//! Leaf storage: triangles in blocks of up to eight, which the f32 test processes at once.
 //!
 //! A block of `n` triangles is `1 + 10 n` words: the largest edge component `E` of the block; nine rows of `n`
 //! floats (the three vertices, x y z each); `n` triangle ids. Rows have no padding: vector loads read past the
 //! end of a row and the surplus lanes are ignored.
 //!
-//! Candidates that [`crate::candidates`] cannot reject go to the exact test ([`halfspace_geom::verdict`]).
+//! Triangles that [`crate::candidates`] cannot reject are decided by the exact test ([`halfspace_geom::verdict`]).
 
-use crate::candidates::{Candidates, Edges, Surely};
+use crate::candidates::{Candidates, Edges, ProvenHits};
 use crate::keep::{Keep, write_lane};
 use crate::{Block, Job, Leaf};
 use fearless_simd::Simd;
@@ -25,8 +25,8 @@ pub const LANES: usize = 8;
 /// Words per triangle: nine coordinates and an id.
 pub const WORDS: usize = 10;
 
-/// Words that the test may read from the start of any block, whatever its number of triangles. All loads then
-/// lie provably inside one slice, whose bounds are checked once per block.
+/// Words that the test may read from the start of a block, for any number of triangles: all loads lie inside one slice
+/// of this length, whose bounds are checked once per block.
 pub const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 /// Words in a cache line.
@@ -36,7 +36,8 @@ const LINE: usize = 16;
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
-    /// Scale of the frame the vertices are stored in: 1 for the scene's own frame, 0 while there are no blocks.
+    /// Scale of the frame in which the vertices are stored: 1 if its coordinates are the scene's, 0 while there are no
+    /// blocks.
     scale: f32,
     keep: Keep,
 }
@@ -55,7 +56,7 @@ impl Blocks {
         Self::default()
     }
 
-    /// Makes an array whose first `words` words `fill` writes, in the layout given by `keep`; already sealed.
+    /// Makes a sealed array of `words` zero words, which `fill` overwrites in the layout given by `keep`.
     pub fn filled(frame: &Frame, keep: Keep, words: usize, fill: impl FnOnce(&mut [f32])) -> Self {
         let mut blocks = Self {
             words: vec![0.0; words + SPAN],
@@ -102,8 +103,8 @@ impl Blocks {
         self.words.len() * size_of::<f32>()
     }
 
-    /// Prefetches the first block of the leaf at word offset `first`. The number of cache lines is constant
-    /// although small leaves need fewer: a loop without a branch costs less.
+    /// Prefetches the first block of the leaf at word offset `first`. The number of cache lines is constant, although
+    /// small leaves need fewer: a loop without a branch costs less.
     #[inline(always)]
     pub fn fetch_ahead(&self, first: u32) {
         for line in 0..SPAN.div_ceil(LINE) {
@@ -164,26 +165,26 @@ impl Blocks {
         (block, at + (1 + WORDS * n) as u32)
     }
 
-    /// Returns the block of `n` triangles at word offset `at`, and the offset of the next block, for leaves of either [`Keep`]:
-    /// triangles stored as indices are gathered in `room`.
+    /// As [`Self::block`], for leaves of either [`Keep`]: the vertices of triangles stored as indices are gathered in
+    /// `buffer`.
     #[inline(always)]
     pub fn load<'a>(
         &'a self,
         scene: &Triangles,
         at: u32,
         n: usize,
-        room: &'a mut [f32; SPAN],
+        buffer: &'a mut [f32; SPAN],
     ) -> (&'a [f32; SPAN], u32) {
         if self.keep != Keep::Indices {
             return self.block(at, n);
         }
         let from = at as usize;
-        self.fetch(scene, &self.words[from..from + 4 * n], room);
+        self.gather(scene, &self.words[from..from + 4 * n], buffer);
         #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
-        (room, at + (4 * n) as u32)
+        (buffer, at + (4 * n) as u32)
     }
 
-    /// Returns the vertices of the triangle whose words begin at `from` and are `n` apart.
+    /// Returns the vertices, in the frame, of the triangle whose words begin at `from` and are `n` apart.
     #[inline(always)]
     pub fn corners_at(&self, from: usize, n: usize) -> [[f32; 3]; 3] {
         let words = self.block_words(from);
@@ -205,7 +206,7 @@ impl Blocks {
             .expect("sealed: no block is the last")
     }
 
-    /// Returns the vertices of triangle `id` in the scene's frame; `corners` are its vertices in this frame.
+    /// Returns the vertices of triangle `id` in the scene's space; `corners` are its vertices in the frame.
     #[inline(always)]
     pub fn scene_corners(
         &self,
@@ -220,11 +221,12 @@ impl Blocks {
         }
     }
 
-    /// Gathers the vertices of triangles stored as [`Keep::Indices`] into a block in the frame.
+    /// Gathers the vertices of the triangles in `words`, stored as [`Keep::Indices`], into a block in the frame.
     #[inline(always)]
-    fn fetch(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
+    fn gather(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
         let vertices = scene.vertices();
         let n = words.len() / 4;
+        // Scale the vertices of each triangle to the frame, and write them to its lane.
         let mut size = 0.0;
         for lane in 0..n.min(LANES) {
             let triangle = &words[4 * lane..4 * lane + 4];
@@ -240,21 +242,21 @@ impl Blocks {
 }
 
 impl Block<'_> {
-    /// Passes the candidates to the exact test, nearest first; returns whether the traversal may end.
+    /// Decides the candidates by the exact test, nearest first, or defers it; returns whether the traversal may end.
     #[inline(always)]
     pub fn settle<S: Simd, Q: Query, C: Counters>(
         self,
         simd: S,
         mut open: Candidates<S>,
-        surely: &Surely,
+        proven: &ProvenHits,
         ray: BoundedRay<'_>,
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
-        while let Some(lane) = open.next::<Q, C>(surely) {
+        while let Some(lane) = open.next::<Q, C>(proven) {
             let id = self.words[1 + 9 * self.count + lane].to_bits();
             // Defer the exact test if f32 already proves the hit.
-            let deferred = match surely.range(lane) {
+            let deferred = match proven.range(lane) {
                 Some(range) => best.defer::<Q>(
                     ray,
                     id,
@@ -283,7 +285,7 @@ impl Block<'_> {
         false
     }
 
-    /// Returns the vertices, in the scene's frame, of the triangle in `lane`.
+    /// Returns the vertices, in the scene's space, of the triangle in `lane`.
     #[inline(always)]
     fn scene_corners(&self, lane: usize) -> [[f32; 3]; 3] {
         let at = |r: usize| self.words[1 + r * self.count + lane];
@@ -300,8 +302,8 @@ impl Block<'_> {
 impl Job<'_> {
     /// Intersects a ray with the triangles of a leaf, and returns whether the traversal may end.
     ///
-    /// The ray leaves the leaf's cell at the distance `leave`: a hit beyond it lies in another leaf too. The leaf is
-    /// stored as [`Keep::Corners`].
+    /// `leave` is the frame distance at which the ray leaves the leaf's cell: hits beyond it are found in another leaf.
+    /// The leaf is stored as [`Keep::Corners`].
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
         self,
@@ -329,9 +331,9 @@ impl Job<'_> {
         self.test_kind::<S, Q, C, true>(simd, leaf, ray, leave, best, counters)
     }
 
-    /// [`Self::test`] (`ANY` false) or [`Self::test_any`] (`ANY` true).
+    /// [`Self::test`], or with `EITHER` [`Self::test_any`].
     #[inline(always)]
-    fn test_kind<S: Simd, Q: Query, C: Counters, const ANY: bool>(
+    fn test_kind<S: Simd, Q: Query, C: Counters, const EITHER: bool>(
         self,
         simd: S,
         Leaf { first, count }: Leaf,
@@ -346,29 +348,32 @@ impl Job<'_> {
             return best.take::<Q>(frame, counters.replay());
         }
         counters.visit(first, count);
-        let indices = ANY && self.blocks.keep == Keep::Indices;
+        let indices = EITHER && self.blocks.keep == Keep::Indices;
         let mut at = first as usize;
         let mut left = count;
-        let mut fetched = [0.0; SPAN];
+        let mut gathered = [0.0; SPAN];
         // Test the leaf block by block, each against the reach that the blocks before it left.
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
             let words = if indices {
-                self.blocks
-                    .fetch(self.scene, &self.blocks.words[at..at + 4 * n], &mut fetched);
-                &fetched
+                self.blocks.gather(
+                    self.scene,
+                    &self.blocks.words[at..at + 4 * n],
+                    &mut gathered,
+                );
+                &gathered
             } else {
                 self.blocks.words[at..]
                     .first_chunk()
                     .expect("sealed: no block is the last")
             };
-            // Bound all triangles by the errors of the block's largest; most blocks end here.
+            // Reject by the error bounds of the block's largest triangle; most blocks have no candidate left.
             let reach = keep_min(leave, best.reach);
             let mut open = Candidates::new(simd, &Edges::new(simd, words, n), frame, reach);
             if open.any() {
-                // Computing the edges again is cheaper than keeping them in registers through `any`.
-                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, words, n), frame);
+                // Compute the edges again, which is cheaper than keeping them in registers across the branch.
+                let proven = open.refine::<Q, C>(simd, &Edges::new(simd, words, n), frame);
                 let block = Block {
                     job: self,
                     words,
@@ -376,7 +381,7 @@ impl Job<'_> {
                 };
                 let certain = frame.certain(ray.ray);
                 let ray = BoundedRay { ray, certain };
-                if block.settle::<S, Q, C>(simd, open, &surely, ray, best, counters) {
+                if block.settle::<S, Q, C>(simd, open, &proven, ray, best, counters) {
                     return true;
                 }
             }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The f32 test of one triangle against eight rays of a common origin or direction: what depends on the common
-//! half and the triangle alone is computed once, which leaves three dot products per ray.
+//! The f32 test of one triangle against eight rays with a common origin or a common direction. The terms that depend
+//! only on it and on the triangle are computed once, which leaves three dot products per ray.
 //!
-//! The test and its error bounds are those of [`crate::candidates`], with the triple products cyclically
-//! permuted so that the factor that differs between rays comes last; the bounds there hold for these orders
-//! too. With the direction last, the cross products of edges and offsets have errors of 8 u E^2 and 8 u S E per
-//! component, the dot products with |d| < 2 make that 48 and add 36, which is 84 u E^2 and 84 u S E again. With
-//! the offset last, the cross products of direction and edge have errors of 12 u E, those of edges 8 u E^2;
-//! offset and dot product make that 84 u S E and 48 u S E^2 again.
+//! The test and its error bounds are those of [`crate::candidates`], with the triple products cyclically permuted so
+//! that the factor that differs between rays comes last. The bounds hold for these orders too. With the direction last,
+//! the cross products of edges and offsets have errors of 8 u E^2 and 8 u S E per component; the dot product with |d| <
+//! 2 multiplies them by 6 and adds 36, which is 84 u E^2 and 84 u S E again. With the offset last, the cross products
+//! of direction and edge have errors of 12 u E, those of edges 8 u E^2; the dot product with the offset makes these 84
+//! u S E and 48 u S E^2 again.
 
 use crate::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
@@ -19,12 +19,12 @@ pub struct Seen {
     u: [f32; 3],
     v: [f32; 3],
     t: f32,
-    /// Error bounds of a weight and of `t`; see [`errors`].
+    /// Error bounds; see [`errors`].
     errors: [f32; 2],
 }
 
 impl Seen {
-    /// Computes the products of an origin and a triangle's vertices in the same frame.
+    /// Computes the products of an origin and of a triangle's vertices, in the same frame.
     #[inline(always)]
     pub fn new(o: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
         let (e1, e2, s) = (sub(b, a), sub(c, a), sub(o, a));
@@ -40,7 +40,7 @@ impl Seen {
         }
     }
 
-    /// The mask of the rays, given by their directions, that may hit the triangle no farther than `reach`.
+    /// Returns the mask of the rays, given by their directions, that may hit the triangle within `reach`.
     #[inline(always)]
     pub fn candidates<S: Simd>(&self, simd: S, d: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
@@ -50,24 +50,25 @@ impl Seen {
             dot(simd, self.v, d),
             splat(self.t),
         ];
-        let [uv_error, doubt] = self.errors;
-        within(simd, found, [splat(uv_error), splat(doubt)], reach)
+        let [uv_error, t_error] = self.errors;
+        within(simd, found, [splat(uv_error), splat(t_error)], reach)
     }
 }
 
-/// The mask of the lanes whose determinants, within their error bounds, do not exclude a hit within `reach`.
+/// Returns the mask of the lanes in which determinant, weights and distance, with their error bounds, do not exclude a
+/// hit within `reach`.
 #[inline(always)]
 fn within<S: Simd>(
     simd: S,
     [det, u, v, t]: [f32x8<S>; 4],
-    [uv_error, doubt]: [f32x8<S>; 2],
+    [uv_error, t_error]: [f32x8<S>; 2],
     reach: f32x8<S>,
 ) -> u64 {
     // Flip signs so that the determinant is positive, then reject as in [`crate::candidates`].
     let sign = f32x8::splat(simd, 1.0).copysign(det);
     let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
     let least = u.min(v).min(det - u - v);
-    let rejected = least.simd_lt(-uv_error) | t.simd_gt(det.mul_add(reach, doubt));
+    let rejected = least.simd_lt(-uv_error) | t.simd_gt(det.mul_add(reach, t_error));
     !rejected.to_bitmask() & 0xff
 }
 
@@ -79,11 +80,12 @@ pub struct Along {
     u: [f32; 3],
     v: [f32; 3],
     t: [f32; 3],
+    /// Largest edge component.
     size: f32,
 }
 
 impl Along {
-    /// Computes the products of a direction and a triangle's vertices in the same frame.
+    /// Computes the products of a direction and of a triangle's vertices, in the same frame.
     #[inline(always)]
     pub fn new(d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
         let (e1, e2) = (sub(b, a), sub(c, a));
@@ -98,7 +100,7 @@ impl Along {
         }
     }
 
-    /// The mask of the rays, given by their origins, that may hit the triangle no farther than `reach`.
+    /// Returns the mask of the rays, given by their origins, that may hit the triangle within `reach`.
     #[inline(always)]
     pub fn candidates<S: Simd>(&self, simd: S, o: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
@@ -117,11 +119,12 @@ impl Along {
     }
 }
 
-/// A triangle for rays without a common half: the test of [`crate::candidates`] with one ray per lane.
+/// A triangle for rays without a common origin or direction: the test of [`crate::candidates`], one ray per lane.
 pub struct Free {
     corner: [f32; 3],
     e1: [f32; 3],
     e2: [f32; 3],
+    /// Largest edge component.
     size: f32,
 }
 
@@ -138,7 +141,7 @@ impl Free {
         }
     }
 
-    /// The mask of the rays that may hit the triangle no farther than `reach`.
+    /// Returns the mask of the rays that may hit the triangle within `reach`.
     #[inline(always)]
     pub fn candidates<S: Simd>(
         &self,
@@ -165,36 +168,36 @@ impl Free {
     }
 }
 
-/// Error bounds for a triangle with largest edge component `size` and a vertex at most `span` from the origin
-/// per axis: of a weight, and of how far `t` exceeds the determinant times the distance of a hit.
+/// Returns the error bound of a weight, and that of `t` minus the product of determinant and distance, for a triangle
+/// with largest edge component `size` whose first vertex is at most `span` from the origin per axis.
 ///
-/// A hit is at most `span + size` away, on either side of the origin: if the determinant has the wrong sign,
-/// the error of `t` grows with that distance. What products of small edges lose below the normal numbers is
-/// multiplied by the offset.
+/// A hit is at most `span + size` away, on either side of the origin, and if the determinant has the wrong sign, the
+/// error of `t` is proportional to that distance. [`UNDERFLOW`] also stands in the factors of the offset, because an
+/// offset multiplies what products of small edges lose by underflow.
 #[inline(always)]
 fn errors(span: f32, size: f32) -> [f32; 2] {
-    let [by_span, constant] = lines(size);
+    let [by_span, constant] = coefficients(size);
     // 0, or NaN if some product may have overflowed: NaN bounds reject nothing.
-    let overflow = (span * overflowing(size)) * 0.0;
+    let overflow = (span * overflow_factor(size)) * 0.0;
     [0, 1].map(|i: usize| by_span[i] * span + constant[i] + overflow)
 }
 
-/// [`errors`] for the offsets `s` of eight rays.
+/// Returns [`errors`] for the offsets `s` of eight rays from the first vertex.
 #[inline(always)]
 fn errors_of<S: Simd>(simd: S, s: [f32x8<S>; 3], size: f32) -> [f32x8<S>; 2] {
     let splat = |x: f32| f32x8::splat(simd, x);
-    let [by_span, constant] = lines(size);
+    let [by_span, constant] = coefficients(size);
     let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
-    let overflow = (span * splat(overflowing(size))) * splat(0.0);
+    let overflow = (span * splat(overflow_factor(size))) * splat(0.0);
     [
         span.mul_add(splat(by_span[0]), splat(constant[0]) + overflow),
         span.mul_add(splat(by_span[1]), splat(constant[1]) + overflow),
     ]
 }
 
-/// Coefficients of both error bounds, which are linear in the offset: the factors, then the constants.
+/// Returns the coefficients of both error bounds, which are linear in the offset: the factors, then the constants.
 #[inline(always)]
-fn lines(size: f32) -> [[f32; 2]; 2] {
+fn coefficients(size: f32) -> [[f32; 2]; 2] {
     let det = 3.0 * (DET_ERROR * size * size + UNDERFLOW);
     [
         [
@@ -205,13 +208,13 @@ fn lines(size: f32) -> [[f32; 2]; 2] {
     ]
 }
 
-/// Overflow factor: if it overflows when multiplied by an offset, some product of the test may have.
+/// Returns the overflow factor: if its product with an offset overflows, some product of the test may have overflowed.
 #[inline(always)]
-fn overflowing(size: f32) -> f32 {
+fn overflow_factor(size: f32) -> f32 {
     64.0 * size * size.max(1.0)
 }
 
-/// The cross products `v x e` of eight vectors with one.
+/// Returns the cross products `v x e` of eight vectors and one.
 #[inline(always)]
 fn across<S: Simd>(simd: S, v: [f32x8<S>; 3], e: [f32; 3]) -> [f32x8<S>; 3] {
     let [ex, ey, ez] = [
@@ -231,6 +234,7 @@ pub struct Plane {
     corner: [f32; 3],
     /// The cross product of two edges, not normalized.
     normal: [f32; 3],
+    /// Largest edge component.
     size: f32,
 }
 
@@ -246,9 +250,9 @@ impl Plane {
         }
     }
 
-    /// The masks of the points, of eight with an error of at most `pad` per axis, that provably lie above the
-    /// plane and below it. The height is the `t` of the triangle test; its error is less than the bound there,
-    /// and the normal's components are at most 2 E^2.
+    /// Returns the masks of those of eight points, each with an error of at most `pad` per axis, that provably lie
+    /// above the plane, and below it. The height is the `t` of the triangle test and has less than its error; the
+    /// normal's components are at most 2 E^2, which multiplies `pad`.
     #[inline(always)]
     pub fn sides<S: Simd>(&self, simd: S, p: [f32x8<S>; 3], pad: f32) -> [u64; 2] {
         let splat = |x: f32| f32x8::splat(simd, x);
@@ -258,15 +262,15 @@ impl Plane {
             p[2] - splat(self.corner[2]),
         ];
         let height = dot(simd, self.normal, s);
-        let [_, doubt] = errors_of(simd, s, self.size);
-        let error = doubt + splat(8.0 * self.size * self.size * pad);
+        let [_, t_error] = errors_of(simd, s, self.size);
+        let error = t_error + splat(8.0 * self.size * self.size * pad);
         let above = height.simd_gt(error).to_bitmask() & 0xff;
         let below = height.simd_lt(-error).to_bitmask() & 0xff;
         [above, below]
     }
 }
 
-/// The dot products `n . d` of one vector with eight.
+/// Returns the dot products `n . d` of one vector and eight.
 #[inline(always)]
 fn dot<S: Simd>(simd: S, n: [f32; 3], d: [f32x8<S>; 3]) -> f32x8<S> {
     let [x, y, z] = [
@@ -277,11 +281,13 @@ fn dot<S: Simd>(simd: S, n: [f32; 3], d: [f32x8<S>; 3]) -> f32x8<S> {
     d[0].mul_add(x, d[1].mul_add(y, d[2] * z))
 }
 
+/// Returns `a - b`.
 #[inline(always)]
 fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+/// Returns the cross product `a x b`.
 #[inline(always)]
 fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [
@@ -291,7 +297,7 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// The largest absolute component.
+/// Returns the largest absolute component.
 #[inline(always)]
 fn largest(a: [f32; 3]) -> f32 {
     a[0].abs().max(a[1].abs()).max(a[2].abs())

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The leaf data of object trees. Its size is known before any is written, so layouts first register their leaves,
-//! and all are then written at once, in parallel.
+//! The leaf data of object trees: layouts first register all leaves, which determines the size of the data, and then
+//! write them in parallel.
 
 use crate::blocks::Blocks;
 use crate::keep::Keep;
@@ -8,14 +8,17 @@ use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 
-/// More leaves than this are written in parallel.
+/// Largest number of leaves that one task writes (chosen).
 const TASK: usize = 4096;
 
-/// A leaf: offset of its data in words, and index of its first triangle number in the tree.
+/// A registered leaf.
 #[derive(Debug, Clone, Copy)]
-struct Leaf {
+struct Registered {
+    /// Offset of its data in words.
     at: usize,
+    /// Index of its first triangle number among those of the tree.
     first: usize,
+    /// Number of triangles.
     count: usize,
 }
 
@@ -23,7 +26,8 @@ struct Leaf {
 #[derive(Debug)]
 pub struct Leaves {
     keep: Keep,
-    leaves: Vec<Leaf>,
+    leaves: Vec<Registered>,
+    /// Number of words of all leaves.
     words: usize,
 }
 
@@ -37,7 +41,7 @@ impl Leaves {
         }
     }
 
-    /// Adds a leaf with `count` triangle numbers from `first` on; returns the offset of its data in words.
+    /// Registers a leaf with `count` triangle numbers from index `first` on; returns the offset of its data in words.
     ///
     /// # Panics
     /// If there are more than 2^32 words, which the layouts' limits exclude.
@@ -45,7 +49,7 @@ impl Leaves {
         let first = first as usize;
         let at = self.words;
         self.words += self.keep.words(count);
-        self.leaves.push(Leaf { at, first, count });
+        self.leaves.push(Registered { at, first, count });
         u32::try_from(at).expect("checked by the layout")
     }
 
@@ -54,7 +58,7 @@ impl Leaves {
         self.words * size_of::<f32>()
     }
 
-    /// Writes all leaves; `ids` are the tree's triangle numbers.
+    /// Writes all leaves, in the frame `frame`; `ids` are the tree's triangle numbers.
     pub fn write(&self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> Blocks {
         Blocks::filled(frame, self.keep, self.words, |words| {
             self.fill(words, 0, &self.leaves, FramedScene { scene, frame }, ids);
@@ -66,12 +70,12 @@ impl Leaves {
         &self,
         words: &mut [f32],
         start: usize,
-        leaves: &[Leaf],
+        leaves: &[Registered],
         framed: FramedScene<'_>,
         ids: &[u32],
     ) {
         if leaves.len() > TASK {
-            // Halve the leaves and their words for two threads.
+            // Divide the leaves and their words between two tasks.
             let (before, after) = leaves.split_at(leaves.len() / 2);
             let middle = after[0].at;
             let (left, right) = words.split_at_mut(middle - start);
@@ -81,6 +85,7 @@ impl Leaves {
             );
             return;
         }
+        // Write each leaf to its words.
         for leaf in leaves {
             let at = leaf.at - start;
             let ids = &ids[leaf.first..leaf.first + leaf.count];

@@ -17,31 +17,28 @@ use halfspace_scene::MeshInstance;
 /// Unit roundoff of f32, 2^-24.
 pub const U: f32 = 1.0 / 16_777_216.0;
 
-/// Relative slack for pruning by the best hit: 1 + 2^-20. Derived: it covers three roundings of `t` and the
-/// scale of the frame.
+/// Factor by which distances are extended before they prune: 1 + 2^-20. Derived: it covers three roundings of `t`, and
+/// the scale of the frame.
 pub const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
 
-/// [`FrameRay::pad`] per unit of coordinate. Derived: a plane distance `(p - o) / d` has an error of hardly
-/// more than 3 u, the point it stands for one of less than 5 u multiplied by `|o| + |p|`; the rest is room for
-/// the additions.
+/// [`FrameRay::pad`] per unit of coordinate. Derived: a plane distance `(p - o) / d` has a relative error of about 3 u,
+/// and the point at this distance an error of less than 5 u multiplied by `|o| + |p|`; the rest covers the rounding of
+/// the bound itself.
 pub const AXIS_PAD: f32 = 8.0 * U;
 
 /// [`FrameRay::oblique_pad`] per unit of the span. Derived: 8 sqrt(3) 2 u for a height `n . (o + t d) - c` with
 /// `|n| <= 1`, rounded up.
 pub const OBLIQUE_PAD: f32 = 28.0 * U;
 
-/// Added where products may have lost a subnormal part; larger than the smallest normal float.
+/// Error bound of products that may have lost a subnormal part; larger than the smallest normal float.
 const TINY: f32 = 1e-37;
 
-/// Returns the smallest positive float multiplied by the factor `to_frame`, plus what rounding may add.
+/// Returns the smallest positive float multiplied by the factor `to_frame`, plus 1e-37 for rounding.
 ///
-/// The sum is rounded to f32, not the product: the product is subnormal for most rays, and some processors take
-/// a hundred cycles to produce a subnormal number.
+/// Rounds the sum to f32, not the product: that is subnormal for most rays, and some processors take a hundred cycles
+/// to produce a subnormal number.
 #[inline(always)]
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounded to f32, and TINY is more than that"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "TINY covers the rounding")]
 pub fn last_place(to_frame: f64) -> f32 {
     (f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32
 }
@@ -56,11 +53,12 @@ pub fn last_places<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, to_frame: V
     lifted * V::splat(simd, SECOND)
 }
 
-/// A power-of-two scale and the scene's bounding box after scaling.
+/// The coordinates of a tree: those of the scene multiplied by a power of two.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Factor from scene to frame coordinates, a power of two.
     scale: f32,
+    /// Box of the scene, in this frame.
     bounds: Aabb,
     /// Largest absolute coordinate of `bounds`.
     magnitude: f32,
@@ -99,8 +97,8 @@ impl Frame {
         }
     }
 
-    /// Returns the same frame with error bounds on or off. Without them traversals run as published, for measuring how
-    /// often rounding makes those fail.
+    /// Returns the same frame with error bounds on or off. Without them traversals run as published, which measures how
+    /// often rounding makes them fail.
     pub fn with_robust(mut self, robust: bool) -> Self {
         self.robust = f32::from(u8::from(robust));
         self
@@ -140,9 +138,9 @@ impl Frame {
         self.bounds
     }
 
-    /// Returns [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame that
-    /// [`Self::is_scene`]: per axis the distance beyond which a plane provably lies on one side of the origin,
-    /// and the error bound of the origin's height over an oblique plane that meets the scene.
+    /// Returns [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame whose
+    /// coordinates are the scene's ([`Self::is_scene`]): per axis the distance beyond which a plane provably lies on
+    /// one side of the origin, and the error bound of the origin's height over an oblique plane that meets the scene.
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let pad = map(o, |x| self.robust * AXIS_PAD * (x.abs() + self.magnitude));
@@ -154,7 +152,7 @@ impl Frame {
     #[inline(always)]
     pub fn unit_of(&self, ray: &Ray) -> Option<f32> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
-        // Infinity and NaN times 0 are NaN; any of them makes the sum differ from 0.
+        // Infinity and NaN multiplied by zero are NaN, which makes the sum differ from 0.
         let zeros = [
             ray.o[0] * 0.0 + ray.d[0] * 0.0,
             ray.o[1] * 0.0 + ray.d[1] * 0.0,
@@ -167,14 +165,14 @@ impl Frame {
             .then(|| f32::from_bits(longest.to_bits() & 0x7f80_0000))
     }
 
-    /// Returns a ray's interval in this frame, widened by its rounding; `unit` is [`Self::unit_of`] the ray.
+    /// Returns a ray's interval in this frame, widened by its rounding errors; `unit` comes from [`Self::unit_of`].
     #[inline(always)]
     pub fn interval(&self, ray: &Ray, unit: f32) -> [f32; 2] {
         let limits = self.limits(unit);
         [limits.lower(ray.t_min), limits.reach(ray.t_max)]
     }
 
-    /// Returns a frame ray with only those fields set that [`FrameRay::reach`] reads.
+    /// Returns a frame ray in which only the fields are set that [`FrameRay::reach`] and [`FrameRay::lower`] read.
     #[inline(always)]
     pub fn limits_of(&self, ray: &Ray) -> FrameRay<'static> {
         match self.unit_of(ray) {
@@ -183,7 +181,7 @@ impl Frame {
         }
     }
 
-    /// Returns [`Self::limits_of`] a ray whose direction is divided by `unit`.
+    /// As [`Self::limits_of`], for a ray whose direction is divided by `unit`.
     #[inline(always)]
     fn limits(&self, unit: f32) -> FrameRay<'static> {
         let mut out = FrameRay {
@@ -199,13 +197,13 @@ impl Frame {
     #[inline(always)]
     pub fn ray(&self, ray: &Ray) -> Option<FrameRay<'static>> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
-        // Infinity and NaN times 0 are NaN.
+        // Infinity and NaN multiplied by zero are NaN.
         let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
         if longest == 0.0 || !finite {
             return None;
         }
         let unit = power_of_two(longest);
-        // The reciprocal of a power of two is a power of two, unless it overflows.
+        // Multiply by the reciprocal, which is exact unless it overflows: that of a power of two is one too.
         let d = if unit > f32::MIN_POSITIVE {
             let inverse = 1.0 / unit;
             map(ray.d, |x| x * inverse)
@@ -219,21 +217,21 @@ impl Frame {
             to_frame: f64::from(unit) * f64::from(self.scale),
             ..FrameRay::NOTHING
         };
-        // Only the scene's own coordinates may be compared for equality.
+        // Equal coordinates prove coplanarity only if the frame does not round them.
         if self.is_scene() {
             out.still = map(ray.d, |d| f32::from(u8::from(d != 0.0)));
         }
         self.complete(ray, out, [0.0; 3])
     }
 
-    /// Converts a ray of the scene to the space of an instance of this frame's mesh; `known` is the best hit
-    /// the ray has so far.
+    /// Converts a ray of the scene to the space of an instance of this frame's mesh; `known` is the ray's best hit so
+    /// far.
     ///
-    /// The ray is transformed in f64 and its direction is not normalized, so `t` means the same in both spaces.
-    /// The traversal must find the triangles that the ray hits *as transformed to the scene* and rounded there;
-    /// transformed back, their vertices are within [`MeshInstance::corner_error`] of the mesh's own. That, the errors
-    /// of the transform and the rounding of the ray to f32 add up to `blur`, by which every error bound of the
-    /// traversal grows.
+    /// The ray is transformed in f64 and its direction is not normalized, so `t` is the same in both spaces. The
+    /// traversal must find the triangles that the ray hits in the scene, where their vertices are rounded; transformed
+    /// back, these vertices are within [`MeshInstance::corner_error`] of the mesh's own. This distance, the errors of
+    /// the transform and the rounding of the ray to f32 add up to `blur`, by which every error bound of the traversal
+    /// grows.
     #[inline]
     pub fn placed<'a>(&self, ray: &Ray, instance: &'a MeshInstance, known: Hit) -> Placed<'a> {
         // Transform origin and direction to the mesh with error bounds, and scale the direction by a power of two.
@@ -244,7 +242,7 @@ impl Frame {
         let (d, d_error) = instance.inverse.vector(widen(ray.d));
         let unit = transform::power_of_two(d[0].abs().max(d[1].abs()).max(d[2].abs()));
         if unit == 0.0 {
-            return Placed::Blind;
+            return Placed::ExactOnly;
         }
         let d = map(d, |x| x / unit);
         let d_error = map(d_error, |x| x / unit);
@@ -255,8 +253,9 @@ impl Frame {
         let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
         let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
         let size = |v: Vec3| dot(v, v).sqrt();
-        let way = map([0, 1, 2], |k: usize| middle(k) - o[k] * scale);
-        let ahead = dot(way, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
+        let to_middle = map([0, 1, 2], |k: usize| middle(k) - o[k] * scale);
+        let ahead =
+            dot(to_middle, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
         let shift = if ahead > 0.0 { ahead } else { 0.0 };
 
         let mut out = FrameRay {
@@ -268,8 +267,8 @@ impl Frame {
             ..FrameRay::NOTHING
         };
         // Round origin and direction to f32, and bound their errors.
-        let (mut origin_error, mut speed_error) = ([0.0; 3], [0.0; 3]);
-        let (mut far, mut doubt) = (0.0_f64, 0.0_f64);
+        let (mut origin_error, mut direction_error) = ([0.0; 3], [0.0; 3]);
+        let (mut far, mut drift) = (0.0_f64, 0.0_f64);
         for k in 0..3 {
             let start = o[k] * scale;
             let moved = start + shift * d[k];
@@ -283,35 +282,35 @@ impl Frame {
                 + f64::from(U) * moved.abs()
                 + f64::MIN_POSITIVE
                 + f64::from(f32::from_bits(1));
-            speed_error[k] = d_error[k] + f64::from(U) * d[k].abs() + f64::from(f32::from_bits(1));
+            direction_error[k] =
+                d_error[k] + f64::from(U) * d[k].abs() + f64::from(f32::from_bits(1));
             far = far.max(moved.abs() + instance.corner_error[k] * scale + origin_error[k]);
-            doubt = doubt.max(speed_error[k]);
+            drift = drift.max(direction_error[k]);
         }
-        // The largest component of the direction is at least 1 - doubt, so no point of the mesh is farther
+        // The largest component of the direction is at least 1 - drift, so no point of the mesh is farther
         // along the ray than this.
         let farthest = 1.02 * (far + f64::from(self.magnitude));
-        if !(doubt < 0.01 && farthest < 1e37) {
-            return Placed::Blind;
+        if !(drift < 0.01 && farthest < 1e37) {
+            return Placed::ExactOnly;
         }
         // Add up the errors of a coordinate at any distance: origin, vertices, and direction times distance.
         let mut blur = [0.0; 3];
         for k in 0..3 {
             let corner = instance.corner_error[k] * scale;
-            let coordinate = origin_error[k] + corner + farthest * speed_error[k];
+            let coordinate = origin_error[k] + corner + farthest * direction_error[k];
             blur[k] = up(coordinate);
-            // Bounds both offsets from the origin and edges.
+            // Bound the errors of edges and of offsets of vertices from the origin.
             out.blur = out.blur.max(up(origin_error[k] + 2.0 * corner));
         }
-        out.drift = up(doubt);
+        out.drift = up(drift);
         match self.complete(ray, out, blur) {
             Some(ray) => Placed::Traverse(ray),
             None => Placed::Miss,
         }
     }
 
-    /// Fills in the error bounds of a ray, and clips it to the scene's box. Its coordinates, anywhere in the
-    /// scene, have errors of at most `blur` before they are rounded. Returns `None` if nothing of the ray is
-    /// left.
+    /// Fills in the error bounds of a ray, and clips it to the scene's box. Points of the ray in the scene have errors
+    /// of at most `blur` per axis before they are rounded. Returns `None` if no part of the ray is left.
     #[inline(always)]
     fn complete<'a>(
         &self,
@@ -320,18 +319,18 @@ impl Frame {
         blur: [f32; 3],
     ) -> Option<FrameRay<'a>> {
         let (o, d) = (out.o, out.d);
+        // Bound the distance to any point of the scene, and the errors that depend on it.
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let sum = far + self.magnitude;
+        let span = far + self.magnitude;
         let blurred = blur[0].max(blur[1]).max(blur[2]);
-        out.span = sum;
-        out.oblique_pad = self.robust * (OBLIQUE_PAD * sum + 2.0 * blurred);
+        out.span = span;
+        out.oblique_pad = self.robust * (OBLIQUE_PAD * span + 2.0 * blurred);
         out.last_place = last_place(out.to_frame);
-        let mut near = f32::NEG_INFINITY;
-        let mut exit = f32::INFINITY;
-        // Over any distance up to `span` a slower direction moves by less than u times the padding, so it
-        // counts as parallel to the planes of its axis. If this underflows, 1 / 0 makes distances infinite or
-        // NaN, and traversals then skip nothing.
-        let parallel = U / sum;
+        let (mut near, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
+        // A component of the direction below `parallel` times the padding moves the ray by less than u times the
+        // padding over any distance up to `span`, so it counts as parallel to the planes of its axis. If this product
+        // underflows, 1 / 0 makes distances infinite or NaN, and traversals then skip nothing.
+        let parallel = U / span;
         for k in 0..3 {
             // Bound the error of a coordinate, and from it that of a distance.
             let pad = AXIS_PAD * (o[k].abs() + self.magnitude) + blur[k];
@@ -376,7 +375,7 @@ pub enum Placed<'a> {
     /// The ray must traverse the mesh's tree.
     Traverse(FrameRay<'a>),
     /// The error bounds do not hold: every triangle needs the exact verdict.
-    Blind,
+    ExactOnly,
 }
 
 /// Rounds an upper bound up to f32.

@@ -13,14 +13,15 @@ pub struct FrameRay<'a> {
     pub o: [f32; 3],
     /// Direction, largest component in [1, 2).
     pub d: [f32; 3],
-    /// Reciprocal direction, with the sign of `d`, also for -0; finite except for rays from very far away.
+    /// Reciprocal direction, with the sign bit of `d` even where that is zero; finite except for rays from very far
+    /// away.
     pub inv: [f32; 3],
     /// Error bound of a distance `(p - o) * inv` to a plane of the scene, per axis.
     pub slack: [f32; 3],
     /// Error bound of a coordinate `o + t d` inside the scene, per axis.
     pub pad: [f32; 3],
-    /// 0 where the direction is zero and frame coordinates are the scene's own, so that a triangle whose
-    /// vertices have the origin's coordinate is provably coplanar with the ray; 1 elsewhere.
+    /// 0 on axes where the direction is zero and frame coordinates equal scene coordinates: a triangle whose vertices
+    /// all have the origin's coordinate there is provably coplanar with the ray. 1 on other axes.
     pub still: [f32; 3],
     /// 1 where the direction's sign bit is set, per axis.
     pub negative: [u32; 3],
@@ -51,7 +52,7 @@ pub struct FrameRay<'a> {
     /// Distance by which the origin was moved along the ray, in frame units.
     pub shift: f64,
     /// Bound on the rounding of a subnormal `t`, and of the frame, in frame units. If the direction is long
-    /// enough, a distance of a millionth of the scene may be all rounding error.
+    /// enough, the rounding error of `t` reaches a millionth of the scene.
     pub last_place: f32,
 }
 
@@ -82,8 +83,8 @@ impl FrameRay<'static> {
 }
 
 impl<'a> FrameRay<'a> {
-    /// Makes a ray without error bounds in an instance's space, for exact tests only.
-    pub fn blind(instance: &'a MeshInstance, known: Hit) -> Self {
+    /// Makes a ray in an instance's space for exact verdicts alone: it has no coordinates and no error bounds.
+    pub fn exact_only(instance: &'a MeshInstance, known: Hit) -> Self {
         Self {
             first: instance.first,
             known,
@@ -111,7 +112,7 @@ impl<'a> FrameRay<'a> {
         if self.instance.is_some() {
             return [f32::NAN; 2];
         }
-        // These comparisons let NaN through.
+        // Written as comparisons, because `min` and `max` would drop NaN.
         let from = self.reach(ray.t_min);
         let to = self.lower(if ray.t_max > f32::MAX {
             f32::MAX

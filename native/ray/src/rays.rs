@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Distance of prefetches, in rays, where rays are gathered in random order (chosen).
 const FAR: usize = 16;
 
-/// A distance for each ray.
+/// A distance for each ray, in units of its direction.
 #[derive(Clone, Copy)]
 pub enum Limits<'a> {
     /// The same for all rays.
@@ -22,9 +22,9 @@ pub enum Limits<'a> {
 /// Rays in arrays, one entry per ray in each.
 #[derive(Clone, Copy)]
 pub struct Rays<'a> {
-    /// Origins, shape (n, 3), scene frame.
+    /// Origins, shape (n, 3), in the scene's space.
     pub origins: &'a [[f32; 3]],
-    /// Directions, shape (n, 3).
+    /// Directions, shape (n, 3), of any length.
     pub directions: &'a [[f32; 3]],
     /// Smallest distances of hits, in units of the directions.
     pub t_min: Limits<'a>,
@@ -34,30 +34,34 @@ pub struct Rays<'a> {
     pub order: Order,
 }
 
-/// Whether all rays that threads have checked are finite. Each part is checked right before it is traced, while it is
-/// loaded into the caches: a separate pass over all rays takes longer than some batches need for tracing.
+/// The check, shared between threads, that all rays are finite. Each part is checked right before it is traced, which
+/// also loads it into the caches: a separate pass over all rays takes longer than some batches need for tracing.
 #[derive(Default)]
-pub struct Finite(AtomicBool);
+pub struct Finite {
+    /// Whether some ray was not finite.
+    failed: AtomicBool,
+}
 
 impl Finite {
-    /// Checks the rays of a range, and returns whether they are to be traced: only while all checked rays are finite.
+    /// Checks the rays of a range; returns whether all rays checked so far, on any thread, are finite, so that the
+    /// range should be traced.
     pub fn allows(&self, rays: &Rays<'_>, range: Range<usize>) -> bool {
         if !rays.are_finite(range) {
-            self.0.store(true, Ordering::Relaxed);
+            self.failed.store(true, Ordering::Relaxed);
         }
-        !self.0.load(Ordering::Relaxed)
+        !self.failed.load(Ordering::Relaxed)
     }
 
-    /// Returns an error unless all rays were traced.
+    /// Returns an error if some ray was not finite.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first ray that is not finite.
+    /// [`Error::NonFinite`], which names the first ray that is not finite.
     pub fn end(self, rays: &Rays<'_>) -> Result<()> {
-        if !self.0.into_inner() {
+        if !self.failed.into_inner() {
             return Ok(());
         }
         rays.check()?;
-        // The caller has changed the arrays meanwhile.
+        // The caller has made all rays finite since.
         Err(Error::NonFinite(
             "origins, directions: some were not finite".into(),
         ))
@@ -68,7 +72,7 @@ impl<'a> Rays<'a> {
     /// Returns all rays.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first ray that is not finite.
+    /// [`Error::NonFinite`], which names the first ray that is not finite.
     pub fn all(&self) -> Result<Vec<Ray>> {
         self.check()?;
         let mut rays = vec![BLANK; self.origins.len()];
@@ -79,7 +83,7 @@ impl<'a> Rays<'a> {
     /// Checks that all rays are finite.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] naming the first ray that is not.
+    /// [`Error::NonFinite`], which names the first ray that is not.
     pub fn check(&self) -> Result<()> {
         check_finite("origins", self.origins)?;
         check_finite("directions", self.directions)
@@ -135,18 +139,17 @@ impl<'a> Rays<'a> {
     }
 
     /// Overwrites `rays` with those from index `first` on.
-    // Fill field by field, and match the variants of limits outside the loops: assembling whole rays and copying them
-    // takes longer than tracing them in tiles.
+    // Loops over single fields: assembling whole rays and copying them takes longer than tracing them in tiles.
     pub fn put(&self, first: usize, rays: &mut [Ray]) {
         let range = first..first + rays.len();
-        let ends = self.origins[range.clone()]
+        let points = self.origins[range.clone()]
             .iter()
             .zip(&self.directions[range.clone()]);
-        for (ray, (o, d)) in rays.iter_mut().zip(ends) {
+        for (ray, (o, d)) in rays.iter_mut().zip(points) {
             ray.o = *o;
             ray.d = *d;
         }
-        // Fill in the intervals.
+        // Write the intervals; the match outside each loop keeps branches out of it.
         match self.t_min {
             Limits::Same(t_min) => rays.iter_mut().for_each(|ray| ray.t_min = t_min),
             Limits::Each(t_min) => {
@@ -174,8 +177,8 @@ pub const BLANK: Ray = Ray {
     t_max: 0.0,
 };
 
-/// Returns the index of the first number with a property. Tests whole groups without branches first, because almost
-/// always no number has it.
+/// Returns the index of the first number for which `is` holds. Tests whole groups without branches first, because
+/// almost always no number has the property.
 #[inline(always)]
 pub fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
     // A group is long enough to be tested with SIMD, and short enough to be searched again.
@@ -198,7 +201,7 @@ pub fn are_finite(points: &[[f32; 3]]) -> bool {
 /// Checks that all coordinates are finite.
 ///
 /// # Errors
-/// [`Error::NonFinite`] naming the array and the first row that is not finite.
+/// [`Error::NonFinite`], which names the array and the first row that is not finite.
 pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
     match first(points.as_flattened(), |x| !x.is_finite()).map(|i| i / 3) {
         None => Ok(()),

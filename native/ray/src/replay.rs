@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Traversals without their triangle tests, for measuring the traversal alone, as papers on traversal do. The
-//! hits of each leaf are recorded once; a replay then visits the same nodes in the same order without touching
-//! a triangle.
+//! Replays of traversals without their triangle tests, which measure the traversal alone, as papers on traversal do. A
+//! first run records the hit of each leaf; a replay then visits the same nodes in the same order and reads no triangle.
 
 use crate::counters::Counters;
 use crate::ray::{Hit, Ray, RayCounters};
@@ -21,40 +20,51 @@ struct Event {
 #[derive(Debug, Default)]
 pub struct Record {
     events: Vec<Event>,
-    /// Per ray: index of its first event, and number of leaves visited.
-    rays: Vec<(usize, u32)>,
+    rays: Vec<RecordedRay>,
+}
+
+/// The part of a [`Record`] that belongs to one ray.
+#[derive(Debug, Clone, Copy)]
+struct RecordedRay {
+    /// Index of the ray's first event.
+    first: usize,
+    /// Number of leaves that the ray visits.
+    leaves: u32,
 }
 
 impl Record {
     /// Begins the next ray.
     pub fn begin(&mut self) {
-        self.rays.push((self.events.len(), 0));
+        self.rays.push(RecordedRay {
+            first: self.events.len(),
+            leaves: 0,
+        });
     }
 
     /// Records the visit of a leaf.
     pub fn visit(&mut self) {
-        if let Some((_, leaves)) = self.rays.last_mut() {
-            *leaves += 1;
+        if let Some(ray) = self.rays.last_mut() {
+            ray.leaves += 1;
         }
     }
 
     /// Records a better hit in the current leaf.
     pub fn improved(&mut self, hit: Hit) {
-        let Some(&(first, leaf)) = self.rays.last() else {
+        let Some(&RecordedRay { first, leaves }) = self.rays.last() else {
             return;
         };
-        // A leaf's last improvement replaces its earlier ones.
-        if self.events.len() > first && self.events.last().is_some_and(|e| e.leaf == leaf) {
+        // Keep only the last improvement of a leaf.
+        if self.events.len() > first && self.events.last().is_some_and(|e| e.leaf == leaves) {
             self.events.pop();
         }
-        self.events.push(Event { leaf, hit });
+        self.events.push(Event { leaf: leaves, hit });
     }
 
     /// Returns the recorded leaves of ray `i`.
     #[inline(always)]
     pub fn replay(&self, i: usize) -> Replay<'_> {
-        let (first, leaves) = self.rays[i];
-        let end = self.rays.get(i + 1).map_or(self.events.len(), |r| r.0);
+        let RecordedRay { first, leaves } = self.rays[i];
+        let end = (self.rays.get(i + 1)).map_or(self.events.len(), |next| next.first);
         Replay {
             events: &self.events[first..end],
             leaf: 0,
@@ -65,8 +75,11 @@ impl Record {
 
 /// The recorded leaves of one ray, consumed by its replay.
 pub struct Replay<'a> {
+    /// Events that are not replayed yet.
     events: &'a [Event],
+    /// Number of leaves replayed so far.
     leaf: u32,
+    /// Number of recorded leaves.
     leaves: u32,
 }
 

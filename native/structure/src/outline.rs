@@ -1,25 +1,34 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Data about the triangles of a mesh that all its instances share, computed once per mesh.
+//! Data about the triangles of a mesh that its instances share, computed once per mesh.
 
 use halfspace_geom::Aabb;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 
-/// Number of boxes that together contain all triangles with area. With 64 the transformed boxes of a rotated
-/// instance stay close to the mesh (chosen).
+/// Approximate number of boxes that together contain all triangles with area (chosen): with 64 the transformed boxes of
+/// a rotated instance stay close to the mesh.
 const BOXES: usize = 64;
 
-/// Triangles without area per box, at most.
+/// Largest number of triangles without area per box (chosen).
 const GROUP: usize = 16;
+
+/// Some triangles of a mesh.
+#[derive(Debug, Clone)]
+pub struct TriangleGroup {
+    /// Their box, in the mesh's space.
+    pub bounds: Aabb,
+    /// Their numbers.
+    pub ids: Vec<u32>,
+}
 
 /// Coarse bounds of a mesh and the list of its triangles without area.
 #[derive(Debug, Clone)]
 pub struct Outline {
-    /// Boxes that together contain every triangle that can be hit in some instance.
+    /// Boxes, in the mesh's space, that together contain every triangle that can be hit in some instance.
     pub boxes: Vec<Aabb>,
-    /// Triangles without area, in groups with their boxes, in the mesh's space. No tree contains them, but
-    /// rounding of their transformed vertices may give them an area in an instance.
-    pub flat: Vec<(Aabb, Vec<u32>)>,
+    /// Triangles without area. No tree contains them, but rounding of their transformed vertices may give them an area
+    /// in an instance.
+    pub flat: Vec<TriangleGroup>,
     /// Frame around all groups of `flat`.
     pub flat_frame: Frame,
 }
@@ -35,26 +44,29 @@ impl Outline {
                 flat.push(id);
             }
         }
-        // Partition a list of triangles into groups of at most `most`, each with its box.
-        let parted = |ids: &[u32], most: usize| {
+        // Divide a list of triangles into groups of at most `most`, each with its box.
+        let grouped = |ids: &[u32], most: usize| {
             let mut pieces: Vec<_> = (ids.iter())
                 .map(|&id| (Aabb::of_triangle(scene.corners(id)), id))
                 .collect();
             let mut groups = Vec::new();
-            part(&mut pieces, most.max(1), &mut |group| {
-                groups.push((around(group), group.iter().map(|piece| piece.1).collect()));
+            each_group(&mut pieces, most.max(1), &mut |group| {
+                groups.push(TriangleGroup {
+                    bounds: around(group),
+                    ids: group.iter().map(|piece| piece.1).collect(),
+                });
             });
             groups
         };
         // The boxes must also contain the triangles without area.
-        let flat: Vec<(Aabb, Vec<u32>)> = parted(&flat, GROUP);
-        let mut boxes: Vec<_> = (parted(scene.live(), scene.live().len().div_ceil(BOXES)).iter())
-            .map(|group| group.0)
+        let flat = grouped(&flat, GROUP);
+        let mut boxes: Vec<_> = (grouped(scene.live(), scene.live().len().div_ceil(BOXES)).iter())
+            .map(|group| group.bounds)
             .collect();
-        boxes.extend(flat.iter().map(|group| group.0));
+        boxes.extend(flat.iter().map(|group| group.bounds));
         let around = flat
             .iter()
-            .fold(Aabb::EMPTY, |all, group| all.union(&group.0));
+            .fold(Aabb::EMPTY, |all, group| all.union(&group.bounds));
         Self {
             boxes,
             flat,
@@ -76,8 +88,8 @@ fn around(pieces: &[(Aabb, u32)]) -> Aabb {
 }
 
 /// Splits the pieces at the median of their centres along the longest axis, recursively, until no group has more
-/// than `most`; passes each group to `see`.
-fn part(pieces: &mut [(Aabb, u32)], most: usize, see: &mut impl FnMut(&[(Aabb, u32)])) {
+/// than `most`, and calls `see` for each group.
+fn each_group(pieces: &mut [(Aabb, u32)], most: usize, see: &mut impl FnMut(&[(Aabb, u32)])) {
     if pieces.is_empty() {
         return;
     }
@@ -90,13 +102,13 @@ fn part(pieces: &mut [(Aabb, u32)], most: usize, see: &mut impl FnMut(&[(Aabb, u
     let axis = longer(longer(0, 1), 2);
     let middle = |piece: &(Aabb, u32)| 0.5 * piece.0.min[axis] + 0.5 * piece.0.max[axis];
     let half = pieces.len() / 2;
-    // Ties are broken by number, so that the result is deterministic.
+    // Order equal centres by number, so that the result is deterministic.
     pieces.select_nth_unstable_by(half, |a, b| {
         middle(a).total_cmp(&middle(b)).then(a.1.cmp(&b.1))
     });
     let (below, above) = pieces.split_at_mut(half);
-    part(below, most, see);
-    part(above, most, see);
+    each_group(below, most, see);
+    each_group(above, most, see);
 }
 
 #[cfg(test)]
@@ -116,7 +128,7 @@ mod tests {
         let scene = Triangles::new(vertices, indices).unwrap();
         let outline = Outline::new(&scene);
         assert_eq!(outline.flat.len(), 1);
-        assert_eq!(outline.flat[0].1, [0]);
+        assert_eq!(outline.flat[0].ids, [0]);
         assert!(
             (40..=65).contains(&outline.boxes.len()),
             "{}",

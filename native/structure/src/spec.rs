@@ -35,12 +35,13 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads the part of a configuration string behind the colon: `key=value,key=value`. Keys not given take their
-    /// defaults; the traversal of nodes without the default one is their first. The registry reads whole strings.
+    /// Parses the part of a configuration string after the colon: `key=value,key=value`. A key that is not given has
+    /// its default; if only `nodes` is given, the traversal is the first of these nodes. The registry parses whole
+    /// strings.
     ///
     /// # Errors
-    /// [`Error::Spec`] that names an unknown key, a key given twice, a value out of its range, nodes and a traversal that
-    /// do not go together, or a value without effect beside the others.
+    /// [`Error::Spec`] for an unknown key, a key given twice, a value out of its range, nodes and a traversal that
+    /// exclude each other, or a value that has no effect with the others; the message names the key.
     pub fn read(structure: &'static StructureSpec, rest: &str) -> Result<Self> {
         let mut reader = Reader::new(structure);
         for pair in rest
@@ -65,9 +66,10 @@ impl Config {
     /// Returns the shortest string of this configuration: only the values that differ from their defaults.
     pub fn canonical(&self) -> String {
         let mut text = self.structure.id.to_owned();
-        let usual = self.usual_traversal();
-        let changed = self.values.iter().filter(|(p, v)| match usual {
-            Some(usual) if p.name == TRAVERSAL => *v != Value::Choice(usual),
+        // Compare the traversal with the default of the chosen nodes, other values with their own default.
+        let default = self.default_traversal();
+        let changed = self.values.iter().filter(|(p, v)| match default {
+            Some(default) if p.name == TRAVERSAL => *v != Value::Choice(default),
             _ => p.default != *v,
         });
         for (i, (param, value)) in changed.enumerate() {
@@ -77,8 +79,8 @@ impl Config {
         text
     }
 
-    /// The traversal that the chosen nodes have where none is given; `None` without a choice of nodes.
-    fn usual_traversal(&self) -> Option<&'static str> {
+    /// Returns the default traversal of the chosen nodes; `None` without a choice of nodes.
+    fn default_traversal(&self) -> Option<&'static str> {
         let Some(Value::Choice(nodes)) = self.find(NODES) else {
             return None;
         };
@@ -86,11 +88,11 @@ impl Config {
         first.map(|way| way.traversal)
     }
 
-    /// The chosen nodes and traversal.
+    /// Returns the chosen nodes and traversal.
     pub fn way(&self) -> &'static Way {
-        let chosen = |key: &str, usual| match self.find(key) {
+        let chosen = |key: &str, default| match self.find(key) {
             Some(Value::Choice(name)) => *name,
-            _ => usual,
+            _ => default,
         };
         let ways = self.structure.ways;
         let nodes = chosen(NODES, ways[0].nodes);
@@ -99,11 +101,12 @@ impl Config {
         way.expect("reading checks the pair")
     }
 
-    /// The value of a parameter; `None` when the structure's row declares no such parameter.
+    /// Returns the value of a parameter; `None` when the structure's row declares no such parameter.
     pub fn find(&self, name: &str) -> Option<&Value> {
         (self.values.iter().find(|(p, _)| p.name == name)).map(|(_, value)| value)
     }
 
+    /// Returns the value of a parameter that the structure's row declares.
     fn get(&self, name: &str) -> &Value {
         let found = self.values.iter().find(|(p, _)| p.name == name);
         &found
@@ -163,7 +166,7 @@ impl Config {
     }
 }
 
-/// The state of reading a configuration string.
+/// The state of parsing a configuration string.
 struct Reader {
     structure: &'static StructureSpec,
     values: Vec<(&'static ParamSpec, Value)>,
@@ -172,6 +175,7 @@ struct Reader {
 }
 
 impl Reader {
+    /// Makes the state in which every parameter has its default.
     fn new(structure: &'static StructureSpec) -> Self {
         let values: Vec<_> = structure.all_params().map(|p| (p, p.default)).collect();
         Self {
@@ -181,17 +185,18 @@ impl Reader {
         }
     }
 
+    /// Returns the index of a parameter.
     fn slot(&self, key: &str) -> Option<usize> {
         self.values.iter().position(|(p, _)| p.name == key)
     }
 
-    /// Takes one `key=value`; a former value of `traversal` may choose the nodes too.
+    /// Applies one `key=value`; a former value of `traversal` may choose the nodes too.
     fn give(&mut self, key: &str, text: &str) -> Result<()> {
         let former = former(text).filter(|_| key == TRAVERSAL && self.slot(key).is_some());
         let Some(former) = former else {
             return self.set(key, text);
         };
-        // A former name of nodes chooses nothing for a structure that has no other nodes.
+        // Choose the nodes too, unless the structure has only one kind.
         match former.nodes {
             Some(nodes) if self.slot(NODES).is_some() => {
                 self.set(key, former.traversal)?;
@@ -201,6 +206,7 @@ impl Reader {
         }
     }
 
+    /// Sets the value of one parameter.
     fn set(&mut self, key: &str, text: &str) -> Result<()> {
         let id = self.structure.id;
         // Find the parameter of this key.
@@ -220,6 +226,7 @@ impl Reader {
         Ok(())
     }
 
+    /// Returns the current option of a choice.
     fn chosen(&self, key: &str) -> Option<&'static str> {
         match self.values[self.slot(key)?].1 {
             Value::Choice(name) => Some(name),
@@ -227,7 +234,7 @@ impl Reader {
         }
     }
 
-    /// Checks the values together.
+    /// Checks the values together, and returns the configuration.
     fn finish(mut self) -> Result<Config> {
         self.choose_way()?;
         self.check_needs()?;
@@ -237,7 +244,7 @@ impl Reader {
         })
     }
 
-    /// Takes the first traversal of the chosen nodes if none was given, and checks that the two go together.
+    /// Chooses the first traversal of the chosen nodes if none was given, and checks that the structure has this pair.
     fn choose_way(&mut self) -> Result<()> {
         let ways = self.structure.ways;
         let (Some(nodes), Some(at)) = (self.chosen(NODES), self.slot(TRAVERSAL)) else {
@@ -255,23 +262,23 @@ impl Reader {
         {
             return Ok(());
         }
-        // Name what would do.
-        let through: Vec<_> = (ways.iter().filter(|way| way.nodes == nodes))
+        // Name the traversals of these nodes and the nodes of this traversal.
+        let traversals: Vec<_> = (ways.iter().filter(|way| way.nodes == nodes))
             .map(|way| way.traversal)
             .collect();
-        let by: Vec<_> = (ways.iter().filter(|way| way.traversal == traversal))
+        let others: Vec<_> = (ways.iter().filter(|way| way.traversal == traversal))
             .map(|way| way.nodes)
             .collect();
         Err(Error::Spec(format!(
             "spec: '{}' has no traversal={traversal} through nodes={nodes}; nodes={nodes} has {}, and \
              traversal={traversal} needs nodes={}",
             self.structure.id,
-            through.join(", "),
-            by.join("|")
+            traversals.join(", "),
+            others.join("|")
         )))
     }
 
-    /// The first condition that does not hold, and the value that it is about.
+    /// Returns the first condition that does not hold, and the value of its parameter.
     fn unmet(&self, needs: &'static [Need]) -> Option<(&'static Need, &Value)> {
         needs.iter().find_map(|need| {
             let other = &self.values[self.slot(need.key)?].1;
@@ -281,6 +288,7 @@ impl Reader {
 
     /// Checks that each value that was given and differs from the default can be chosen and has an effect.
     fn check_needs(&self) -> Result<()> {
+        // Check only given values other than the default.
         for ((param, value), given) in self.values.iter().zip(&self.given) {
             if !given || param.default == *value {
                 continue;

@@ -73,7 +73,10 @@ fn branch_and_bound_finds_the_cheapest_position_and_greed_none_cheaper() {
             tree.insert(i, bounds, &whole, &all, &mut scratch);
             whole = whole.union(bounds);
         }
-        assert!(dearer > 0, "greed never went wrong: is it greedy?");
+        assert!(
+            dearer > 0,
+            "the greedy search always found the cheapest position: is it greedy?"
+        );
     }
 }
 

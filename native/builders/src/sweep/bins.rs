@@ -1,21 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Sweeps of many triangles: the direction is divided into bins, and only bins that may contain the cheapest plane
-//! are opened.
+//! Sweeps of many triangles: the direction is divided into bins, and only the triangles of bins that may contain the
+//! cheapest plane are sorted.
 //!
-//! A plane inside a bin has at least the triangles below it that start in lower bins, and at least those above it
-//! that end in higher bins; its parts have at least the surface areas of the parts at the bin's ends. Each bin
-//! thus has a lower bound on its costs, and bins are opened in ascending order of it until the next bound exceeds
-//! the best cost so far. The result equals that of sorting everything, but usually only a few hundredths are
+//! Below a plane inside a bin are at least the triangles that start in lower bins, above it at least those that end in
+//! higher bins. The part below has at least the surface area of the part below the bin, and the part above likewise.
+//! This gives a lower bound on the costs of each bin. Bins are searched in ascending order of the bound until it
+//! exceeds the best cost so far. The result equals that of sorting all triangles, but usually only a few hundredths are
 //! sorted.
 
 use crate::sweep::{Batch, Profile, Scratch, Ties, merge};
 use fearless_simd::{Simd, SimdBase, f32x8};
 
-/// Approximate number of triangles per bin.
+/// Approximate number of triangles per bin (chosen).
 const PER_BIN: usize = 8;
 
-/// Largest number of bins.
+/// Largest number of bins (chosen).
 const MOST: usize = 256;
+
+/// Index of the list of lower ends of triangles.
+const STARTS: usize = 0;
+
+/// Index of the list of upper ends of triangles.
+const ENDS: usize = 1;
+
+/// Index of the list of triangles that lie in a plane.
+const PLANAR: usize = 2;
+
+/// Index of the list of further candidates.
+const EXTRA: usize = 3;
 
 /// Buffers, reused between sweeps.
 #[derive(Debug, Default)]
@@ -23,20 +35,20 @@ pub struct Bins {
     table: Table,
     /// Heights of each list of the table, sorted by bin.
     sorted: [Vec<f32>; 4],
-    /// Bins in the order in which they are opened.
+    /// Bins in the order in which they are searched.
     order: Vec<u32>,
 }
 
-/// Counts and lower bounds of the bins, known before any is opened.
+/// Counts and lower bounds of the bins, computed before any is searched.
 #[derive(Debug, Default)]
 struct Table {
-    /// Starts, ends, planar triangles and further candidates: number of each in lower bins.
+    /// For the lists [`STARTS`], [`ENDS`], [`PLANAR`] and [`EXTRA`], the number of entries in bins lower than each.
     before: [Vec<u32>; 4],
     /// Lower bound on the cost of the children, per bin.
     least: Vec<f32>,
 }
 
-/// Maps heights to bins. The map is monotonic, so that heights in different bins compare as their bins do.
+/// Map from heights to bins. It is monotonic: heights in different bins compare as their bins do.
 #[derive(Clone, Copy)]
 struct Ruler {
     low: f32,
@@ -47,7 +59,7 @@ struct Ruler {
 }
 
 impl Ruler {
-    /// Makes bins for a number of triangles; `None` if the direction is too short for any.
+    /// Makes the map for this number of triangles; `None` if the cell's extent is too small.
     #[inline(always)]
     fn new(profile: &Profile, triangles: usize) -> Option<Self> {
         let count = (triangles / PER_BIN).clamp(8, MOST).next_multiple_of(8);
@@ -109,7 +121,7 @@ pub fn search<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     table.count(heights, ruler);
     table.price(batch, ruler);
 
-    // Order the bins by their lower bounds, without those that cannot improve on the best plane.
+    // Sort the bins by their lower bounds, without those that cannot improve on the best plane.
     order.clear();
     order.extend(
         (0..ruler.count)
@@ -126,12 +138,12 @@ pub fn search<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
             .then(a.cmp(&b))
     });
 
-    // Sort the heights into bins only now that some bin must be opened.
+    // Sort the heights into bins, and search the bins.
     fill(sorted, &table.before, heights, ruler);
     for &bin in &*order {
         let bin = bin as usize;
         if !table.hopeless(batch, bin) {
-            table.open(batch, sorted, bin);
+            table.search(batch, sorted, bin);
         }
     }
 }
@@ -190,7 +202,7 @@ impl Table {
         self.least.clear();
         for first in (0..count).step_by(8) {
             let (mut low, mut below, mut above) = ([0.0; 8], [0.0; 8], [0.0; 8]);
-            // Ends and least numbers of triangles of eight bins.
+            // Compute the lower ends of eight bins, and the least numbers of triangles below and above their planes.
             for lane in 0..8 {
                 let bin = first + lane;
                 low[lane] = profile.low + extent * (bin as f32 / count as f32);
@@ -237,24 +249,23 @@ impl Table {
 
     /// Tries the planes of a bin.
     #[inline(always)]
-    fn open<S: Simd>(&self, batch: &mut Batch<'_, S>, sorted: &mut [Vec<f32>; 4], bin: usize) {
+    fn search<S: Simd>(&self, batch: &mut Batch<'_, S>, sorted: &mut [Vec<f32>; 4], bin: usize) {
         let [starts, ends, planar, further] = sorted;
-        // Merge the bin's range of each list.
         let part = |list: usize| {
             let before = &self.before[list];
             before[bin] as usize..before[bin + 1] as usize
         };
         let counted = |list: usize| self.before[list][bin];
-        // Triangles below and above the whole bin.
-        let below = counted(0) + counted(2);
-        let above = self.all() - counted(1) - counted(2);
+        // Count the triangles below and above the bin's lower end, then merge its range of each list.
+        let below = counted(STARTS) + counted(PLANAR);
+        let above = self.all() - counted(ENDS) - counted(PLANAR);
         merge(
             batch,
             [
-                &mut starts[part(0)],
-                &mut ends[part(1)],
-                &mut planar[part(2)],
-                &mut further[part(3)],
+                &mut starts[part(STARTS)],
+                &mut ends[part(ENDS)],
+                &mut planar[part(PLANAR)],
+                &mut further[part(EXTRA)],
             ],
             below,
             above,
@@ -263,7 +274,7 @@ impl Table {
     }
 }
 
-/// Sorts the heights into bins; `before` holds the offset of each bin.
+/// Sorts the heights into bins; `before` holds the offset of each bin in each list.
 #[inline(always)]
 fn fill(sorted: &mut [Vec<f32>; 4], before: &[Vec<u32>; 4], heights: Heights<'_>, ruler: Ruler) {
     let count = ruler.count;
@@ -282,13 +293,13 @@ fn fill(sorted: &mut [Vec<f32>; 4], before: &[Vec<u32>; 4], heights: Heights<'_>
     };
     for (&min, &max) in heights.min.iter().zip(heights.max) {
         if heights.is_planar(min, max) {
-            put(2, min);
+            put(PLANAR, min);
         } else {
-            put(0, min);
-            put(1, max);
+            put(STARTS, min);
+            put(ENDS, max);
         }
     }
     for &at in heights.extra {
-        put(3, at);
+        put(EXTRA, at);
     }
 }

@@ -14,7 +14,8 @@ const LIMB: usize = 32;
 /// Lowest binary place of a product: that of the cube of the smallest f32.
 const LEAST: i32 = 3 * -149;
 
-/// Number of limbs for products of 72 bits at any place up to that of the largest f32, and for carries.
+/// Number of limbs: the lowest bit of a product lies at most 3 * 253 places above [`LEAST`], because that of an f32
+/// lies at most 253 above 2^-149; five further limbs hold the other bits of the highest product, and carries.
 const LIMBS: usize = 3 * 253 / LIMB + 5;
 
 /// A mantissa and its exponent.
@@ -56,7 +57,7 @@ impl Sum {
             return;
         }
         let sign = if product < 0 { -sign } else { sign };
-        // Shift the product to its place, and add it limb by limb without carries.
+        // Shift the product to its place, and add it limb by limb; carries stay in the limbs.
         let place = usize::try_from(a.1 + b.1 + c.1 - LEAST).expect("no f32 is smaller");
         let mut rest = product.unsigned_abs() << (place % LIMB);
         for limb in &mut self.limbs[place / LIMB..] {
@@ -70,15 +71,15 @@ impl Sum {
 
     /// Returns the sign: -1, 0 or 1.
     fn sign(&self) -> i32 {
-        let (mut carry, mut any) = (0, false);
+        let (mut carry, mut nonzero) = (0, false);
         for limb in &self.limbs {
             let all = limb + carry;
-            // The remainder in the limb is never negative, whatever the sign of the whole.
+            // The shift rounds down, so what remains in the limb is not negative.
             carry = all >> LIMB;
-            any |= all & ((1 << LIMB) - 1) != 0;
+            nonzero |= all & ((1 << LIMB) - 1) != 0;
         }
         // Only the carry out of the last limb can be negative.
-        if carry < 0 { -1 } else { i32::from(any) }
+        if carry < 0 { -1 } else { i32::from(nonzero) }
     }
 }
 

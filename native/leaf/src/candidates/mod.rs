@@ -17,14 +17,13 @@ use halfspace_ray::query::{Counters, Query};
 //   d x e2: 12 u E      s x e1: 8 u S E
 //   det = e1 . (d x e2): 84 u E^2       u = s . (d x e2): 84 u S E
 //   v = d . (s x e1): 84 u S E          t = e2 . (s x e1): 48 u S E^2
-// A determinant smaller than its error may have the wrong sign, and then all signs are wrong. But then the true
-// weights of a hit, which add up to the determinant, are as small, and so is t times it. Three times the
-// determinant's error on the other bounds covers that case.
+// A determinant smaller than its error may have the wrong sign, and then the signs of all quantities are wrong. In that
+// case the true weights of a hit are at most as large as the determinant, because they add up to it. Adding three times
+// the determinant's error to the bounds of weights, and as much multiplied by the distance to that of t, covers it.
 /// Error bound of a determinant per `E^2`: derived above, 84 u with room for the bound's own roundings.
 pub const DET_ERROR: f32 = 96.0 * U;
-// All weights get twice this bound: for the third, where its vector is put together first, that covers 196 u S
-// E (see [`halfspace_trace::tile::leaf`]).
-/// Half the error bound of a weight per `S E`: derived above.
+/// Half the error bound of a weight per `S E`: derived above. The double also covers tiles, where the vector of the
+/// third weight is a sum and its error bound 196 u S E (`halfspace_trace::tile::leaf`).
 pub const UV_ERROR: f32 = 104.0 * U;
 /// Error bound of `t` times the determinant per `S E^2`: derived above, 48 u with room.
 pub const T_ERROR: f32 = 64.0 * U;
@@ -38,8 +37,8 @@ pub const UNDERFLOW: f32 = 1e-36;
 struct Errors {
     /// Error bound of a weight.
     uv: f32,
-    /// Bound on how far `t` exceeds the determinant times the reach, or times any shorter distance.
-    doubt: f32,
+    /// Error bound of `t` minus the product of determinant and distance, for hits up to the reach.
+    t: f32,
     /// Absolute part of both bounds: [`UNDERFLOW`], or NaN if some product may have overflowed.
     floor: f32,
 }
@@ -49,22 +48,22 @@ impl Errors {
     #[inline(always)]
     fn new<S: Simd>(edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
         let size = edges.size;
-        // A vertex of a triangle that is hit within reach, or behind the origin if the ray interval starts
-        // there, is at most this distance plus the triangle's size away.
+        // Bound the distance of hits: up to the reach, or behind the origin if the ray interval starts there. A vertex
+        // of a triangle hit is at most the triangle's size farther away.
         let farthest = keep_max(-ray.t_min, reach);
-        // The first branch is the second one without blur and drift, in fewer operations: they cost as much as
-        // those on all triangles of the block. Ray streams compute the terms that depend on the block alone
-        // once for all rays of a list.
+        // Compute the bounds. The first branch is the second without blur and drift, in fewer operations, because these
+        // cost as much as those on all triangles of the block.
         let (det, uv, t, floor) = if ray.instance.is_none() {
             // 0, or NaN if some product may have overflowed: NaN bounds reject nothing.
             let zero_or_nan = 0.0 * ((ray.span + size) * edges.overflow);
-            let lever = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
-            let uv = lever * edges.uv[0] + edges.uv[1];
-            let t = lever * edges.t[0] + edges.t[1];
+            let offset = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
+            let uv = offset * edges.uv[0] + edges.uv[1];
+            let t = offset * edges.t[0] + edges.t[1];
             (edges.det, uv, t, zero_or_nan + UNDERFLOW)
         } else {
-            // In an instance's space offsets and edges carry the blur as an error. The errors of the rows of a
-            // determinant add up, each multiplied by 6 for its products and by the size of the other rows.
+            // In an instance's space offsets and edges have the blur as an error, directions the drift. The errors of
+            // the rows of a determinant add up, each multiplied by 6 for its products and by the size of the other
+            // rows.
             let (blur, drift) = (ray.blur, 6.0 * ray.drift);
             let size = size + blur;
             let span = keep_min((2.0 + drift) * farthest + size, ray.span) + blur;
@@ -76,10 +75,9 @@ impl Errors {
                 + floor;
             (det, uv, t, floor)
         };
-        // If the determinant has the wrong sign, the error of `t` is proportional to the distance of the hit,
-        // which may lie behind the origin.
-        let doubt = t + 3.0 * det * farthest;
-        Self { uv, doubt, floor }
+        // Add the error for a determinant of the wrong sign, which is proportional to the distance of the hit.
+        let t = t + 3.0 * det * farthest;
+        Self { uv, t, floor }
     }
 }
 
@@ -87,30 +85,32 @@ impl Errors {
 pub struct Candidates<S: Simd> {
     /// Mask of the candidates.
     lanes: u64,
-    /// The determinant and the distance times it, with signs such that the determinant is positive.
+    /// Absolute value of the determinant.
     det: f32x8<S>,
+    /// Distance multiplied by `det`.
     t: f32x8<S>,
-    /// The least of the three weights, each times the determinant.
+    /// Least of the three weights, multiplied by `det`.
     least: f32x8<S>,
     errors: Errors,
 }
 
-/// The triangles of a block that the ray provably hits.
-pub struct Surely {
+/// The triangles of a block that the ray provably hits, and bounds on their distances.
+pub struct ProvenHits {
+    /// Mask of their lanes.
     lanes: u64,
-    /// Lower and upper bounds on their distances. The lower row also holds, for late verdicts, the estimates
-    /// that order all candidates.
+    /// Lower and upper bounds on their distances. With late verdicts the lower row holds, in the lanes of all
+    /// candidates, bounds or estimates that order them.
     range: [[f32; LANES]; 2],
 }
 
-impl Surely {
+impl ProvenHits {
     /// No triangle.
     pub const NOTHING: Self = Self {
         lanes: 0,
         range: [[0.0; LANES]; 2],
     };
 
-    /// The bounds on the distance of the hit in a lane, or `None` if the hit is not proven.
+    /// Returns the bounds on the frame distance of the hit in a lane, or `None` if the hit is not proven.
     #[inline(always)]
     pub fn range(&self, lane: usize) -> Option<[f32; 2]> {
         let [low, high] = &self.range;
@@ -134,10 +134,11 @@ pub struct Edges<S: Simd> {
     overflow: f32,
     /// Error bound of a determinant.
     det: f32,
-    /// Error bound of a weight, linear in the offset: `uv[0] * x + uv[1]` for offsets up to `x` plus the size.
+    /// Coefficients of the error bound of a weight: `uv[0] * x + uv[1]` if no vertex is farther from the origin than
+    /// `x` plus `size`.
     uv: [f32; 2],
-    /// Error bound of `t`, in the same form. The underflow of small edges multiplied by a long offset is less
-    /// than the term for the determinant's sign.
+    /// Coefficients of the error bound of `t`, in the same form. What small edges lose by underflow, multiplied by a
+    /// long offset, is less than the term for the determinant's sign.
     t: [f32; 2],
     /// The largest edge component of each triangle.
     sizes: f32x8<S>,
@@ -170,13 +171,13 @@ impl<S: Simd> Edges<S> {
         }
     }
 
-    /// Number of triangles.
+    /// Returns the number of triangles.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The ray's origin minus the first vertex.
+    /// Returns the ray's origin minus the first vertex.
     #[inline(always)]
     fn offset(&self, simd: S, ray: &FrameRay) -> [f32x8<S>; 3] {
         let splat = |x: f32| f32x8::splat(simd, x);
@@ -188,7 +189,7 @@ impl<S: Simd> Edges<S> {
     }
 }
 
-/// The largest absolute component of each of eight vectors.
+/// Returns the largest absolute component of each of eight vectors.
 #[inline(always)]
 fn largest<S: Simd>(v: [f32x8<S>; 3]) -> f32x8<S> {
     v[0].abs().max(v[1].abs()).max(v[2].abs())
@@ -230,7 +231,7 @@ impl<S: Simd> Candidates<S> {
 
         // Reject if a weight is provably negative or the distance provably exceeds the reach.
         let errors = Errors::new(edges, ray, reach);
-        let limit = det.mul_add(splat(reach), splat(errors.doubt));
+        let limit = det.mul_add(splat(reach), splat(errors.t));
         let rejected = least.simd_lt(splat(-errors.uv)) | t.simd_gt(limit);
         Self {
             lanes: !rejected.to_bitmask() & ((1 << edges.count) - 1),
@@ -250,7 +251,7 @@ impl<S: Simd> Candidates<S> {
         simd: S,
         edges: &Edges<S>,
         ray: &FrameRay,
-    ) -> Surely {
+    ) -> ProvenHits {
         let splat = |x: f32| f32x8::splat(simd, x);
         let s = edges.offset(simd, ray);
         let floor = splat(self.errors.floor);
@@ -271,15 +272,15 @@ impl<S: Simd> Candidates<S> {
         };
         // Reject hits behind the origin, unless the ray interval starts there.
         let behind = if ray.t_min >= -1e-30 {
-            -self.errors.doubt
+            -self.errors.t
         } else {
             f32::NEG_INFINITY
         };
         let outside = self.least.simd_lt(-uv_error);
         let rejected = outside | self.t.simd_lt(splat(behind));
         self.lanes &= !rejected.to_bitmask();
-        // Reject triangles in the plane of an axis-parallel wall that contains the ray. The exact test would
-        // find the same at length; differences of floats are zero only if the coordinates are equal.
+        // Reject triangles in an axis-aligned plane that contains the ray, which the exact test would reject at greater
+        // cost. A difference of floats is zero only if the coordinates are equal.
         if ray.still.contains(&0.0) {
             let [a, b] = edges.sides;
             let apart = |k: usize| {
@@ -290,36 +291,35 @@ impl<S: Simd> Candidates<S> {
             self.lanes &= !nearest.simd_eq(splat(0.0)).to_bitmask();
         }
         // Mark proven hits, if the query can use them.
-        let mut surely = Surely::NOTHING;
+        let mut proven = ProvenHits::NOTHING;
         if (C::LATE || C::QUICK && Q::ANY) && ray.instance.is_none() {
             let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
             let sides = size * (size * splat(T_ERROR)) + splat(UNDERFLOW);
             let t_error = span.mul_add(sides, floor);
-            // All three weights provably have one sign, and their sum is not near zero.
+            // Prove that all three weights are positive and that the determinant is not near zero.
             let sure = self.least.simd_gt(uv_error) & self.det.simd_gt(det_error * splat(4.0));
-            surely.lanes = sure.to_bitmask();
+            proven.lanes = sure.to_bitmask();
             let low = (self.t - t_error) / (self.det + det_error) * splat(2.0 - PRUNE);
             let high = (self.t + t_error) / (self.det - det_error) * splat(PRUNE);
-            low.store_slice(&mut surely.range[0]);
-            high.store_slice(&mut surely.range[1]);
+            low.store_slice(&mut proven.range[0]);
+            high.store_slice(&mut proven.range[1]);
         } else if C::LATE {
-            // Estimates suffice to order the candidates.
-            (self.t / self.det).store_slice(&mut surely.range[0]);
+            // Store the estimates that order the candidates.
+            (self.t / self.det).store_slice(&mut proven.range[0]);
         }
-        surely
+        proven
     }
 
-    /// Removes and returns the lane of the nearest candidate by estimated distance, or of any candidate for
-    /// any-hit queries.
+    /// Removes a candidate and returns its lane: the nearest one by estimated distance, or any for any-hit queries.
     #[inline(always)]
-    pub fn next<Q: Query, C: Counters>(&mut self, surely: &Surely) -> Option<usize> {
+    pub fn next<Q: Query, C: Counters>(&mut self, proven: &ProvenHits) -> Option<usize> {
         if self.lanes == 0 {
             return None;
         }
         let mut lane = self.lanes.trailing_zeros() as usize;
         let mut others = self.lanes & (self.lanes - 1);
         if !Q::ANY && others != 0 {
-            let mut distances = surely.range[0];
+            let mut distances = proven.range[0];
             if !C::LATE {
                 (self.t / self.det).store_slice(&mut distances);
             }
@@ -340,8 +340,8 @@ impl<S: Simd> Candidates<S> {
     #[inline(always)]
     pub fn drop_beyond(&mut self, simd: S, reach: f32) {
         if self.lanes != 0 {
-            let doubt = f32x8::splat(simd, self.errors.doubt);
-            let limit = self.det.mul_add(f32x8::splat(simd, reach), doubt);
+            let error = f32x8::splat(simd, self.errors.t);
+            let limit = self.det.mul_add(f32x8::splat(simd, reach), error);
             self.lanes &= !self.t.simd_gt(limit).to_bitmask();
         }
     }

@@ -51,8 +51,8 @@ proptest! {
                 let (mask, sure) = dispatch!(Level::new(), simd => {
                     let edges = Edges::new(simd, block, n);
                     let mut open = Candidates::new(simd, &edges, &framed, reach);
-                    let surely = open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
-                    (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| surely.range(lane)))
+                    let proven = open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
+                    (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| proven.range(lane)))
                 });
                 for (lane, &id) in ids.iter().enumerate() {
                     let lost = mask >> lane & 1 == 0 && hit(id).is_some_and(|t| t <= farthest);

@@ -2,8 +2,8 @@
 //! Bounding volume hierarchies of oriented boxes with eight children per node. The boxes of all children of a node
 //! share one rotation, so a ray is rotated once per node (DOBB-BVH, arXiv 2506.22849).
 //!
-//! A node is stored as one of [`BoxTree`], but its rows of bounds are heights along the three rows of its rotation.
-//! The link to an inner node holds the number of that node's rotation, so the traversal fetches both together.
+//! A node has the layout of those of [`BoxTree`], but its bounds are heights along the three rows of its rotation. The
+//! count of an inner child holds the number of that child's rotation, so the traversal can fetch both together.
 //!
 //! Heights of vertices are computed in f64 and rounded outwards ([`outwards`]). A product of two f32 is exact in f64;
 //! two additions of terms whose absolute values sum to at most `sqrt(3) M` have an error of at most
@@ -27,10 +27,10 @@ pub const WIDTH: usize = 8;
 /// A node whose bounds are heights along the rows of its rotation.
 pub type Node = Wide<WIDTH>;
 
-/// Set in the count of an inner node; the other bits are then the number of its rotation.
+/// Flag of the count of an inner child; the other bits are the number of its rotation.
 pub const INNER: u32 = 1 << 31;
 
-/// Largest length of a row, squared: the error bounds have room for far more.
+/// Largest squared length of a row (chosen): the error bounds hold for far longer rows.
 const LONGEST: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
 /// A rotation in f32, about orthonormal.
@@ -55,13 +55,13 @@ impl Rotation {
         }
     }
 
-    /// Returns row `k`: the direction of the boxes' edges number `k`.
+    /// Returns row `k`: the direction along which the boxes have their `k`-th extent.
     pub fn row(&self, k: usize) -> [f32; 3] {
         [0, 1, 2].map(|i: usize| self.columns[i][k])
     }
 
-    /// Returns whether each row is short enough for the error bounds of heights. They need `|row| <= 1` with room for
-    /// `2^-20`, and are independent of the angles between rows.
+    /// Returns whether each row is short enough for the error bounds of heights: its squared length is at most 1 +
+    /// 2^-20. The bounds are independent of the angles between rows.
     pub fn is_sound(&self) -> bool {
         (0..3).all(|k| {
             let row = widen(self.row(k));
@@ -76,14 +76,14 @@ impl Rotation {
     }
 }
 
-/// The rotation of one node, and its children's extents along the rows.
+/// The rotation of one node, and its children's bounds along the rows.
 #[derive(Debug, Clone)]
 pub struct Turn {
     /// Index of the node.
     pub node: u32,
     /// Its rotation.
     pub rotation: Rotation,
-    /// As [`Wide::bounds`], inverted for empty slots.
+    /// As [`Wide::bounds`]: lower and upper heights per lane, exchanged for empty slots.
     pub bounds: [[f32; WIDTH]; 6],
 }
 
@@ -92,14 +92,14 @@ pub struct Turn {
 pub struct ObbTree {
     /// The nodes.
     pub nodes: Vec<Node>,
-    /// All different rotations; the first is [`Rotation::AXES`].
+    /// The distinct rotations; the first is [`Rotation::AXES`].
     pub rotations: Vec<Rotation>,
     /// The count of the link to node 0, which no node stores.
     pub root: u32,
 }
 
-/// Rounds the interval of heights outwards to f32. `low` and `high` are f64 sums of three products of f32, of points
-/// whose coordinates are at most `magnitude`.
+/// Rounds an interval of heights outwards to f32. `low` and `high` are f64 sums of three products of a row and a point
+/// whose absolute coordinates are at most `magnitude`.
 #[expect(clippy::cast_possible_truncation, reason = "moved outwards")]
 pub fn outwards(low: f64, high: f64, magnitude: f32) -> [f32; 2] {
     let error = 2.0_f64.powi(-51) * f64::from(magnitude);
@@ -111,7 +111,7 @@ pub fn outwards(low: f64, high: f64, magnitude: f32) -> [f32; 2] {
 }
 
 impl ObbTree {
-    /// Turns nodes of a tree of axis-aligned boxes. Nodes without a turn keep their boxes.
+    /// Replaces the boxes of some nodes of a tree of axis-aligned boxes by oriented ones, one [`Turn`] per node.
     ///
     /// # Panics
     /// For 2^31 different rotations, which the number of nodes excludes.
@@ -120,7 +120,7 @@ impl ObbTree {
         let mut rotations = vec![Rotation::AXES];
         let mut numbers = HashMap::from([(Rotation::AXES.bits(), 0)]);
         let mut number_of = vec![0_u32; nodes.len()];
-        // Store each rotation once: the parts of a building share theirs.
+        // Store each rotation once: many nodes of regular scenes have equal ones.
         for turn in turns {
             let number = *numbers.entry(turn.rotation.bits()).or_insert_with(|| {
                 rotations.push(turn.rotation);
@@ -294,11 +294,11 @@ impl Tree for ObbTree {
             }
             // Add the box of each child to its path.
             if count & INNER != 0 {
-                *(if count == INNER {
-                    &mut axis
+                if count == INNER {
+                    axis += 1;
                 } else {
-                    &mut oblique
-                }) += 1;
+                    oblique += 1;
+                }
                 let rotation = self.rotation(count);
                 for child in self.children(link) {
                     let mut path = path.clone();
@@ -346,8 +346,8 @@ impl Tree for ObbTree {
 }
 
 impl OrientedBox {
-    /// Returns whether a triangle lies inside the box, in f64: its rounding is far less than the step by which turned
-    /// boxes are larger than their content, and axis-aligned boxes need no step.
+    /// Returns whether a triangle lies inside the box, in f64: its rounding errors are far less than the margin of
+    /// oriented boxes, and 0 for axis-aligned ones.
     fn contains(&self, corners: [Vec3; 3]) -> bool {
         (0..3).all(|k| {
             let row = widen(self.rotation.row(k));
@@ -359,7 +359,7 @@ impl OrientedBox {
     }
 }
 
-/// A node is named by its link and its count, as nodes store them.
+/// The first two words of a [`NodeId`] are the link and the count by which the parent refers to the node.
 impl Cells for ObbTree {
     fn root(&self, bounds: Aabb) -> (NodeId, Region) {
         ([0, self.root, 0, 0], Region::of_scene(bounds))
@@ -371,7 +371,7 @@ impl Cells for ObbTree {
         }
         let rotation = self.rotation(count);
         let mut view = NodeView {
-            // Boxes that are polytopes are drawn by their planes.
+            // Draw children by their planes if their region is no box.
             boxes: count == INNER && region.bounds().is_some(),
             ..NodeView::default()
         };

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees as traversals read them: 16 bytes per node, eight children in consecutive nodes.
 //!
-//! Word 0 is the index of an inner node's first child, or of a leaf's first block. Word 1 is the parent. Word 2
-//! holds the level in its low five bits, the octant within the parent in the next three, and above them the number
-//! of triangles, with all bits set for an inner node. Word 3 is an inner node's mask of octants that are empty
-//! leaves, or a leaf's index among the leaves, which addresses its links.
+//! Word 0 is the index of an inner node's first child, or the word offset of a leaf's first block. Word 1 is the
+//! parent. Word 2 holds the level in its low five bits, the octant within the parent in the next three, and in the
+//! others the number of triangles, or all bits set for an inner node. Word 3 is an inner node's mask of octants that
+//! are empty leaves, or a leaf's index among the leaves, which addresses its links.
 
 use crate::octants::{Cube, FAR, Item, Octants};
 use crate::shape::{Measure, Shape};
@@ -19,7 +19,9 @@ use prefetch_index::prefetch_index;
 /// Link across a face of the root.
 pub const OUTSIDE: u32 = u32::MAX;
 
+/// Number of bits of the level.
 const LEVEL_BITS: u32 = 5;
+/// Position of the number of triangles in word 2.
 const COUNT_SHIFT: u32 = 8;
 /// Value of the count of an inner node.
 const INNER: u32 = (1 << 24) - 1;
@@ -47,7 +49,7 @@ impl Node {
         self.0[3]
     }
 
-    /// Returns the index of a leaf's first block and its number of triangles.
+    /// Returns a leaf's first block and number of triangles.
     #[inline(always)]
     pub fn blocks(self) -> Leaf {
         Leaf {
@@ -85,8 +87,10 @@ impl Node {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Octree {
     nodes: Vec<Node>,
+    /// Links of each leaf; empty without [`Self::with_links`].
     links: Vec<[u32; 6]>,
     cube: Cube,
+    /// Largest absolute coordinate of origins for [`Self::is_near`].
     far: f32,
 }
 
@@ -103,11 +107,11 @@ impl Octree {
     ) -> Result<Self> {
         let (nodes, references) = (octants.items.len(), octants.ids.len());
         // Check that the fields of a node can hold all values.
-        let most = octants.items.iter().map(|item| match item {
+        let counts = octants.items.iter().map(|item| match item {
             Item::Inner => 0,
             Item::Leaf(count) => *count,
         });
-        if nodes >= 1 << 30 || references >= 1 << 28 || most.max().unwrap_or(0) >= INNER {
+        if nodes >= 1 << 30 || references >= 1 << 28 || counts.max().unwrap_or(0) >= INNER {
             return Err(Error::Memory(format!(
                 "the tree would have {nodes} nodes and {references} references; fewer than 2^30 and 2^28 \
                  are possible, and 2^24 in a leaf"
@@ -127,8 +131,8 @@ impl Octree {
         let mut stack = vec![(0_usize, 0_usize, 0_u32)];
         for item in &octants.items {
             let (slot, parent, level) = stack.pop().expect("preorder: every node has a slot");
+            // Derive the octant from the index: groups of eight children follow the root.
             #[expect(clippy::cast_possible_truncation, reason = "checked above")]
-            // Eight consecutive children follow the root, so the index gives the octant.
             let (octant, up) = if slot == 0 {
                 (0, 0)
             } else {
@@ -162,19 +166,19 @@ impl Octree {
         Ok(tree)
     }
 
-    /// Adds six links to each leaf, one to the neighbour across each face: the leaf that covers the face,
-    /// otherwise the inner node of the leaf's size (Endl and Sommer 1994). The link across the face on side `s` of
+    /// Adds six links to each leaf, one to the neighbour across each face: the leaf that covers the face, or the inner
+    /// node of the leaf's size if smaller leaves do (Endl and Sommer 1994). The link across the face on side `s` of
     /// axis `k` has index `2 k + s`.
     ///
-    /// Links are computed from the root down: a neighbour within the same parent is a sibling; any other one is a
-    /// child of the parent's neighbour, or that neighbour itself if it has no children.
+    /// Links are computed from the root down: a neighbour is a sibling, or else a child of the parent's neighbour, or
+    /// that neighbour itself if it has no children.
     pub fn with_links(mut self) -> Self {
         let mut all = vec![[OUTSIDE; 6]; self.nodes.len()];
         let mut leaves = vec![[OUTSIDE; 6]; self.nodes.iter().filter(|n| !n.is_inner()).count()];
-        // Children have larger indices than their parents, so one pass suffices.
+        // One pass suffices, because children have larger indices than their parents.
         for (index, node) in self.nodes.iter().enumerate() {
             if index != 0 {
-                // Compute the six links of each node from those of its parent.
+                // Compute the six links of the node from those of its parent.
                 for (face, link) in (0_u32..).zip(0..6) {
                     let bit = 1 << (face >> 1);
                     let across = node.octant() ^ bit;
@@ -244,8 +248,8 @@ impl Octree {
         self.nodes.len() * size_of::<Node>() + self.links.len() * size_of::<[u32; 6]>()
     }
 
-    /// Calls `see` for all nodes, parents before children, each with its index and the position of its lowest
-    /// corner on the grid of the smallest cells.
+    /// Calls `see` for all nodes, parents before children, with index, node and the position of its lowest corner on
+    /// the grid of the smallest cells.
     pub fn visit(&self, mut see: impl FnMut(u32, Node, [u32; 3])) {
         let mut stack = vec![(0, [0; 3])];
         while let Some((index, corner)) = stack.pop() {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A tree of split planes that is built on demand. Its upper part is built at once; where a ray reaches the root
-//! of an unbuilt subtree, the ray's thread builds that subtree, down to unbuilt subtrees of its own, while other
-//! threads that reach it wait.
+//! A tree of split planes that is built on demand. Its upper part is built first. When a ray reaches the root of an
+//! unbuilt subtree, the ray's thread builds it, down to unbuilt subtrees of its own, while other threads that reach it
+//! wait.
 //!
-//! All parts together equal the tree that the same builder makes at once, node for node: [`LazyTree::whole`].
+//! All parts together equal the tree that the same builder makes in one go, node for node: [`LazyTree::whole`].
 
 use crate::plane_tree::{ENTRANCE, Node, PlaneTree};
 use crate::preorder::{Item, Preorder};
@@ -16,7 +16,7 @@ use halfspace_scene::Triangles;
 use std::fmt;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// The state from which a subtree is built.
+/// The inputs of the build of a subtree.
 pub trait Seed: Send {
     /// Builds the subtree.
     fn grow(self: Box<Self>, scene: &Triangles) -> Part;
@@ -62,8 +62,8 @@ impl Unbuilt {
         self.references
     }
 
-    /// Builds the subtree with everything below it, discards it, and returns its bytes; 0 if the subtree is built
-    /// or being built.
+    /// Builds a copy of the subtree with everything below it, discards it, and returns its bytes; 0 if the subtree is
+    /// built or being built.
     pub fn trial(&self, scene: &Triangles) -> usize {
         let seed = self.seed.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(again) = seed.as_ref().map(|seed| seed.again()) else {
@@ -88,7 +88,7 @@ impl Unbuilt {
         }
     }
 
-    /// Builds the subtree, out of line to keep [`Self::get`] small.
+    /// Returns the subtree after it is built; not inlined, to keep [`Self::get`] small.
     #[cold]
     #[inline(never)]
     fn grown(&self, scene: &Triangles) -> &Part {
@@ -99,18 +99,19 @@ impl Unbuilt {
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
                 .take();
-            Box::new(seed.expect("a seed grows once").grow(scene))
+            Box::new(seed.expect("the subtree is built once").grow(scene))
         })
     }
 }
 
-/// A built subtree, except for its unbuilt subtrees.
+/// A built part of the tree, with the unbuilt subtrees below it.
 #[derive(Debug)]
 pub struct Part {
     /// Nodes. Leaves whose count is [`ENTRANCE`] lead to `parts`.
     pub tree: PlaneTree,
     /// Triangles of its leaves.
     pub blocks: Blocks,
+    /// Subtrees below this part, in the order of their entrances.
     parts: Vec<Unbuilt>,
     /// Shape of this part, without its subtrees.
     shape: Shape,
@@ -134,7 +135,7 @@ impl Part {
         })
     }
 
-    /// Returns the subtree that an entrance leads to, and builds it if necessary.
+    /// Returns the subtree number `first`, and builds it if necessary.
     #[inline(always)]
     pub fn enter(&self, first: u32, scene: &Triangles) -> &Self {
         self.parts[first as usize].get(scene)
@@ -159,12 +160,11 @@ impl Part {
     fn progress(&self) -> Progress {
         let mut sum = Progress::default();
         let mut open = vec![self];
+        // Add each built part, and descend to its built subtrees.
         while let Some(part) = open.pop() {
-            // Add the part itself.
             sum.shape.join(&part.shape, part.depth);
             sum.bytes += part.bytes();
             for below in &part.parts {
-                // Descend only into built subtrees.
                 if let Some(part) = below.part.get() {
                     sum.built += 1;
                     open.push(part);
@@ -217,7 +217,7 @@ impl Part {
                 (Plane { direction, offset }, children)
             }
         };
-        // The areas of cells are not stored; the shape is the sum of the parts' shapes.
+        // Append the node with a share of 0: areas of cells are not stored, and the shape is the sum of the parts'.
         out.items.push(Item::Inner { plane, share: 0.0 });
         self.copy(children, scene, out);
         self.copy(children + 1, scene, out);
@@ -229,11 +229,11 @@ impl Part {
 pub struct Progress {
     /// Shape of the built part.
     pub shape: Shape,
-    /// Number of subtrees built since.
+    /// Number of subtrees that rays have built.
     pub built: usize,
     /// Number of unbuilt subtrees below the built part.
     pub unbuilt: usize,
-    /// Bytes of both.
+    /// Bytes of the built part and of the seeds of the unbuilt subtrees.
     pub bytes: usize,
 }
 
@@ -244,7 +244,7 @@ pub struct LazyTree {
 }
 
 impl PartialEq for LazyTree {
-    /// The built part grows from ray to ray, so a tree equals only itself.
+    /// A tree equals only itself, because rays extend the built part.
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
     }

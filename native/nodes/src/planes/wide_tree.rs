@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Plane trees with wide nodes: three levels of a binary tree, at most seven planes and eight children, in one
-//! node that is processed at once without branches.
+//! Plane trees with wide nodes: each stores three levels of a binary tree, with at most seven planes and eight
+//! children, and is processed as a whole without branches.
 //!
-//! A node whose planes are all axis-aligned occupies one cache line: seven heights, a word with the planes'
-//! axes and a mask of the children that contain triangles, and eight children. Other nodes have two more lines with
-//! normals; since all planes are processed at once, an oblique plane costs little more than another. Leaves are
-//! those of the binary tree.
+//! A node whose planes are all axis-aligned occupies one cache line: seven heights, a word with the planes' axes and a
+//! mask of the children that contain triangles, and eight children. Other nodes have two more lines, with the normals
+//! of all planes; since these are processed together, an oblique plane costs little more than another. Leaves are those
+//! of the binary tree.
 
 use crate::next::Next;
 use crate::plane_tree::{Node, PlaneTree};
@@ -15,13 +15,13 @@ use prefetch_index::prefetch_index;
 /// Number of planes of a node.
 pub const PLANES: usize = 7;
 
-/// Flag of a child that is a leaf; the other bits are its number.
+/// Flag of a child that is a leaf; the other bits are its index among the leaves.
 const LEAF: u32 = Next::LEAF.word();
 
-/// Flag of a child with oblique planes; the other bits are its first line.
+/// Flag of a child with oblique planes; the other bits are the index of its first line.
 const OBLIQUE: u32 = Next::GENERAL.word();
 
-/// Marks the end of the traversal, in place of a child.
+/// Word in place of a child that ends the traversal.
 pub const OVER: u32 = Next::OVER.word();
 
 /// A cache line. Children and other words are stored as bits of floats, because they pass through the same
@@ -43,18 +43,18 @@ impl Line {
     };
 }
 
-/// Decodes the last number of a node's first row.
+/// The last word of a node's first row.
 #[derive(Debug, Clone, Copy)]
 pub struct Info(pub u32);
 
 impl Info {
-    /// Returns the mask of the planes across y.
+    /// Returns the mask of the planes perpendicular to y.
     #[inline(always)]
     pub fn along_y(self) -> u32 {
         self.0 & 0x7f
     }
 
-    /// Returns the mask of the planes across z.
+    /// Returns the mask of the planes perpendicular to z.
     #[inline(always)]
     pub fn along_z(self) -> u32 {
         self.0 >> 8 & 0x7f
@@ -67,6 +67,23 @@ impl Info {
     }
 }
 
+/// Place of a child's word in its parent.
+#[derive(Debug, Clone, Copy)]
+struct Slot {
+    /// First line of the parent.
+    line: usize,
+    /// Lane of the child.
+    lane: usize,
+}
+
+/// A node to lay out.
+struct Open {
+    /// Its index in the binary tree.
+    node: u32,
+    /// Where its parent refers to it; `None` for the root.
+    parent: Option<Slot>,
+}
+
 /// A plane tree with wide nodes.
 #[derive(Debug, Clone, Default)]
 pub struct WideTree {
@@ -77,13 +94,13 @@ pub struct WideTree {
     root: u32,
 }
 
-/// Returns the three levels below a node in heap order: seven planes and eight children. A leaf at a higher level moves
-/// down along the children below, past missing planes that no ray reaches.
+/// Returns the three levels below a node in heap order: seven planes and eight children. A leaf at a higher level is
+/// moved down to the lowest child there, and the planes on this path are missing.
 fn levels(tree: &PlaneTree, root: u32) -> ([Option<Node>; PLANES], [Option<u32>; 8]) {
     let mut heap = [None; 2 * PLANES + 1];
     let mut planes = [None; PLANES];
     heap[0] = Some(root);
-    // Copy each inner node's children to the heap; a leaf becomes its own child below.
+    // Copy each inner node's children to the heap; a leaf becomes its own lower child.
     for i in 0..PLANES {
         let Some(index) = heap[i] else { continue };
         let node = tree.node(index);
@@ -102,10 +119,10 @@ impl WideTree {
     /// Lays out a binary tree with wide nodes.
     pub fn new(tree: &PlaneTree) -> Self {
         let mut wide = Self::default();
-        // Nodes to lay out: their number in `tree`, and the line and lane that refer to them.
+        // Lay out the nodes from the root down.
         let mut open = Vec::new();
         wide.root = wide.link(tree, tree.root(), None, &mut open);
-        while let Some((node, parent)) = open.pop() {
+        while let Some(Open { node, parent }) = open.pop() {
             let (planes, children) = levels(tree, node);
             let at = wide.lines.len();
             // Write heights and axes, and normals if one of the planes is oblique.
@@ -124,7 +141,7 @@ impl WideTree {
                         (normal, split)
                     }
                     Some(Node::Oblique { normal, offset, .. }) => (normal, offset),
-                    // A missing plane: everything lies below.
+                    // Put everything below a missing plane.
                     _ => ([0.0; 3], f32::MAX),
                 };
                 wide.lines[at].first[i] = height;
@@ -141,7 +158,7 @@ impl WideTree {
                     continue;
                 }
                 info |= 1 << (16 + lane);
-                let word = wide.link(tree, child, Some((at, lane)), &mut open);
+                let word = wide.link(tree, child, Some(Slot { line: at, lane }), &mut open);
                 wide.lines[at].second[lane] = f32::from_bits(word);
             }
             wide.lines[at].first[PLANES] = f32::from_bits(info);
@@ -149,7 +166,7 @@ impl WideTree {
                 | if oblique { OBLIQUE } else { 0 };
             // Write the node's own word where its parent refers to it.
             match parent {
-                Some((line, lane)) => wide.lines[line].second[lane] = f32::from_bits(own),
+                Some(Slot { line, lane }) => wide.lines[line].second[lane] = f32::from_bits(own),
                 None => wide.root = own,
             }
         }
@@ -158,17 +175,17 @@ impl WideTree {
         wide
     }
 
-    /// Returns the word of a leaf. For an inner node returns 0 and appends it to `open`; its word is written when it
-    /// is laid out.
+    /// Returns the word of a leaf. Appends an inner node to `open` and returns 0; its word is written to `parent` when
+    /// it is laid out.
     fn link(
         &mut self,
         tree: &PlaneTree,
         node: u32,
-        parent: Option<(usize, usize)>,
-        open: &mut Vec<(u32, Option<(usize, usize)>)>,
+        parent: Option<Slot>,
+        open: &mut Vec<Open>,
     ) -> u32 {
         let Node::Leaf { first, count } = tree.node(node) else {
-            open.push((node, parent));
+            open.push(Open { node, parent });
             return 0;
         };
         let count = u32::try_from(count).expect("bounded by the budget");

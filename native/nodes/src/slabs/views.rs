@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! An interval hierarchy of oblique planes as [`Tree`] and as [`Cells`].
+//! [`Tree`] and [`Cells`] for interval hierarchies of oblique planes.
 
 use super::slant_tree::{SlantKind, SlantTree};
 use super::slanted_tree::direction;
@@ -45,7 +45,7 @@ impl Cells for SlantTree {
     }
 
     fn node(&self, [index, ..]: NodeId, region: &Region) -> NodeView {
-        let (k, alone, planes, link) = match self.kind(index) {
+        let (k, has_one_child, planes, link) = match self.kind(index) {
             SlantKind::Leaf { first, count } => return NodeView::leaf(first, count),
             SlantKind::Inner {
                 direction,
@@ -58,8 +58,9 @@ impl Cells for SlantTree {
             direction: direction(k),
             offset,
         });
-        // Cut the region of each child.
-        let children = if alone {
+        // Cut the region of each child: an only child lies between the planes, others below the first and above the
+        // second.
+        let children = if has_one_child {
             let [_, above] = region.split(planes[0]);
             let [inside, _] = above.split(planes[1]);
             vec![([link, 0, 0, 0], inside)]

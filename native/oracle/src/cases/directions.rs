@@ -5,6 +5,7 @@ use crate::cases::rays::{everywhere, ray};
 use crate::cases::shapes::{cloud, grid};
 use crate::cases::{Draft, Random, Recipe, Size};
 
+/// The cases of this file.
 pub const CASES: &[Recipe] = &[
     Recipe {
         name: "slow components",
@@ -20,12 +21,13 @@ pub const CASES: &[Recipe] = &[
     },
     Recipe {
         name: "turning signs",
-        summary: "every ray with all eight sign patterns of its direction",
+        summary: "every ray with all eight combinations of signs of its direction",
         extremes: &["X07"],
         make: turning,
     },
 ];
 
+/// Makes rays with one or two tiny components of the direction.
 fn slow(size: Size, random: &mut Random) -> Draft {
     let mut corners = grid(3, 0.0);
     corners.extend(cloud(size.pick(100, 4000), 0.3, random));
@@ -48,11 +50,12 @@ fn slow(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes rays whose directions have extreme lengths.
 fn lengths(size: Size, random: &mut Random) -> Draft {
     let corners = cloud(size.pick(300, 8000), 0.2, random);
     let mut rays = everywhere(size.rays(), random);
     for ray in &mut rays {
-        // Scale the direction, and sometimes end the interval at one original length.
+        // Scale the direction, and sometimes end the interval at the tip of the original direction.
         let scale = 2.0_f32.powi(random.pick(&[-140, -126, -100, -60, -20, 20, 60, 100, 126]));
         ray.d = ray.d.map(|x| x * scale);
         if random.below(3) == 0 {
@@ -62,6 +65,7 @@ fn lengths(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes groups of eight rays whose directions differ in signs alone.
 fn turning(size: Size, random: &mut Random) -> Draft {
     let corners = cloud(size.pick(200, 8000), 0.3, random);
     let mut rays = Vec::new();

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays in, nearly in and along the planes of triangles; planes that are bad choices for oblique trees.
+//! Rays in the planes of triangles or at tiny angles to them; triangles whose planes are bad splits for oblique trees.
 
 use crate::cases::rays::{everywhere, lattice_rays, ray};
 use crate::cases::shapes::{cloud, nudged};
 use crate::cases::{Draft, Random, Recipe, Size};
 
+/// The cases of this file.
 pub const CASES: &[Recipe] = &[
     Recipe {
         name: "grazing",
@@ -38,12 +39,13 @@ pub const CASES: &[Recipe] = &[
     },
     Recipe {
         name: "twin normals",
-        summary: "normals a hair to either side of an axis",
+        summary: "normals that deviate from an axis by 1e-6, to both sides",
         extremes: &["X35"],
         make: twin_normals,
     },
 ];
 
+/// Makes rays at a tiny angle to the plane of the triangle that they cross.
 fn grazing(size: Size, random: &mut Random) -> Draft {
     let corners = cloud(size.pick(200, 8000), 0.4, random);
     let mut rays = Vec::new();
@@ -52,7 +54,7 @@ fn grazing(size: Size, random: &mut Random) -> Draft {
         let [a, b, c] = [corners[at], corners[at + 1], corners[at + 2]];
         let lift = 2.0_f32.powi(-i32::try_from(10 + random.below(31)).expect("small"));
         let (s, t) = (random.unit(), random.unit());
-        // From next to the triangle, across it, at a tiny angle to its plane.
+        // Start beside the triangle in its plane, and aim across it, slightly out of the plane.
         let o = std::array::from_fn(|k| 2.0 * a[k] - b[k] + 0.3 * s * (c[k] - a[k]));
         let target: [f32; 3] =
             std::array::from_fn(|k| a[k] + t * (b[k] - a[k]) + s * (c[k] - a[k]));
@@ -63,10 +65,11 @@ fn grazing(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes triangles in planes x + y + z = c, and rays in and near these planes.
 fn in_the_plane(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     let mut rays = Vec::new();
-    // Lattice points of planes x + y + z = c: differences are exact, and so is the plane.
+    // Choose lattice points of a plane: their differences are exact, and so is the plane.
     let point = |c: f32, random: &mut Random| {
         let (x, y) = (random.below(9) as f32 - 4.0, random.below(9) as f32 - 4.0);
         [x, y, c - x - y]
@@ -80,7 +83,7 @@ fn in_the_plane(size: Size, random: &mut Random) -> Draft {
         let (o, target) = (point(c, random), point(c, random));
         let mut d: [f32; 3] = std::array::from_fn(|k| target[k] - o[k]);
         if random.below(3) == 0 {
-            // Nearly orthogonal to (1, 1, 1), on either side.
+            // Turn the direction slightly out of the plane, to either side.
             d[0] = nudged(d[0], random.pick(&[-1, 1]));
         }
         rays.push(ray(o, d));
@@ -88,6 +91,7 @@ fn in_the_plane(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes triangles that cut corners and edges off the cells of a lattice.
 fn cut_corners(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     let n = size.pick(4, 12);
@@ -95,7 +99,7 @@ fn cut_corners(size: Size, random: &mut Random) -> Draft {
         let [x, y, z] = [i % n, i / n % n, i / n / n].map(|x| x as f32);
         // Sometimes move the corner by one float.
         let up = nudged(x + 1.0, random.pick(&[-1, 0, 0, 0, 1]));
-        // Through three corners of the cell, and along the diagonal of a face.
+        // Add a triangle through three corners of the cell, and one along the diagonal of a face.
         corners.extend([[up, y, z], [x, y + 1.0, z], [x, y, z + 1.0]]);
         corners.extend([[x, y, z], [up, y + 1.0, z], [up, y + 1.0, z + 1.0]]);
         if i % 3 == 0 {
@@ -113,6 +117,7 @@ fn cut_corners(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes triangles that are each rotated by a hundredth of a degree further.
 fn nearly_parallel(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     let count = size.pick(200, 2000);
@@ -126,10 +131,11 @@ fn nearly_parallel(size: Size, random: &mut Random) -> Draft {
     (corners, everywhere(size.rays(), random))
 }
 
+/// Makes triangles with one common normal.
 fn one_normal(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     for _ in 0..size.pick(200, 5000) {
-        // Multiples of two vectors on a lattice of heights: exactly parallel, often coplanar.
+        // Span each triangle by multiples of two vectors, from a lattice point: exactly parallel, often coplanar.
         let base = random.point(-1.0, 1.0).map(|x| (8.0 * x).round() / 8.0);
         let step = 0.125 * (1 + random.below(4)) as f32;
         let along = |x: f32, y: f32| {
@@ -144,6 +150,7 @@ fn one_normal(size: Size, random: &mut Random) -> Draft {
     (corners, everywhere(size.rays(), random))
 }
 
+/// Makes triangles whose normals deviate slightly from the y axis, alternately to both sides.
 fn twin_normals(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     for i in 0..size.pick(200, 5000) {

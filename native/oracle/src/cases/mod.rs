@@ -2,8 +2,7 @@
 //! Generated scenes and rays that are numerically difficult, for the contract tests, the benchmarks and the
 //! stability table. One file per kind of difficulty.
 //!
-//! Each case exists in a small size, for every test run, and in a large one. A case is a function of its name, the
-//! size and a seed.
+//! Each case has a small size, for every test run, and a large one. It is determined by its name, the size and a seed.
 
 mod boxes;
 mod degenerate;
@@ -59,8 +58,8 @@ pub struct Case {
     pub name: &'static str,
     /// Description of the difficulty.
     pub summary: &'static str,
-    /// Identifiers of the kinds of extreme input that the case covers, X01 to X60, as its summary describes them:
-    /// reports list by them which kinds were tested.
+    /// Identifiers, X01 to X60, of the kinds of extreme input that the case covers. Reports use them to list the kinds
+    /// that were tested.
     pub extremes: &'static [&'static str],
     /// Triangles of the scene.
     pub scene: Arc<Triangles>,
@@ -71,7 +70,7 @@ pub struct Case {
 /// Vertices, three per triangle, and specific rays of a case.
 type Draft = (Vec<[f32; 3]>, Vec<Ray>);
 
-/// Description of a case, from which it is made.
+/// Description of a [`Case`], and the function that makes it.
 struct Recipe {
     name: &'static str,
     summary: &'static str,
@@ -104,11 +103,11 @@ pub fn cases(size: Size, seed: u64) -> Vec<Case> {
 impl Recipe {
     /// Makes the case. Its random numbers depend on its name and the seed.
     fn make(&self, size: Size, seed: u64) -> Case {
-        // Hash the name and the seed (FNV-1a), so that cases are independent of each other.
-        let name = self.name.bytes().fold(seed, |hash, byte| {
+        // Hash the name, starting from the seed (FNV-1a), so that cases are independent of each other.
+        let hash = self.name.bytes().fold(seed, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
         });
-        let random = &mut Random(name);
+        let random = &mut Random(hash);
         let (corners, mut rays) = (self.make)(size, random);
         // Add rays aimed at the scene, and drop rays that are not finite.
         let scene = soup(corners);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays that start in, lie in, or end in the split planes of trees.
+//! Rays that start, lie or end in the split planes of trees.
 
 use crate::cases::rays::{lattice_rays, ray};
 use crate::cases::shapes::{grid, nudged};
 use crate::cases::{Draft, Random, Recipe, Size};
 
+/// The cases of this file.
 pub const CASES: &[Recipe] = &[
     Recipe {
         name: "touching boxes",
@@ -17,7 +18,7 @@ pub const CASES: &[Recipe] = &[
     },
     Recipe {
         name: "turned boxes",
-        summary: "the same, turned and sheared: planes that no axis follows",
+        summary: "the same, rotated and sheared: most planes are perpendicular to no axis",
         extremes: &["X28"],
         make: |size, _| (grid(size.pick(4, 12), 0.7), vec![]),
     },
@@ -63,6 +64,7 @@ pub const CASES: &[Recipe] = &[
     },
 ];
 
+/// Makes rays along axes with all signs of their zero components.
 fn signs_of_zero(size: Size, random: &mut Random) -> Draft {
     let mut rays = Vec::new();
     for _ in 0..size.rays() / 8 {
@@ -70,7 +72,7 @@ fn signs_of_zero(size: Size, random: &mut Random) -> Draft {
         let mut o: [f32; 3] = std::array::from_fn(|_| random.below(9) as f32 / 2.0 - 0.5);
         // Start in a wall, between walls, or outside.
         o[axis] = random.pick(&[-1.0, 0.0, 1.0, 1.5, 4.0]);
-        // All sign patterns, zeros included.
+        // Add all combinations of signs, those of zeros included.
         for signs in 0..8 {
             let d = std::array::from_fn(|k| {
                 let size = if k == axis { 1.0 } else { 0.0_f32 };
@@ -82,6 +84,7 @@ fn signs_of_zero(size: Size, random: &mut Random) -> Draft {
     (grid(3, 0.0), rays)
 }
 
+/// Makes overlapping triangles in two planes z = const, and rays from, to and in these planes.
 fn coplanar(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     for i in 0..size.pick(150, 1000) {
@@ -90,7 +93,7 @@ fn coplanar(size: Size, random: &mut Random) -> Draft {
         corners.extend([[x, y, z], [x + 3.0, y, z], [x, y + 3.0, z]]);
     }
     let lattice = lattice_rays(8, random, size.rays());
-    // Rays from the plane, to the plane, and in the plane.
+    // Add rays from a plane, to a plane, and in a plane.
     let from = |r: &mut Random| {
         let o = [
             8.0 * r.unit(),
@@ -104,19 +107,20 @@ fn coplanar(size: Size, random: &mut Random) -> Draft {
     (corners, rays.chain(own).collect())
 }
 
+/// Makes parallel walls at distances of one float, three at each position.
 fn walls(size: Size, random: &mut Random) -> Draft {
     let mut corners = Vec::new();
     let mut x = 1.0_f32;
     for i in 0..size.pick(60, 3000) {
         corners.extend([[x, 0.0, 0.0], [x, 4.0, 0.0], [x, 0.0, 4.0]]);
-        // Every third wall starts a new position, one float farther.
+        // Move every third wall one float farther.
         if i % 3 == 0 {
             x = nudged(x, 1);
         }
     }
     let mut rays = lattice_rays(3, random, size.rays() / 2);
     for _ in 0..size.rays() / 2 {
-        // Rays between the walls, in the next wall, and at a tiny angle to them.
+        // Start in or between walls, and go along them or at a tiny angle to them.
         let start = nudged(1.0, i32::try_from(random.below(25)).expect("small"));
         let o = [start, random.unit(), random.unit()];
         rays.push(ray(o, [random.pick(&[0.0, 1e-7, -1e-7, 1e-30]), 1.0, 0.5]));
@@ -124,6 +128,7 @@ fn walls(size: Size, random: &mut Random) -> Draft {
     (corners, rays)
 }
 
+/// Makes rays whose intervals begin before their origins.
 fn behind(size: Size, random: &mut Random) -> Draft {
     let n = size.pick(4, 12);
     let mut rays = lattice_rays(n, random, size.rays());
@@ -137,6 +142,7 @@ fn behind(size: Size, random: &mut Random) -> Draft {
     (grid(n, 0.0), rays)
 }
 
+/// Makes rays whose intervals begin or end at a hit, or one float off.
 fn interval_ends(size: Size, random: &mut Random) -> Draft {
     let n = 4;
     let mut rays = Vec::new();
@@ -147,7 +153,7 @@ fn interval_ends(size: Size, random: &mut Random) -> Draft {
         // Cross the walls perpendicularly, so that hits have exact distances.
         let mut d = [0.0; 3];
         d[axis] = 1.0;
-        // End or begin the interval at a wall, or one float off.
+        // Begin and end the interval at a wall, or one float off.
         let wall = (random.below(n + 1) + 1) as f32;
         let (one, other) = (random.pick(&[-1, 0, 1]), random.pick(&[-1, 0, 1]));
         let mut limited = ray(o, d);

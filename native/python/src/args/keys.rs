@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Dictionaries as arguments: each key is read by its type, and every message names it.
+//! Dictionaries as arguments: values are read by key and type, and every message names the key.
 
 use crate::args::arrays::describe;
 use halfspace_base::error::{Error, Result};
@@ -7,14 +7,15 @@ use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A dictionary argument and its name.
+/// A dictionary argument.
 pub struct Keys<'a, 'py> {
     dict: &'a Bound<'py, PyDict>,
+    /// Name of the argument in messages.
     pub name: String,
 }
 
 impl<'a, 'py> Keys<'a, 'py> {
-    /// Refuses keys that are not among `known`, which are misspellings.
+    /// Makes a reader of the dictionary. Rejects keys that are not among `known`, which are misspellings.
     pub fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
         for (key, _) in dict.iter() {
             let key = key.to_string();
@@ -28,7 +29,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(Self { dict, name })
     }
 
-    /// The error for a value of the wrong type.
+    /// Makes the error for a value of the wrong type.
     pub fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
         Error::Spec(format!(
             "{}['{key}']: expected {expected}, got {}",
@@ -37,19 +38,19 @@ impl<'a, 'py> Keys<'a, 'py> {
         ))
     }
 
-    /// The value of a key that may be missing or `None`.
+    /// Returns the value of a key that may be missing or `None`.
     pub fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
         let value = self.dict.get_item(key).ok().flatten();
         value.filter(|v| !v.is_none())
     }
 
-    /// The value of a required key.
+    /// Returns the value of a required key.
     pub fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
         self.find(key)
             .ok_or_else(|| Error::Spec(format!("{}['{key}'] is missing", self.name)))
     }
 
-    /// A number.
+    /// Returns a number.
     pub fn number(&self, key: &str) -> Result<f64> {
         let value = self.need(key)?;
         value
@@ -57,10 +58,10 @@ impl<'a, 'py> Keys<'a, 'py> {
             .map_err(|_| self.wrong(key, "a number", &value))
     }
 
-    /// A number that may be missing.
+    /// Returns a number, or the default for a missing key.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "beyond f32 becomes infinite, which is refused"
+        reason = "beyond f32 becomes infinite, which later checks reject"
     )]
     pub fn number_or(&self, key: &str, default: f32) -> Result<f32> {
         match self.find(key) {
@@ -69,7 +70,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         }
     }
 
-    /// A whole number.
+    /// Returns a whole number of at least 0.
     pub fn count(&self, key: &str) -> Result<u32> {
         let value = self.need(key)?;
         let number: i64 = value
@@ -83,7 +84,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         })
     }
 
-    /// A truth value that may be missing.
+    /// Returns a truth value, or the default for a missing key.
     pub fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
         match self.find(key) {
             None => Ok(default),
@@ -93,7 +94,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         }
     }
 
-    /// A string.
+    /// Returns a string.
     pub fn text(&self, key: &str) -> Result<String> {
         let value = self.need(key)?;
         value
@@ -101,7 +102,7 @@ impl<'a, 'py> Keys<'a, 'py> {
             .map_err(|_| self.wrong(key, "a string", &value))
     }
 
-    /// Numbers in an array or a sequence of exactly this shape, row by row.
+    /// Returns the numbers of an array or a sequence of exactly this shape, row by row.
     pub fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
         let value = self.need(key)?;
         let dims: Vec<_> = shape.iter().map(ToString::to_string).collect();
@@ -124,7 +125,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(array.as_array().iter().copied().collect())
     }
 
-    /// A 4 x 4 matrix, its rows.
+    /// Returns the rows of a 4 x 4 matrix.
     pub fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
         let flat = self.numbers(key, &[4, 4])?;
         let mut out = [[0.0; 4]; 4];
@@ -134,17 +135,17 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(out)
     }
 
-    /// A linear colour.
+    /// Returns a linear colour.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "beyond f32 becomes infinite, which is refused"
+        reason = "beyond f32 becomes infinite, which later checks reject"
     )]
     pub fn color(&self, key: &str) -> Result<[f32; 3]> {
         let c = self.numbers(key, &[3])?;
         Ok([c[0] as f32, c[1] as f32, c[2] as f32])
     }
 
-    /// One of several strings, as the value that it names.
+    /// Returns the value that a string names, one of `options`.
     pub fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
     where
         T: Copy,
@@ -165,7 +166,7 @@ impl<'a, 'py> Keys<'a, 'py> {
     }
 }
 
-/// Reads a list of dictionaries.
+/// Reads a list of dictionaries by `read`, which gets each dictionary with its index; a missing list is empty.
 pub fn list<'py, T>(
     name: &str,
     value: Option<&Bound<'py, PyAny>>,

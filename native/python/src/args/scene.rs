@@ -7,8 +7,7 @@ use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
-use halfspace_render::values::visibility::RayKind;
-use halfspace_render::values::visibility::Visibility;
+use halfspace_render::values::visibility::{RayKind, Visibility};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -29,7 +28,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "hidden_from",
     ];
     list("materials", value, |dict, index| {
-        // Missing keys have the value of Blender's default material.
+        // Use the values of Blender's default material for missing keys.
         let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
         let default = MaterialParams::default();
         let color = |key: &str, default| match keys.find(key) {
@@ -117,7 +116,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         ("DISK", AreaShape::Disk),
         ("ELLIPSE", AreaShape::Ellipse),
     ];
-    // Each kind reads the keys it needs; the defaults are Blender's.
+    // Read the keys that each kind of light needs; the defaults are Blender's.
     list("lights", value, |dict, index| {
         let keys = Keys::new(dict, format!("lights[{index}]"), &known)?;
         let radius = || keys.number_or("radius", 0.0);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversal of two-level scenes.
 //!
-//! Rays of a batch advance together: each traverses the upper tree to the next instance it meets, then all rays
-//! that wait for the same mesh traverse that mesh's structure as a batch, and so on. Any structure and traversal
-//! can therefore serve as the lower level unchanged.
+//! Rays of a batch advance in rounds: each ray traverses the upper tree to the next instance that it may hit, then all
+//! rays that reached the same mesh traverse that mesh's structure as one batch. The lower level can therefore be any
+//! structure.
 
 use crate::instances::Instances;
 use crate::outline::Outline;
@@ -18,7 +18,7 @@ use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef};
 use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
-/// Number of rays that advance together.
+/// Number of rays that advance together (chosen).
 const TOGETHER: usize = 256;
 
 /// Flag of a stack entry that is a node of the upper tree, not an instance.
@@ -56,7 +56,7 @@ struct RayState<'a> {
     log: Log<'a>,
 }
 
-/// A ray that is to traverse the mesh of an instance.
+/// A ray that must traverse the mesh of an instance.
 struct Call<'a> {
     mesh: u32,
     /// Index of the ray's state.
@@ -119,7 +119,7 @@ impl Instances {
             }
             active.clear();
             active.extend(0..states.len());
-            // Advance all unfinished rays by one instance per round.
+            // Advance all unfinished rays by one instance each round.
             while !active.is_empty() {
                 let counters = counters.as_deref_mut();
                 let counters = counters.map(|all| &mut all[first..first + rays.len()]);
@@ -191,7 +191,7 @@ impl Instances {
                 calls.counts.resize(batch.len(), RayCounters::default());
             }
             let counted = counters.is_some().then_some(&mut calls.counts[..]);
-            // A hit shortens the interval of its ray.
+            // Each hit shortens the interval of its ray.
             let mut found = |index: usize, hit: Hit| states[batch[index].state].found(hit);
             self.meshes[batch[0].mesh as usize].cast_placed::<Q>(
                 level,
@@ -280,8 +280,8 @@ impl Instances {
         }
     }
 
-    /// Transforms a ray to an instance's space. Tests the mesh's triangles without area on the way, because no
-    /// tree holds them; tests all triangles if the transformed ray has no usable error bound.
+    /// Transforms a ray to an instance's space. Before that, tests the mesh's triangles without area, which no tree
+    /// contains. If the transformed ray has no usable error bound, tests all triangles and returns `None`.
     fn enter<'a, Q: Query>(
         &self,
         instance: &'a MeshInstance,
@@ -297,9 +297,9 @@ impl Instances {
         match mesh.frame().placed(state.ray, instance, state.best.hit()) {
             Placed::Miss => None,
             Placed::Traverse(framed) => Some(framed),
-            Placed::Blind => {
+            Placed::ExactOnly => {
                 // Without a usable error bound, test all triangles of the mesh.
-                let framed = FrameRay::blind(instance, state.best.hit());
+                let framed = FrameRay::exact_only(instance, state.best.hit());
                 state.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
                 None
             }
@@ -318,22 +318,22 @@ fn enter_flat<Q: Query>(
         flat, flat_frame, ..
     } = mesh.outline();
     // Transform the ray with the frame of these triangles.
-    let (framed, blind) = match flat_frame.placed(state.ray, instance, state.best.hit()) {
+    let (framed, exact_only) = match flat_frame.placed(state.ray, instance, state.best.hit()) {
         Placed::Miss => return false,
         Placed::Traverse(framed) => (framed, false),
-        Placed::Blind => (FrameRay::blind(instance, state.best.hit()), true),
+        Placed::ExactOnly => (FrameRay::exact_only(instance, state.best.hit()), true),
     };
     let slabs = Slabs::new(&framed);
-    // Test the groups whose box the ray meets.
-    flat.iter().any(|(bounds, ids)| {
+    // Test the groups whose box the ray may hit.
+    flat.iter().any(|group| {
         let bounds = Aabb {
-            min: flat_frame.point(bounds.min),
-            max: flat_frame.point(bounds.max),
+            min: flat_frame.point(group.bounds.min),
+            max: flat_frame.point(group.bounds.max),
         };
         // Without finite error bounds every group must be tested.
         let range = Interval::new(framed.t_min, framed.t_max);
-        let near = blind || slabs.meet(&bounds, range).is_some();
-        near && state.offer::<Q>(&framed, mesh.scene(), ids, counters)
+        let near = exact_only || slabs.meet(&bounds, range).is_some();
+        near && state.offer::<Q>(&framed, mesh.scene(), &group.ids, counters)
     })
 }
 
