@@ -853,11 +853,12 @@ class RenderJob:
     def statistics(self) -> RenderStatistics:
         """Statistics of the render so far."""
 
-    def copy_into(self, name: str, out: npt.NDArray[np.float32]) -> None:
+    def copy_into(self, name: str, out: npt.NDArray[np.float32], *, keep: bool = False) -> None:
         """Writes the current state of a pass: rows from the bottom up, channels innermost.
 
         out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
-            width and height are those of the border. Pixels without a sample yet are zero.
+            width and height are those of the border.
+        keep: whether pixels without a sample yet keep their values in `out`; otherwise they become zero.
         "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view axis, 1e10 =
         nothing hit), "Position", "Object Index" and "Material Index" are those of the first sample, because a mean
         across an edge belongs to no surface; "Normal" and "UV" (with 1 as third channel) are means, not

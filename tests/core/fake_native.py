@@ -115,7 +115,7 @@ class Job:
     def cancel(self) -> None:
         self.cancelled = True
 
-    def copy_into(self, name: str, out: np.ndarray[Any, Any]) -> None:
+    def copy_into(self, name: str, out: np.ndarray[Any, Any], *, keep: bool = False) -> None:
         assert out.dtype == np.float32
         assert out.shape == (self._pixels * self.passes[name],)
         out[:] = 0.5

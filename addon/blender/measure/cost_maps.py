@@ -143,9 +143,11 @@ def keep(picture: F32) -> Any:
     height, width = picture.shape[:2]
     image = bpy.data.images.get(IMAGE)
     if image is None or tuple(image.size) != (width, height):
-        if image is not None:
-            bpy.data.images.remove(image)
-        image = bpy.data.images.new(IMAGE, width, height)
+        former, image = image, bpy.data.images.new(IMAGE, width, height)
+        if former is not None:
+            former.user_remap(image)  # editors go on to show it
+            bpy.data.images.remove(former)
+            image.name = IMAGE
     full = np.concatenate([picture, np.ones((height, width, 1), np.float32)], axis=2)
     image.pixels.foreach_set(full.reshape(-1))
     image.update()
@@ -153,10 +155,14 @@ def keep(picture: F32) -> Any:
 
 
 def show(context: Any, image: Any) -> None:
-    """Show the image in an image editor of this window, or of a new one."""
+    """Show the image in the editor that shows it already, else in one of this window, else in a new window."""
     if context.window is None:
         return
-    area = next((area for area in context.window.screen.areas if area.type == "IMAGE_EDITOR"), None)
+    # Editors of all windows, those of this window first.
+    windows = sorted(context.window_manager.windows, key=lambda window: window != context.window)
+    editors = [(w, a) for w in windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+    area = next((a for _, a in editors if a.spaces.active.image == image), None)
+    area = area or next((a for w, a in editors if w == context.window), None)
     if area is None:
         if not bpy.ops.wm.window_new.poll():
             return

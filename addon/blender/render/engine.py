@@ -17,6 +17,7 @@ from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
+from ...core.session import coarse
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
 from ...core.structures.settings import Mist, RenderSettings, memory_limit
@@ -164,8 +165,7 @@ class _Picture:
         built = self._build(module, read, settings)
         tree = self._keep(read, built)
 
-        job = built.session.render(read.view, settings)
-        self._trace(job, settings, read, built)
+        job = self._trace(settings, read, built)
         self._report(job, read, built, tree)
         self._warn()
 
@@ -226,18 +226,22 @@ class _Picture:
         structure, geometry = built.session.structure, read.scene.geometry
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
-    def _trace(self, job: Any, settings: RenderSettings, read: _Read, built: _Built) -> None:
-        """Copy the job's picture into a render result, while it converges and at the end."""
+    def _trace(self, settings: RenderSettings, read: _Read, built: _Built) -> Any:
+        """Render into a result that is shown coarse at once, then while it converges. Returns the finished job."""
         width, height = settings.size
         origin = read.scene.geometry.origin
-        buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
         self.result = self.engine.begin_result(
             0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
         )
+        first = self._show_coarse(settings, read, built) if is_displayed() else None
+        job = built.session.render(read.view, settings)
+        buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
+        if first is not None:
+            buffers["Combined"] = first
 
         def show() -> None:
-            if not bpy.app.background:  # in the background there is no display
-                _copy(job, buffers, origin)
+            if is_displayed():
+                _copy(job, buffers, origin, keep=first is not None)
                 self._fill(buffers)
                 self.engine.update_result(self.result)
             self._show_status(_summary(built.label, built.session.structure.statistics, job, built.answers))
@@ -249,6 +253,15 @@ class _Picture:
         self._fill(buffers)
         self.engine.end_result(self.result)
         self.result = None
+        return job
+
+    def _show_coarse(self, settings: RenderSettings, read: _Read, built: _Built) -> F32 | None:
+        """Show the picture in large pixels. Returns the last such picture, flat; None if there was none."""
+        last = None
+        for last in coarse.pictures(built.session, read.view, settings, self._reading):
+            self._fill({"Combined": last})
+            self.engine.update_result(self.result)
+        return last
 
     def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
         """Report on the finished picture: in the status line, as Blender's memory use, and in the panel of the last
@@ -374,10 +387,18 @@ class _Picture:
             self.engine.report({"WARNING"}, line)
 
 
-def _copy(job: Any, buffers: dict[str, F32], origin: np.ndarray[Any, Any]) -> None:
-    """Copy the current picture of a job into flat buffers, one for each pass."""
+def is_displayed() -> bool:
+    """Whether somebody can watch the picture converge: not in the background."""
+    return not bpy.app.background
+
+
+def _copy(job: Any, buffers: dict[str, F32], origin: np.ndarray[Any, Any], *, keep: bool = False) -> None:
+    """Copy the current picture of a job into flat buffers, one for each pass.
+
+    keep: whether Combined keeps its values where the job has no samples yet.
+    """
     for name, buffer in buffers.items():
-        job.copy_into(name, buffer)
+        job.copy_into(name, buffer, keep=keep and name == "Combined")
         if name == "Position":
             to_world(buffer, origin)
 

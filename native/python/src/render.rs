@@ -9,6 +9,7 @@ use crate::float_mode::DefaultMode;
 use crate::instances::Instances;
 use crate::structure::Structure;
 use halfspace_base::error::{Error, Result};
+use halfspace_render::film::Unsampled;
 use halfspace_render::job::Job;
 use halfspace_render::scene::attributes::InstancedAttributes;
 use halfspace_render::scene::{self, SceneParams, SharedTracer};
@@ -240,7 +241,8 @@ impl RenderJob {
     /// Writes the current state of a pass: rows from the bottom up, channels innermost.
     ///
     /// out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
-    ///     width and height are those of the border. Pixels without a sample yet are zero.
+    ///     width and height are those of the border.
+    /// keep: whether pixels without a sample yet keep their values in `out`; otherwise they become zero.
     /// "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view axis, 1e10 =
     /// nothing hit), "Position", "Object Index" and "Material Index" are those of the first sample, because a mean
     /// across an edge belongs to no surface; "Normal" and "UV" (with 1 as third channel) are means, not
@@ -250,9 +252,21 @@ impl RenderJob {
     ///
     /// Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
     /// array). Releases the GIL.
-    fn copy_into(&self, py: Python<'_>, name: &str, out: &Bound<'_, PyAny>) -> PyResult<()> {
+    #[pyo3(signature = (name, out, *, keep = false))]
+    fn copy_into(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        out: &Bound<'_, PyAny>,
+        keep: bool,
+    ) -> PyResult<()> {
         let _mode = DefaultMode::set(py)?;
         let pass = pass(name).map_err(raise)?;
+        let unsampled = if keep {
+            Unsampled::Kept
+        } else {
+            Unsampled::Zero
+        };
         let wrong = |what: &str| {
             Error::Shape(format!(
                 "out: expected a {what} float32 array, got {}",
@@ -273,7 +287,8 @@ impl RenderJob {
             .map_err(raise)?;
         // No thread holds a lock of the film while it waits for the interpreter, so releasing the GIL cannot
         // deadlock.
-        py.detach(|| self.0.copy_into(pass, slice)).map_err(raise)?;
+        py.detach(|| self.0.copy_into(pass, unsampled, slice))
+            .map_err(raise)?;
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use crate::camera::filter::Filter;
 use crate::camera::{Camera, CameraParams};
 use crate::check::{Error, Result};
-use crate::film::Film;
+use crate::film::{Film, Unsampled};
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
@@ -202,8 +202,8 @@ impl Job {
     ///
     /// # Errors
     /// As for [`Film::copy_into`].
-    pub fn copy_into(&self, pass: Pass, out: &mut [f32]) -> Result<()> {
-        self.shared.film.copy_into(pass, out)
+    pub fn copy_into(&self, pass: Pass, unsampled: Unsampled, out: &mut [f32]) -> Result<()> {
+        self.shared.film.copy_into(pass, unsampled, out)
     }
 
     /// Returns the statistics so far.

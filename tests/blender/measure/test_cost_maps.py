@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube
+from shapes import cube, with_nodes
 
 from addon.blender.measure import checking, comparing, cost_maps, lettering, workloads
 from addon.blender.session import building
@@ -113,6 +113,38 @@ def test_a_map_of_times_states_the_number_of_wrong_answers(seen: Any, monkeypatc
     group.cost = "STEPS"
     cost_maps.draw(seen, 64)
     assert titles == labels
+
+
+def editor(kind: str, image: Any = None) -> Any:
+    return SimpleNamespace(type=kind, spaces=SimpleNamespace(active=SimpleNamespace(image=image)))
+
+
+def test_a_second_map_is_shown_where_the_first_one_is() -> None:
+    first = cost_maps.keep(np.zeros((8, 8, 3), np.float32))
+    main = SimpleNamespace(screen=SimpleNamespace(areas=[editor("VIEW_3D")]))
+    extra = SimpleNamespace(screen=SimpleNamespace(areas=[editor("IMAGE_EDITOR", first)]))
+    context = SimpleNamespace(window=main, window_manager=SimpleNamespace(windows=[main, extra]))
+    cost_maps.show(context, first)
+    # Another image editor of this window does not show the map, and is left alone.
+    other = editor("IMAGE_EDITOR", bpy.data.images.new("Other", 4, 4))
+    main.screen.areas.append(other)
+    cost_maps.show(context, first)
+    assert other.spaces.active.image.name == "Other"
+    assert extra.screen.areas[0].spaces.active.image == first
+    # Without an editor that shows it, that of this window does.
+    extra.screen.areas.clear()
+    cost_maps.show(context, first)
+    assert other.spaces.active.image == first
+
+
+def test_a_map_of_another_size_replaces_the_first_one_where_it_is_used(scene: Any) -> None:
+    material = bpy.data.materials.new("Screen")
+    with_nodes(material)
+    shows = material.node_tree.nodes.new("ShaderNodeTexImage")
+    shows.image = cost_maps.keep(np.zeros((8, 8, 3), np.float32))
+    assert cost_maps.keep(np.zeros((4, 6, 3), np.float32)) == shows.image
+    assert shows.image.name == cost_maps.IMAGE
+    assert tuple(shows.image.size) == (6, 4)
 
 
 def test_letters_are_written_where_they_belong() -> None:

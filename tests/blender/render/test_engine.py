@@ -20,6 +20,7 @@ from addon.blender.read import extract
 from addon.blender.render import engine, viewport
 from addon.blender.session import reports, trees
 from addon.core.base import room
+from addon.core.session import coarse
 from addon.core.session.session import Cancelled
 
 WIDTH, HEIGHT = 48, 32
@@ -85,6 +86,30 @@ def test_a_transparent_film_has_no_background(stage: Any, tmp_path: Path) -> Non
     picture = render(stage, tmp_path)
     assert picture["Combined.A"][0, 0] == picture["Combined.B"][0, 0] == 0
     assert picture["Combined.A"][HEIGHT // 2, WIDTH // 2] == 1
+
+
+def test_the_first_shown_picture_is_whole_and_changes_nothing(
+    stage: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage.render.resolution_x, stage.render.resolution_y = 320, 200
+    before = render(stage, tmp_path)
+    monkeypatch.setattr(engine, "is_displayed", lambda: True)
+    monkeypatch.setattr(engine, "UPDATE_MILLISECONDS", 1)
+    shown: list[Any] = []
+    fill = engine._Picture._fill
+
+    def recorded(self: Any, buffers: dict[str, Any]) -> None:
+        shown.append(buffers["Combined"].reshape(200, 320, 4).copy())
+        fill(self, buffers)
+
+    monkeypatch.setattr(engine._Picture, "_fill", recorded)
+    after = render(stage, tmp_path)
+    # Every picture covers the frame, the first in few large pixels.
+    assert len(shown) >= 3
+    assert all((one[..., 3] == 1).all() for one in shown)
+    assert len(np.unique(shown[0].reshape(-1, 4), axis=0)) <= coarse.FIRST_PIXELS
+    assert abs(shown[0].mean() - shown[-1].mean()) < 0.02
+    assert all(np.array_equal(values, after[name]) for name, values in before.items())
 
 
 @pytest.mark.parametrize("crop", [False, True])

@@ -36,6 +36,15 @@ struct Sums {
     values: Vec<f64>,
 }
 
+/// What a copy writes to pixels without samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unsampled {
+    /// Zero.
+    Zero,
+    /// Nothing: they keep their values.
+    Kept,
+}
+
 /// The film of one render.
 pub struct Film {
     /// Half-open range of pixels: x0, y0, x1, y1.
@@ -198,12 +207,13 @@ impl Film {
             .unwrap_or(0)
     }
 
-    /// Writes the mean of the samples so far to `out`, rows from the bottom up; 0 where there are none.
+    /// Writes the mean of the samples so far to `out`, rows from the bottom up. `unsampled`: what becomes of pixels
+    /// without samples.
     ///
     /// # Errors
     /// [`Error::Spec`] if the pass is not filled, [`Error::Shape`] if `out` does not have width × height × channels
     /// elements.
-    pub fn copy_into(&self, pass: Pass, out: &mut [f32]) -> Result<()> {
+    pub fn copy_into(&self, pass: Pass, unsampled: Unsampled, out: &mut [f32]) -> Result<()> {
         // Find the pass's channels and check the size of `out`.
         let Some(at) = self.passes.iter().position(|&p| p == pass) else {
             let filled: Vec<_> = self.passes.iter().map(|p| p.name()).collect();
@@ -247,11 +257,11 @@ impl Film {
                     let Some((number, values)) = pixels.next() else {
                         break;
                     };
-                    let samples = if mean {
-                        sums.samples[tile.area.block_of(number)].max(1)
-                    } else {
-                        1
-                    };
+                    let samples = sums.samples[tile.area.block_of(number)];
+                    if samples == 0 && unsampled == Unsampled::Kept {
+                        continue;
+                    }
+                    let samples = if mean { samples.max(1) } else { 1 };
                     let scale = 1.0 / f64::from(samples);
                     for (o, v) in pixel.iter_mut().zip(&values[offset..]) {
                         *o = (v * scale) as f32;
@@ -333,18 +343,20 @@ mod tests {
         }
         assert_eq!(film.samples_done(), 2);
         let mut out = vec![0.0; 40 * 37 * 4];
-        film.copy_into(Pass::Combined, &mut out).unwrap();
+        film.copy_into(Pass::Combined, Unsampled::Zero, &mut out)
+            .unwrap();
         for (i, p) in out.chunks_exact(4).enumerate() {
             assert_eq!(p[..2], [(i % 40 + 5) as f32 + 1.0, (i / 40 + 3) as f32]);
         }
         let mut depth = vec![0.0; 40 * 37];
-        film.copy_into(Pass::Depth, &mut depth).unwrap();
+        film.copy_into(Pass::Depth, Unsampled::Zero, &mut depth)
+            .unwrap();
         assert!(
             depth.iter().all(|&d| d == 7.0),
             "depth is the first sample's, not a mean"
         );
         let wrong = film
-            .copy_into(Pass::Depth, &mut out)
+            .copy_into(Pass::Depth, Unsampled::Zero, &mut out)
             .unwrap_err()
             .to_string();
         assert!(
@@ -352,10 +364,27 @@ mod tests {
             "{wrong}"
         );
         assert!(
-            film.copy_into(Pass::Normal, &mut out)
+            film.copy_into(Pass::Normal, Unsampled::Zero, &mut out)
                 .unwrap_err()
                 .to_string()
                 .contains("Depth")
         );
+    }
+
+    #[test]
+    fn pixels_without_samples_are_zero_or_keep_their_values() {
+        let film = Film::new(&settings());
+        let area = film.area(0);
+        film.add(0, &vec![PixelSample::EMPTY; area.pixels()], 1, &settings());
+        let sampled = area.pixels() * 4;
+        for (unsampled, want) in [
+            (Unsampled::Zero, 0),
+            (Unsampled::Kept, 40 * 37 * 4 - sampled),
+        ] {
+            let mut out = vec![9.0; 40 * 37 * 4];
+            film.copy_into(Pass::Combined, unsampled, &mut out).unwrap();
+            let kept = out.iter().filter(|&&v| v == 9.0).count();
+            assert_eq!(kept, want, "{unsampled:?}");
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use crate::film::Unsampled;
 use crate::job::Job;
 use crate::light::{LightKind, LightParams};
 use crate::scene::{RenderScene, SceneParams};
@@ -93,7 +94,8 @@ fn a_cancelled_render_stops_within_a_call_and_keeps_its_samples() {
     );
     assert!(job.is_cancelled() && job.error().is_none() && job.progress() < 1.0);
     let mut out = vec![0.0; 256 * 256 * 4];
-    job.copy_into(Pass::Combined, &mut out).unwrap();
+    job.copy_into(Pass::Combined, Unsampled::Zero, &mut out)
+        .unwrap();
     assert!(out.iter().all(|v| v.is_finite()));
 }
 

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use crate::film::Unsampled;
 use crate::job::Job;
 use crate::scene::SceneParams;
 use crate::settings::{Pass, Settings};
@@ -25,7 +26,7 @@ fn passes_contain_the_values_of_the_first_surface() {
     assert!(job.wait(Duration::from_secs(600)) && job.samples_done() == 3);
     let get = |pass: Pass| {
         let mut out = vec![-1.0; 64 * pass.channels()];
-        job.copy_into(pass, &mut out).unwrap();
+        job.copy_into(pass, Unsampled::Zero, &mut out).unwrap();
         out
     };
     // Compare the pixel in the middle, on the floor, with the one in the corner, next to the floor.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::camera::{CameraParams, Projection};
+use crate::film::Unsampled;
 use crate::job::{Job, Statistics};
 use crate::light::{LightKind, LightParams};
 use crate::material::MaterialParams;
@@ -197,7 +198,8 @@ pub fn run(
     assert!(job.wait(Duration::from_secs(600)), "the render did not end");
     assert_eq!(job.error(), None);
     let mut out = vec![0.0; ((x1 - x0) * (y1 - y0) * 4) as usize];
-    job.copy_into(Pass::Combined, &mut out).unwrap();
+    job.copy_into(Pass::Combined, Unsampled::Zero, &mut out)
+        .unwrap();
     (out, job.statistics())
 }
 
