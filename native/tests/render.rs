@@ -4,6 +4,7 @@
 use halfspace::base::Monitor;
 use halfspace::registry::{self, TREES};
 use halfspace::render::camera::CameraParams;
+use halfspace::render::film::Unsampled;
 use halfspace::render::job::Job;
 use halfspace::render::light::{LightKind, LightParams};
 use halfspace::render::material::MaterialParams;
@@ -117,7 +118,7 @@ fn every_structure_renders_the_same_image() {
             .iter()
             .map(|&pass| {
                 let mut out = vec![0.0_f32; 96 * 96 * pass.channels()];
-                job.copy_into(pass, &mut out).unwrap();
+                job.copy_into(pass, Unsampled::Zero, &mut out).unwrap();
                 out
             })
             .collect::<Vec<_>>()
