@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ray queries of a trimesh.Trimesh: the methods and results of trimesh's own `RayMeshIntersector`, with exact answers.
 
-`mesh.ray = RayMeshIntersector(mesh)` lets trimesh use it. Every hit of a ray is found, each triangle once: no ray is
-moved past a hit and cast again. trimesh is imported only by `contains_points`.
+`mesh.ray = RayMeshIntersector(mesh)` lets trimesh use it. Every hit of a ray is found; no ray is moved past a hit and
+cast again. A ray through an edge or a vertex hits all triangles there at one distance, exactly: as in trimesh this is
+one hit, with the triangle of the smallest index. trimesh is imported only by `contains_points`.
 """
 
 from __future__ import annotations
@@ -62,13 +63,14 @@ class RayMeshIntersector:
         """
         origins, directions = _rays(ray_origins, ray_directions)
         structure, centre = self._structure()
-        most = max_hits if multiple_hits else 1
+        most = None if multiple_hits else 1
         offsets, hits = structure.all_hits(*_framed(origins, directions, centre), max_hits=most)
         rays = np.repeat(np.arange(len(origins)), np.diff(offsets))
-        triangles = hits.triangle.astype(np.int64)
+        kept = _distinct(rays, hits.t, max_hits)
+        rays, triangles = rays[kept], hits.triangle[kept].astype(np.int64)
         if not return_locations:
             return triangles, rays
-        return triangles, rays, self._points(hits, triangles)
+        return triangles, rays, self._points(triangles, hits.u[kept], hits.v[kept])
 
     def intersects_first(self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike) -> Integers:
         """The nearest triangle of each ray: (n,) int64, -1 for a miss. Arguments and errors as for intersects_id()."""
@@ -101,10 +103,10 @@ class RayMeshIntersector:
             self._built = key, built, centre
         return self._built[1:]
 
-    def _points(self, hits: native.Hits, triangles: Integers) -> Floats:
-        """The points of hits, from the weights of the corners: points lie on their triangles."""
+    def _points(self, triangles: Integers, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> Floats:
+        """The points with these weights of the second and third corner: they lie on their triangles."""
         corners = np.asarray(self.mesh.vertices, np.float64)[np.asarray(self.mesh.faces)[triangles]]
-        u, v = hits.u.astype(np.float64)[:, None], hits.v.astype(np.float64)[:, None]
+        u, v = u.astype(np.float64)[:, None], v.astype(np.float64)[:, None]
         points: Floats = corners[:, 0] + u * (corners[:, 1] - corners[:, 0]) + v * (corners[:, 2] - corners[:, 0])
         return points
 
@@ -127,6 +129,21 @@ def _rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[Floats, Fl
     if found[0].shape != found[1].shape:
         raise ValueError(f"origins and directions differ in shape: {found[0].shape} and {found[1].shape}")
     return found[0].reshape(-1, 3), found[1].reshape(-1, 3)
+
+
+def _distinct(rays: Integers, t: npt.NDArray[Any], most: int | None) -> Integers:
+    """The positions of the first `most` distances of each ray that differ from the one before, None = all.
+
+    rays, t: (h,), grouped by ray and sorted by distance within.
+    """
+    kept = np.flatnonzero(np.r_[True, (np.diff(rays) != 0) | (np.diff(t) != 0)][: len(rays)])
+    if most is None or not len(kept):
+        return kept
+    # Count the hits of each ray from its first.
+    starts = np.flatnonzero(np.r_[True, np.diff(rays[kept]) != 0])
+    rank = np.arange(len(kept)) - np.repeat(starts, np.diff(np.r_[starts, len(kept)]))
+    few: Integers = kept[rank < most]
+    return few
 
 
 def _framed(origins: Floats, directions: Floats, centre: Floats) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:

@@ -85,6 +85,15 @@ def test_rays_of_different_shapes_are_refused_and_none_are_answered(module: Any)
     assert nothing.intersects_first(*UP).tolist() == [-1, -1, -1]
 
 
+def test_a_ray_through_an_edge_hits_once_and_the_triangle_of_the_smallest_index(module: Any) -> None:
+    intersector = module.RayMeshIntersector(sheets(3))
+    # Both triangles of each square meet at its diagonal.
+    diagonal = np.array([[0.5, 0.5, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+    assert intersector.intersects_id(*diagonal)[0].tolist() == [0, 2, 4]
+    assert intersector.intersects_id(*diagonal, max_hits=2)[0].tolist() == [0, 2]
+    assert intersector.intersects_id(*diagonal, multiple_hits=False)[0].tolist() == [0]
+
+
 def test_a_zero_direction_hits_nothing(module: Any) -> None:
     found = module.RayMeshIntersector(sheets(1)).intersects_first(UP[0], np.zeros((3, 3)))
     assert found.tolist() == [-1, -1, -1]
