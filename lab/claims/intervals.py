@@ -14,7 +14,7 @@ from .claims import Builds, Chart, Claim, Lab, Outcome, verdict
 
 PAPER = "Wächter and Keller, Instant ray tracing: the bounding interval hierarchy (2006)"
 
-INTERVALS = "bih"
+INTERVALS = "bih:traversal=ordered"
 KD = {"faithful": "kd-sah", "best": "kd:traversal=dir"}
 """The kd-trees compared with: unclipped triangles in leaves, and triangles clipped to their cells; planes alone,
 because boxes take memory and time of their own.

@@ -33,9 +33,9 @@ fn elsewhere(tree: &str, way: &Way) -> bool {
         ("planes" | "boxes", "packet" | "packet4" | "packet8") => &["kd", "rbsp-kd", "bvh-sah"],
         ("boxes", "flight" | "stream" | "ordered") => &["kd", "bsp-wn", "bvh-sah"],
         ("boxes", "auto") => &["kd", "kd-median", "rbsp-kd", "bsp-wn", "bsp-ize", "bvh-sah"],
-        ("wide", "flight") | ("planes" | "wide", "stream") => &["kd", "bsp-wn"],
+        ("wide", "flight" | "packet") | ("planes" | "wide", "stream") => &["kd", "bsp-wn"],
         // As `auto`, which is compared on all trees.
-        ("intervals" | "octants", "stream") => &[],
+        ("intervals" | "octants" | "cells", "stream") => &[],
         (_, "ta-b-poly") => &["rbsp-kd", "bsp-wn"],
         (_, "seq" | "rope" | "ropetree") => &["kd", "kd-median"],
         (_, "ta-a" | "sung" | "arvo") => &["kd", "kd-sah"],

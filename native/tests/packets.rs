@@ -10,7 +10,7 @@ use halfspace::oracle::cases::{
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 13] = [
+const SPECS: [&str; 29] = [
     "kd:traversal=packet",
     "kd-sah:traversal=packet4",
     "bsp-wn-plus-kd:traversal=packet",
@@ -25,6 +25,23 @@ const SPECS: [&str; 13] = [
     "bsp-wn-plus-kd:nodes=boxes",
     "bsp-wn:nodes=boxes",
     "kd:nodes=boxes,traversal=packet",
+    // Nodes that cut intervals.
+    "kd:nodes=wide,traversal=tile",
+    "kd:nodes=wide,traversal=packet",
+    "bsp-wn-plus-kd:nodes=wide,traversal=tile",
+    "bsp-wn-plus-kd:nodes=wide,traversal=packet",
+    "bvh-sah:width=4,traversal=tile",
+    "bvh-sah:width=2,traversal=packet",
+    "bih:traversal=tile",
+    "bih:traversal=packet,leaves=corners",
+    "bih1:traversal=tile",
+    "bih-n:n=8,traversal=tile",
+    "bih4:traversal=packet",
+    "bih-obl:traversal=tile",
+    "octree-param:traversal=tile",
+    "octree-param:traversal=packet",
+    "grid:traversal=tile",
+    "grid:traversal=packet",
 ];
 
 /// Bit patterns of the nearest hits, and whether each ray is occluded.

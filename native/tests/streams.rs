@@ -15,7 +15,7 @@ use halfspace::trace::stream::STREAM;
 use std::sync::Arc;
 
 /// Structures whose rays go in streams, one for each kind of nodes at least.
-const SPECS: [&str; 18] = [
+const SPECS: [&str; 19] = [
     "kd:traversal=stream",
     "bsp-wn-plus-kd:traversal=stream",
     "kd:nodes=wide,traversal=stream",
@@ -34,6 +34,7 @@ const SPECS: [&str; 18] = [
     "bih-n:n=8,traversal=stream",
     "bih-obl:traversal=stream",
     "octree-param:traversal=stream",
+    "grid:traversal=stream",
 ];
 
 fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {

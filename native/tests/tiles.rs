@@ -11,13 +11,18 @@ use halfspace::ray::frame::Frame;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::trace::tile::shadow::Shadows;
 
-const SPECS: [&str; 6] = [
+const SPECS: [&str; 11] = [
     "kd",
     "kd:nodes=boxes",
     "kd-sah:traversal=tile",
     "bsp-wn",
     "bsp-wn-plus-kd:traversal=tile16",
     "bvh-sah:traversal=tile",
+    "bsp-wn-plus-kd:nodes=wide,traversal=tile",
+    "bvh-sah:width=4,traversal=tile",
+    "bih:traversal=tile",
+    "octree-param:traversal=tile",
+    "grid:traversal=tile",
 ];
 
 fn blocked(structure: &impl Tracer, rays: &[Ray]) -> Vec<bool> {

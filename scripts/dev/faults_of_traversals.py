@@ -121,7 +121,7 @@ TRAVERSALS = (
     ),
     Fault(
         "all rays of a list crossing an oblique plane upwards",
-        f"{_STREAM}/planes.rs",
+        "native/trace/src/visits/planes.rs",
         "inv.simd_lt(splat(0.0))",
         "inv.simd_lt(splat(f32::NEG_INFINITY))",
         ("lib", "stream::tests::answers::streams_answer_like_brute_force_in_difficult_scenes"),

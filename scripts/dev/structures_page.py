@@ -42,6 +42,8 @@ structure with only one of them lacks the parameter. A `*` stands for all struct
 Former values of `traversal` stay accepted: `p16`, `p8`, `p4` for `packet`, `packet8`, `packet4`; `tile8` for `tile`;
 `wide` for `nodes=wide,traversal=flight`; `boxes` for `nodes=boxes,traversal=ordered`."""
 
+NO_GROUPS = "Packets, tiles and streams go through all nodes, but for:"
+
 Row = Mapping[str, Any]
 
 
@@ -82,6 +84,12 @@ def _traversals(rows: Sequence[Row]) -> str:
         for nodes, names in choices:
             whose = _whose(ids, every) if (nodes, names) == choices[0] else ""
             lines.append(f"| {whose} | `{nodes}` | {_ids(filter(None, names)) or 'one by one'} |")
+    lines += ["", NO_GROUPS, ""]
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        if row["no_groups"]:
+            reasons.setdefault(row["no_groups"], []).append(row["id"])
+    lines += [f"- {_whose(ids, every)}: {reason}." for reason, ids in reasons.items()]
     lines += ["", "| nodes | traversal | name | what it does |", "| --- | --- | --- | --- |"]
     for (nodes, name), way in known.items():
         lines.append(f"| `{nodes}` | `{name}` | {way['label']} | {cell(way['doc'])} |")

@@ -180,8 +180,28 @@ impl Blocks {
         }
         let from = at as usize;
         self.gather(scene, &self.words[from..from + 4 * n], buffer);
-        #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
-        (buffer, at + (4 * n) as u32)
+        (buffer, Self::after_indices(at, n))
+    }
+
+    /// Whether leaves are stored as [`Keep::Indices`].
+    #[inline(always)]
+    pub fn has_indices(&self) -> bool {
+        self.keep == Keep::Indices
+    }
+
+    /// Word offset behind `n` triangles stored as indices at word offset `at`.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
+    pub fn after_indices(at: u32, n: usize) -> u32 {
+        at + (4 * n) as u32
+    }
+
+    /// The block of `n` triangles stored as indices at word offset `at`, gathered from the scene.
+    #[inline(never)]
+    pub fn gathered(&self, scene: &Triangles, at: u32, n: usize) -> [f32; SPAN] {
+        let mut room = [0.0; SPAN];
+        self.load(scene, at, n, &mut room);
+        room
     }
 
     /// Returns the vertices, in the frame, of the triangle whose words begin at `from` and are `n` apart.

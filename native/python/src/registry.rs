@@ -113,6 +113,7 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
         ways.append(way(py, one)?)?;
     }
     dict.set_item("ways", ways)?;
+    dict.set_item("no_groups", spec.no_groups)?;
     Ok(dict)
 }
 

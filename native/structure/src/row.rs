@@ -34,6 +34,8 @@ pub struct StructureSpec {
     pub params: &'static [ParamSpec],
     /// All valid pairs of nodes and traversal; the first is the default.
     pub ways: &'static [Way],
+    /// Why neither packets nor tiles nor streams go through its nodes; empty where all of them do.
+    pub no_groups: &'static str,
     /// Builds it over the live triangles, in the current rayon pool.
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
 }

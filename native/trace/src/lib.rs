@@ -17,3 +17,4 @@ pub mod stack;
 pub mod stream;
 pub mod threads;
 pub mod tile;
+mod visits;

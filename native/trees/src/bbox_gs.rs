@@ -37,6 +37,7 @@ pub const SPEC: StructureSpec = StructureSpec {
             Kajiya 1986, Ray tracing complex scenes",
     params: PARAMS,
     ways: &WAYS,
+    no_groups: "a heap yields the nearest node of one ray, and each ray of a group would need its own",
     build: |scene, config, monitor| build(scene, config, monitor, Search::Greedy),
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Bounding interval hierarchies: one build, and a row for each form of the nodes (Wächter and Keller 2006).
 
-use crate::ways::{Streams, distinct, only_singly, singly_or_in_streams, traversal};
+use crate::ways::{distinct, every_way, only_singly, together, traversal};
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -26,7 +26,6 @@ use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
-use halfspace_trace::stream;
 use std::sync::Arc;
 
 /// Leaf size where a grid parts the triangles.
@@ -93,9 +92,9 @@ const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the boundi
                        Wächter 2008, Quasi-Monte Carlo light transport simulation by efficient ray tracing";
 
 /// Ways through intervals that two planes at most separate.
-pub const WAYS: [Way; 3] = singly_or_in_streams("intervals", "ordered");
+pub const WAYS: [Way; 5] = every_way("intervals", "ordered");
 
-const OPTIONS: [Named; 3] = distinct(&WAYS);
+const OPTIONS: [Named; 5] = distinct(&WAYS);
 
 /// Traversals of such intervals.
 pub const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
@@ -114,6 +113,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
             collision detection",
     params: &[TRAVERSAL, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
     ways: &WAYS,
+    no_groups: "",
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
@@ -189,11 +189,11 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
             |tree, leaves, _| {
-                let streams = Streams {
-                    closest: stream::kernel::single_intervals(tree, leaves),
-                    any: stream::kernel::shadow_single_intervals(tree, leaves),
-                };
-                streams.take_chosen(one_by_one(slabs::single_slabs(tree, leaves)), config.way())
+                let groups = together!(tree, leaves, single_intervals, shadow_single_intervals);
+                groups.plan(
+                    one_by_one(slabs::single_slabs(tree, leaves)),
+                    config.way().rays,
+                )
             },
         )
     },
@@ -243,6 +243,7 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
             Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",
     params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
     ways: &SINGLY,
+    no_groups: "each ray makes the boxes of its own path; groups that share the planes are those of bih",
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
@@ -320,11 +321,8 @@ fn one_by_one(kernel: Arc<dyn SingleRays>) -> Plan {
 
 /// The plan of trees of two planes a node.
 fn two_planes(config: &Config, tree: &Arc<SlabTree<Double>>, leaves: &Arc<Blocks>) -> Plan {
-    let streams = Streams {
-        closest: stream::kernel::intervals(tree, leaves),
-        any: stream::kernel::shadow_intervals(tree, leaves),
-    };
-    streams.take_chosen(one_by_one(slabs::slabs(tree, leaves)), config.way())
+    let groups = together!(tree, leaves, intervals, shadow_intervals);
+    groups.plan(one_by_one(slabs::slabs(tree, leaves)), config.way().rays)
 }
 
 fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> Result<Built> {
@@ -334,39 +332,30 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> R
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
             |tree, leaves, _| {
-                let streams = Streams {
-                    closest: stream::kernel::intervals2(tree, leaves),
-                    any: stream::kernel::shadow_intervals2(tree, leaves),
-                };
-                streams.take_chosen(
+                let groups = together!(tree, leaves, intervals2, shadow_intervals2);
+                groups.plan(
                     one_by_one(wide_slabs::wide_slabs2(tree, leaves)),
-                    config.way(),
+                    config.way().rays,
                 )
             },
         ),
         4 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
             |tree, leaves, _| {
-                let streams = Streams {
-                    closest: stream::kernel::intervals4(tree, leaves),
-                    any: stream::kernel::shadow_intervals4(tree, leaves),
-                };
-                streams.take_chosen(
+                let groups = together!(tree, leaves, intervals4, shadow_intervals4);
+                groups.plan(
                     one_by_one(wide_slabs::wide_slabs4(tree, leaves)),
-                    config.way(),
+                    config.way().rays,
                 )
             },
         ),
         _ => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
             |tree, leaves, _| {
-                let streams = Streams {
-                    closest: stream::kernel::intervals8(tree, leaves),
-                    any: stream::kernel::shadow_intervals8(tree, leaves),
-                };
-                streams.take_chosen(
+                let groups = together!(tree, leaves, intervals8, shadow_intervals8);
+                groups.plan(
                     one_by_one(wide_slabs::wide_slabs8(tree, leaves)),
-                    config.way(),
+                    config.way().rays,
                 )
             },
         ),

@@ -4,7 +4,7 @@
 
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;
-use crate::ways::Streams;
+use crate::ways::together;
 use crate::{bih, objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -19,7 +19,6 @@ use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
-use halfspace_trace::stream;
 use std::sync::Arc;
 
 const COSTS: Costs = Costs::BLOCKS;
@@ -72,6 +71,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_MAX,
     ],
     ways: &bih::WAYS,
+    no_groups: "",
     build,
 };
 
@@ -95,11 +95,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
     let (tree, shape) = (Arc::new(tree), built.shape());
     let plan = Plan::single("intervals", "intervals", slanted_rays(&tree, &leaves));
-    let streams = Streams {
-        closest: stream::kernel::slanted(&tree, &leaves),
-        any: stream::kernel::shadow_slanted(&tree, &leaves),
-    };
-    let plan = streams.take_chosen(plan, config.way());
+    let groups = together!(&tree, &leaves, slanted, shadow_slanted);
+    let plan = groups.plan(plan, config.way().rays);
     let mut built = objects::built(config, frame, tree, leaves, plan, shape);
     if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
         let reason = "oblique planes: those along the axes were cheaper everywhere";

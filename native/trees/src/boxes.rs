@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversals of nodes of eight boxes: those of a box hierarchy, and those made from split planes.
 
-use crate::ways::{Streams, Traversal, way};
+use crate::ways::{Pair, Traversal, in_packets, in_streams, in_tiles, way};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_ray::query::Closest;
@@ -67,30 +67,17 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
         },
     },
     Traversal {
-        way: way(
-            "boxes",
-            "stream",
-            "Streams",
-            Rays::Stream,
-            "in streams, which visit each node once for all rays that meet it",
-        ),
+        way: in_streams("boxes"),
         plan: |boxes| {
-            let streams = Streams {
+            let streams = Pair {
                 closest: stream::kernel::boxes(&boxes.tree, &boxes.leaves),
                 any: stream::kernel::shadow_boxes(&boxes.tree, &boxes.leaves),
             };
-            streams.take_all(boxes.singly())
+            streams.take_all(boxes.singly(), Rays::Stream)
         },
     },
     Traversal {
-        way: way(
-            "boxes",
-            "tile",
-            "Tiles of 64",
-            Rays::Tile,
-            "camera rays in tiles of 64, shadow rays of one light in tiles of 64 from the light; tiles whose rays diverge \
-             are split into packets",
-        ),
+        way: in_tiles("boxes"),
         plan: |boxes| {
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
             boxes.in_tiles(tiles)
@@ -110,13 +97,7 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
         },
     },
     Traversal {
-        way: way(
-            "boxes",
-            "packet",
-            "Packets of 16",
-            Rays::Packet,
-            "packets of 16 rays, one to a lane, shadow rays too",
-        ),
+        way: in_packets("boxes"),
         plan: |boxes| {
             let shadow = packet::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             boxes.packets(16).with_any(Rays::Packet, shadow)

@@ -27,6 +27,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Whitted 1980, An improved illumination model for shaded display",
     params: &[],
     ways: &WAYS,
+    no_groups: "there are no nodes to share",
     build,
 };
 

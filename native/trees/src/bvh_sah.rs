@@ -3,7 +3,7 @@
 //! ordered traversal. The yardstick of all other structures.
 
 use crate::boxes::{self, Boxes};
-use crate::ways::{Streams, all, chosen, distinct, traversal};
+use crate::ways::{all, chosen, distinct, together, traversal};
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -23,7 +23,6 @@ use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
-use halfspace_trace::stream;
 use std::sync::Arc;
 
 /// The registry's row.
@@ -45,6 +44,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_MAX,
     ],
     ways: &WAYS,
+    no_groups: "",
     build,
 };
 
@@ -64,7 +64,7 @@ const WIDTH: ParamSpec = ParamSpec {
     group: Group::Main,
     needs: &[Need {
         key: "traversal",
-        only: Only::Options(&["auto", "ordered", "stream"]),
+        only: Only::Options(&["auto", "ordered", "stream", "tile", "packet"]),
     }],
 };
 
@@ -83,21 +83,17 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         "2" => order.lay_out(
             |tree| tree,
             |tree, leaves| {
-                let streams = Streams {
-                    closest: stream::kernel::boxes2(tree, leaves),
-                    any: stream::kernel::shadow_boxes2(tree, leaves),
-                };
-                Ok(streams.take_chosen(ordered(boxes2(tree, leaves)), config.way()))
+                let single = ordered(boxes2(tree, leaves));
+                let groups = together!(tree, leaves, boxes2, shadow_boxes2);
+                Ok(groups.plan(single, config.way().rays))
             },
         ),
         "4" => order.lay_out(
             |tree| tree,
             |tree, leaves| {
-                let streams = Streams {
-                    closest: stream::kernel::boxes4(tree, leaves),
-                    any: stream::kernel::shadow_boxes4(tree, leaves),
-                };
-                Ok(streams.take_chosen(ordered(boxes4(tree, leaves)), config.way()))
+                let single = ordered(boxes4(tree, leaves));
+                let groups = together!(tree, leaves, boxes4, shadow_boxes4);
+                Ok(groups.plan(single, config.way().rays))
             },
         ),
         _ => {

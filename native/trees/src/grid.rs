@@ -2,7 +2,7 @@
 //! The uniform grid: equal cells, each with the triangles that reach into it, and no tree at all.
 
 use crate::params;
-use crate::ways::only_singly;
+use crate::ways::{distinct, every_way, together, traversal};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::grid;
@@ -13,14 +13,18 @@ use halfspace_nodes::shape::{Measure, Shape};
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, ParamSpec, SHADOW, StructureSpec};
+use halfspace_structure::row::{Group, Kind, Named, ParamSpec, SHADOW, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single;
 use std::sync::Arc;
 
-const WAYS: [Way; 1] = only_singly("cells");
+const WAYS: [Way; 5] = every_way("cells", "steps");
+
+const OPTIONS: [Named; 5] = distinct(&WAYS);
+
+const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -32,8 +36,9 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
     // Not a tree: no beam of shadow rays goes down in it.
-    params: &[DENSITY, params::ROBUST, SHADOW],
+    params: &[DENSITY, TRAVERSAL, params::ROBUST, SHADOW],
     ways: &WAYS,
+    no_groups: "",
     build,
 };
 
@@ -84,6 +89,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     }
     let (tree, leaves) = (Arc::new(grid), Arc::new(blocks));
     let plan = Plan::single("cells", "steps", single::grid::grid(&tree, &leaves));
+    let groups = together!(&tree, &leaves, cells, shadow_cells);
+    let plan = groups.plan(plan, config.way().rays);
     Ok(Built {
         frame: frame.with_robust(config.robust()),
         tree: Some(tree),

@@ -42,6 +42,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LAZY,
     ],
     ways: AXIS_WAYS,
+    no_groups: "",
     build,
 };
 

@@ -34,6 +34,7 @@ pub const SPACE: StructureSpec = StructureSpec {
         params::MAX_DEPTH,
     ],
     ways: AXIS_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| build(scene, config, monitor, Halves::Space),
 };
 

@@ -37,6 +37,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::MAX_DEPTH,
     ],
     ways: AXIS_WAYS,
+    no_groups: "",
     build,
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way from a cell to the next.
 
-use crate::ways::{Streams, distinct, only_singly, singly_or_in_streams, traversal, way};
+use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::octree::{self, Params};
@@ -15,8 +15,8 @@ use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, Struct
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
+use halfspace_trace::beam;
 use halfspace_trace::single::octants::{glassner, net, param, samet};
-use halfspace_trace::{beam, stream};
 use std::sync::Arc;
 
 /// Depth limit.
@@ -103,9 +103,9 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
 };
 
 /// Ways from the root down.
-const FROM_ROOT: [Way; 3] = singly_or_in_streams("octants", "param");
+const FROM_ROOT: [Way; 5] = every_way("octants", "param");
 
-const FROM_ROOT_OPTIONS: [Named; 3] = distinct(&FROM_ROOT);
+const FROM_ROOT_OPTIONS: [Named; 5] = distinct(&FROM_ROOT);
 
 const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(&FROM_ROOT_OPTIONS);
 
@@ -143,6 +143,7 @@ pub const PARAM: StructureSpec = StructureSpec {
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
     params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
     ways: &FROM_ROOT,
+    no_groups: "",
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::FromRoot),
 };
 
@@ -165,6 +166,7 @@ pub const NET: StructureSpec = StructureSpec {
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
+    no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Links),
     ..PARAM
 };
@@ -184,6 +186,7 @@ pub const BEAM: StructureSpec = StructureSpec {
         BEAM_LEAST,
     ],
     ways: &BEAM_WAYS,
+    no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Beams),
     ..PARAM
 };
@@ -197,6 +200,7 @@ pub const SAMET: StructureSpec = StructureSpec {
     paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
+    no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Ascent),
     ..PARAM
 };
@@ -210,6 +214,7 @@ pub const GLASSNER: StructureSpec = StructureSpec {
     paper: "Glassner 1984, Space subdivision for fast ray tracing",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
+    no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Location),
     ..PARAM
 };
@@ -278,11 +283,8 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
         plan = plan.with_tiles(Rays::Beam, beam::kernel::octants(tree, leaves, least));
     }
     if traversal == Traversal::FromRoot {
-        let streams = Streams {
-            closest: stream::kernel::octants(tree, leaves),
-            any: stream::kernel::shadow_octants(tree, leaves),
-        };
-        plan = streams.take_chosen(plan, config.way());
+        let groups = together!(tree, leaves, octants, shadow_octants);
+        plan = groups.plan(plan, config.way().rays);
     }
     let beams = match traversal {
         Traversal::FromRoot => beam::kernel::shadow_param,

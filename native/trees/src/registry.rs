@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use halfspace_structure::row::{Kind, Only, ParamSpec};
     use halfspace_structure::spec::Value;
-    use halfspace_structure::way::{NODES, TRAVERSAL};
+    use halfspace_structure::way::{NODES, Rays, TRAVERSAL};
 
     #[test]
     fn ids_and_codes_are_unique_and_defaults_lie_in_their_ranges() {
@@ -134,6 +134,24 @@ mod tests {
         assert_eq!(config.canonical(), "kd:traversal=dir,max_depth=20");
         assert_eq!(parse("kd").unwrap().canonical(), "kd");
         assert_eq!(parse("kd:traversal=auto").unwrap().canonical(), "kd");
+    }
+
+    /// Packets, tiles and streams go through each kind of nodes, or the row has the reason why they do not.
+    #[test]
+    fn groups_go_through_all_nodes_or_a_reason_is_given() {
+        let mut alone = 0;
+        for tree in TREES {
+            for nodes in tree.ways.iter().map(|way| way.nodes) {
+                let offered = [Rays::Packet, Rays::Tile, Rays::Stream].map(|rays| {
+                    let mut ways = tree.ways.iter();
+                    ways.any(|way| way.nodes == nodes && way.rays == rays)
+                });
+                let wanted = [tree.no_groups.is_empty(); 3];
+                assert_eq!(offered, wanted, "{} through {nodes}", tree.id);
+            }
+            alone += usize::from(!tree.no_groups.is_empty());
+        }
+        assert!(alone < TREES.len() / 4, "{alone} trees without groups");
     }
 
     #[test]
@@ -238,8 +256,8 @@ mod tests {
                 "alpha=2 has no effect in 'bsp-wn-plus-kd' with k=3; it needs k above 3",
             ),
             (
-                "bvh-sah:width=4,traversal=packet",
-                "width=4 has no effect in 'bvh-sah' with traversal=packet",
+                "bvh-sah:width=4,traversal=packet8",
+                "width=4 has no effect in 'bvh-sah' with traversal=packet8",
             ),
             ("bsp-wn:step_cost=3", "'bsp-wn' has no key 'step_cost'"),
         ] {

@@ -42,46 +42,121 @@ pub const fn only_singly(nodes: &'static str) -> [Way; 1] {
     [way(nodes, "", "One by One", Rays::Single, "one by one")]
 }
 
-/// The ways through nodes that single rays and streams traverse. `single` is the name of the traversal of single rays.
-pub const fn singly_or_in_streams(nodes: &'static str, single: &'static str) -> [Way; 3] {
+/// All ways through nodes that one traversal of single rays and groups of rays of every kind go through. `single` is the
+/// name of the traversal of single rays.
+pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
     [
         way(
             nodes,
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays one by one, other rays in streams",
+            "the quickest for each batch: camera rays in tiles, other rays in streams",
         ),
         way(nodes, single, "One by One", Rays::Single, "one by one"),
-        way(
-            nodes,
-            "stream",
-            "Streams",
-            Rays::Stream,
-            "in streams, which visit each node once for all rays that meet it",
-        ),
+        in_tiles(nodes),
+        in_packets(nodes),
+        in_streams(nodes),
     ]
 }
 
-/// The kernels of streams through a tree.
-pub struct Streams {
+/// Tiles of 64 through `nodes`.
+pub const fn in_tiles(nodes: &'static str) -> Way {
+    way(
+        nodes,
+        "tile",
+        "Tiles of 64",
+        Rays::Tile,
+        "camera rays in tiles of 64, shadow rays of one light in tiles of 64 from the light; tiles whose rays diverge \
+         are split into packets",
+    )
+}
+
+/// Packets of 16 through `nodes`.
+pub const fn in_packets(nodes: &'static str) -> Way {
+    way(
+        nodes,
+        "packet",
+        "Packets of 16",
+        Rays::Packet,
+        "packets of 16 rays, one to a lane, shadow rays too",
+    )
+}
+
+/// Streams through `nodes`.
+pub const fn in_streams(nodes: &'static str) -> Way {
+    way(
+        nodes,
+        "stream",
+        "Streams",
+        Rays::Stream,
+        "in streams, which visit each node once for all rays that meet it",
+    )
+}
+
+/// The kernels of one way of sending rays.
+pub struct Pair {
     /// Nearest hits.
     pub closest: Arc<dyn Kernel<Closest>>,
     /// Any hits.
     pub any: Arc<dyn Kernel<Any>>,
 }
 
-impl Streams {
-    /// Sends all rays to the streams.
-    pub fn take_all(self, plan: Plan) -> Plan {
-        (plan.with_closest(Rays::Stream, self.closest)).with_any(Rays::Stream, self.any)
+impl Pair {
+    /// Sends all rays to these kernels.
+    pub fn take_all(self, plan: Plan, rays: Rays) -> Plan {
+        (plan.with_closest(rays, self.closest)).with_any(rays, self.any)
     }
+}
 
-    /// The plan of one of the ways of [`singly_or_in_streams`].
-    pub fn take_chosen(self, plan: Plan, way: &Way) -> Plan {
-        match way.rays {
-            Rays::Single => plan,
-            _ => self.take_all(plan),
+/// The kernels of rays that go through a tree together.
+pub struct Together {
+    /// Tiles of 64.
+    pub tiles: Pair,
+    /// Packets of 16.
+    pub packets: Pair,
+    /// Streams.
+    pub streams: Pair,
+}
+
+/// Makes the kernels of [`Together`] by the names that they have in packets, tiles and streams.
+macro_rules! together {
+    ($tree:expr, $leaves:expr, $closest:ident, $shadow:ident) => {{
+        use halfspace_trace::{packet, stream, tile};
+        $crate::ways::Together {
+            tiles: $crate::ways::Pair {
+                closest: tile::kernel::$closest($tree, $leaves),
+                any: tile::kernel::$shadow($tree, $leaves),
+            },
+            packets: $crate::ways::Pair {
+                closest: packet::kernel::$closest($tree, $leaves),
+                any: packet::kernel::$shadow($tree, $leaves),
+            },
+            streams: $crate::ways::Pair {
+                closest: stream::kernel::$closest($tree, $leaves),
+                any: stream::kernel::$shadow($tree, $leaves),
+            },
+        }
+    }};
+}
+pub(crate) use together;
+
+impl Together {
+    /// The plan of one of the ways of [`every_way`]; `single` is that of single rays.
+    pub fn plan(self, single: Plan, rays: Rays) -> Plan {
+        let Self {
+            tiles,
+            packets,
+            streams,
+        } = self;
+        match rays {
+            Rays::Tile => (single.with_tiles(rays, tiles.closest)).with_any(rays, tiles.any),
+            Rays::Packet => packets.take_all(single, rays),
+            Rays::Stream => streams.take_all(single, rays),
+            Rays::Auto => {
+                (streams.take_all(single, Rays::Stream)).with_tiles(Rays::Tile, tiles.closest)
+            }
+            Rays::Single | Rays::Flight | Rays::Beam => single,
         }
     }
 }

@@ -2,7 +2,7 @@
 //! Loops over tiles, packets and beams: groups of consecutive rays that are traced together.
 
 use crate::batch::{Launch, baseline};
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::query::{Count, Counters, NoCount};
 use halfspace_ray::{Hit, RayCounters, RaySlice};
@@ -34,7 +34,26 @@ pub trait TileTraversal: Sync {
 impl Launch<'_> {
     /// Traces the rays tile by tile without counting; passes each hit to `write`.
     pub fn quick_tiles<T: TileTraversal>(&self, traversal: &T, mut write: impl FnMut(usize, Hit)) {
-        dispatch!(self.level, simd => self.each_tile(simd, traversal, &mut write, |_| NoCount));
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.level.as_avx512() {
+            simd.vectorize(
+                #[inline(always)]
+                || self.each_tile(simd, traversal, &mut write, |_| NoCount),
+            );
+        } else if let Some(simd) = self.level.as_avx2() {
+            simd.vectorize(
+                #[inline(always)]
+                || self.each_tile(simd, traversal, &mut write, |_| NoCount),
+            );
+        } else {
+            // Processors with neither take the counting version, which is compiled for them anyway.
+            let mut unused = vec![RayCounters::default(); self.rays.len()];
+            self.tiles(traversal, write, Some(&mut unused));
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        fearless_simd::dispatch!(self.level, simd => {
+            self.each_tile(simd, traversal, &mut write, |_| NoCount);
+        });
     }
 
     /// Traces the rays tile by tile; passes each hit to `write`. `counters`: one per ray, or none.

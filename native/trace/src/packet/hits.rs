@@ -7,7 +7,7 @@ use crate::tile::verdict::{apart, gathered};
 use crate::tile::{Candidate, Deferred, Limits, Quotient, StoredTriangle, bits, load};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 use halfspace_geom::verdict::verdict_within;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::Job;
 use halfspace_ray::frame::PRUNE;
 use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{HitKey, Ray};
@@ -40,7 +40,7 @@ impl Packet {
             let i = open.trailing_zeros() as usize % MOST;
             open &= open - 1;
             counters[self.places[i]].verdict();
-            self.verdict::<Q>(&input.rays[self.places[i]], i, triangle, input.blocks);
+            self.verdict::<Q>(&input.rays[self.places[i]], i, triangle, input.job());
         }
     }
 
@@ -85,15 +85,9 @@ impl Packet {
 
     /// Applies the exact verdict to one ray's candidate and takes the hit if it precedes the best one.
     #[inline(never)]
-    fn verdict<Q: Query>(
-        &mut self,
-        ray: &Ray,
-        i: usize,
-        triangle: StoredTriangle,
-        blocks: &Blocks,
-    ) {
+    fn verdict<Q: Query>(&mut self, ray: &Ray, i: usize, triangle: StoredTriangle, job: Job<'_>) {
         let (best, id) = (self.t[i], triangle.id);
-        let corners = triangle.corners(blocks);
+        let corners = triangle.corners(job);
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };
@@ -148,11 +142,11 @@ impl Packet {
     fn decide_lanes<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        Input { blocks, rays, .. }: Input<'_>,
+        input: Input<'_>,
         counters: &mut [C],
     ) {
         let lanes = self.deferred.lanes[0];
-        let corners = gathered(blocks, &self.deferred, 0);
+        let corners = gathered(input.job(), &self.deferred, 0);
         let to_scene = self.to_frame.map(|x| 1.0 / f64::from(x));
         // Compute all distances and weights in f64 lanes, with a mask of those that are certainly rounded
         // right.
@@ -171,7 +165,7 @@ impl Packet {
             } else {
                 // f64 is not certain: compute this hit exactly.
                 let triangle = self.deferred.triangle(0, i);
-                self.verdict::<Q>(&rays[self.places[i]], i, triangle, blocks);
+                self.verdict::<Q>(&input.rays[self.places[i]], i, triangle, input.job());
             }
         }
         self.deferred = Deferred::none();

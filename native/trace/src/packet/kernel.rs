@@ -91,6 +91,25 @@ pub fn boxes(
     nearest(tree, leaves, rays)
 }
 
+/// Defines two functions that make the kernels of packets of 16 rays through a tree, for nearest hits and for any hits.
+macro_rules! packets {
+    ($(#[$doc:meta])* fn $closest:ident, $shadow:ident($tree:ty)) => {
+        #[doc = "Nearest hits by packets of 16 rays"]
+        $(#[$doc])*
+        pub fn $closest(tree: &Arc<$tree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+            Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
+        }
+
+        #[doc = "Any hits by packets of 16 rays"]
+        $(#[$doc])*
+        pub fn $shadow(tree: &Arc<$tree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+            Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
+        }
+    };
+}
+
+crate::visits::kernels_of_all_nodes!(packets);
+
 /// Any hits by packets of 16 rays through split planes.
 pub fn shadow_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
     Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))

@@ -16,7 +16,7 @@ use crate::packet::{MOST, Packet, Width, load, load3, store};
 use crate::tile::{Candidate, Quotient, StoredTriangle};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_leaf::Leaf;
-use halfspace_leaf::blocks::LANES as WIDE;
+use halfspace_leaf::blocks::{Blocks, LANES as WIDE};
 use halfspace_ray::query::{Counters, Query};
 
 /// The rays that are active in a leaf's cell.
@@ -188,7 +188,13 @@ fn each<S: Simd, Q: Query, C: Counters, L: Width>(
     let (mut at, mut left) = (leaf.first, leaf.count);
     while left > 0 {
         let n = left.min(WIDE);
-        let (block, next) = input.blocks.block(at, n);
+        let gathered;
+        let (block, next) = if input.blocks.has_indices() {
+            gathered = input.blocks.gathered(input.scene, at, n);
+            (&gathered, Blocks::after_indices(at, n))
+        } else {
+            input.blocks.block(at, n)
+        };
         // Test eight triangles against the box of the fan, if there is one.
         let triangles = prepare(simd, packet, farthest, block, n);
         let mut kept = triangles.kept;
@@ -202,12 +208,7 @@ fn each<S: Simd, Q: Query, C: Counters, L: Width>(
                 continue;
             }
             // Hand the candidates over, and continue with the shorter reaches.
-            let from = at as usize + 1 + lane;
-            let triangle = StoredTriangle {
-                id: input.blocks.id_at(from, n),
-                at: from,
-                stride: n,
-            };
+            let triangle = StoredTriangle::new(input.blocks, block, at, n, lane);
             let candidate = tested.candidate::<Q, C>(simd, open, &triangles, lane, triangle);
             packet.offer::<S, Q, C>(simd, input, &candidate, counters);
             if Q::ANY {

@@ -12,6 +12,7 @@
 pub mod boxes;
 pub mod kernel;
 pub mod leaf;
+pub mod nodes;
 pub mod planes;
 pub mod traversal;
 

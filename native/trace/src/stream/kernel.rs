@@ -6,13 +6,7 @@ use crate::kernel::{Kernel, store};
 use crate::stream::Steps;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
-use halfspace_nodes::octree_nodes::Octree;
 use halfspace_nodes::plane_tree::PlaneTree;
-use halfspace_nodes::slab_node::{Double, Single};
-use halfspace_nodes::slab_tree::SlabTree;
-use halfspace_nodes::slab_wide::WideSlabs;
-use halfspace_nodes::slant_tree::SlantTree;
-use halfspace_nodes::wide_tree::WideTree;
 use halfspace_ray::RayCounters;
 use halfspace_ray::query::{Any, Closest, Query};
 use std::fmt::Debug;
@@ -83,56 +77,8 @@ streams! {
 }
 
 streams! {
-    /// through nodes of four boxes.
-    fn boxes4, shadow_boxes4(BoxTree<4>)
-}
-
-streams! {
-    /// through nodes of two boxes.
-    fn boxes2, shadow_boxes2(BoxTree<2>)
-}
-
-streams! {
     /// through split planes.
     fn planes, shadow_planes(PlaneTree)
 }
 
-streams! {
-    /// through wide nodes of split planes.
-    fn wide_planes, shadow_wide_planes(WideTree)
-}
-
-streams! {
-    /// through intervals, two planes to a node.
-    fn intervals, shadow_intervals(SlabTree<Double>)
-}
-
-streams! {
-    /// through intervals, one plane to a node.
-    fn single_intervals, shadow_single_intervals(SlabTree<Single>)
-}
-
-streams! {
-    /// through nodes of two intervals.
-    fn intervals2, shadow_intervals2(WideSlabs<2>)
-}
-
-streams! {
-    /// through nodes of four intervals.
-    fn intervals4, shadow_intervals4(WideSlabs<4>)
-}
-
-streams! {
-    /// through nodes of eight intervals.
-    fn intervals8, shadow_intervals8(WideSlabs<8>)
-}
-
-streams! {
-    /// through intervals along any of thirteen directions.
-    fn slanted, shadow_slanted(SlantTree)
-}
-
-streams! {
-    /// through octrees.
-    fn octants, shadow_octants(Octree)
-}
+crate::visits::kernels_of_all_nodes!(streams);

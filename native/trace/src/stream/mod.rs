@@ -19,18 +19,11 @@
 pub mod kernel;
 
 mod boxes;
-mod few_boxes;
 mod intervals;
 mod lists;
-mod octants;
-mod planes;
 mod prepare;
 mod ray_state;
-mod slabs;
-mod slanted;
 mod traversal;
-mod wide_planes;
-mod wide_slabs;
 
 use fearless_simd::Simd;
 use halfspace_leaf::Leaf;

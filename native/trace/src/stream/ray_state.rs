@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The state of each ray in a stream.
 
+use crate::visits::{FAR, INV, NEAR, REACH};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min_each};
 use halfspace_leaf::Block;
@@ -8,13 +9,6 @@ use halfspace_leaf::candidates::{Candidates, Edges};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{BoundedRay, FrameRay, Ray, RayRef};
 use prefetch_index::prefetch_index;
-
-/// Positions in a row of [`Line::axes`]: the reciprocal direction, the terms added for planes of entry and of exit
-/// ([`crate::slabs::Slabs`]), and the reach.
-pub const INV: usize = 0;
-pub const NEAR: usize = 1;
-pub const FAR: usize = 2;
-pub const REACH: usize = 3;
 
 /// What tests of axis planes need of a ray: one row of four numbers per axis, so that one load gets all that a plane
 /// needs, and the start of its interval.

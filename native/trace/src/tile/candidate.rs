@@ -2,7 +2,8 @@
 //! Candidates: triangles that the f32 tests of a leaf could not rule out for some rays of a row.
 
 use fearless_simd::{Simd, f32x16};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::Job;
+use halfspace_leaf::blocks::{Blocks, SPAN};
 
 /// A triangle in the blocks of the leaves.
 #[derive(Debug, Clone, Copy)]
@@ -11,15 +12,38 @@ pub struct StoredTriangle {
     pub id: u32,
     /// Position of its first word.
     pub at: usize,
-    /// Distance between its words.
+    /// Distance between its words; 0 for a triangle stored as indices.
     pub stride: usize,
 }
 
 impl StoredTriangle {
-    /// The three vertices.
+    /// The triangle in `lane` of a block of `n` at word offset `at`.
     #[inline(always)]
-    pub fn corners(self, blocks: &Blocks) -> [[f32; 3]; 3] {
-        blocks.corners_at(self.at, self.stride)
+    pub fn new(blocks: &Blocks, block: &[f32; SPAN], at: u32, n: usize, lane: usize) -> Self {
+        let id = block[1 + 9 * n + lane].to_bits();
+        let at = at as usize;
+        if blocks.has_indices() {
+            return Self {
+                id,
+                at: at + 4 * lane,
+                stride: 0,
+            };
+        }
+        Self {
+            id,
+            at: at + 1 + lane,
+            stride: n,
+        }
+    }
+
+    /// The three vertices, for rays in the scene's own frame.
+    #[inline(always)]
+    pub fn corners(self, job: Job<'_>) -> [[f32; 3]; 3] {
+        if self.stride == 0 {
+            job.scene.corners(self.id)
+        } else {
+            job.blocks.corners_at(self.at, self.stride)
+        }
     }
 }
 

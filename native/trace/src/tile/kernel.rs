@@ -93,6 +93,25 @@ fn light<T>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> LightTiles<T> {
     }
 }
 
+/// Defines two functions that make the kernels of tiles of 64 through a tree, for camera rays and for shadow rays.
+macro_rules! tiles {
+    ($(#[$doc:meta])* fn $closest:ident, $shadow:ident($tree:ty)) => {
+        #[doc = "Camera rays in tiles of 64"]
+        $(#[$doc])*
+        pub fn $closest(tree: &Arc<$tree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+            Arc::new(camera::<_, 4>(tree, leaves))
+        }
+
+        #[doc = "Shadow rays in tiles of 64"]
+        $(#[$doc])*
+        pub fn $shadow(tree: &Arc<$tree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+            Arc::new(light(tree, leaves))
+        }
+    };
+}
+
+crate::visits::kernels_of_all_nodes!(tiles);
+
 /// Camera rays in tiles of 64 through split planes.
 pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
     Arc::new(camera::<_, 4>(tree, leaves))

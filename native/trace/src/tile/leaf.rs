@@ -29,7 +29,7 @@ use crate::tile::prepare::{Corners, Prepared, prepare};
 use crate::tile::{Candidate, Quotient, StoredTriangle, Tile, bits, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x16, mask32x4};
 use halfspace_leaf::Leaf;
-use halfspace_leaf::blocks::LANES as WIDE;
+use halfspace_leaf::blocks::{Blocks, LANES as WIDE};
 use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
 
@@ -110,7 +110,13 @@ fn each<S: Simd, C: Counters, const R: usize>(
     let (mut at, mut left) = (leaf.first, leaf.count);
     while left > 0 {
         let n = left.min(WIDE);
-        let (block, next) = input.blocks.block(at, n);
+        let gathered;
+        let (block, next) = if input.blocks.has_indices() {
+            gathered = input.blocks.gathered(input.scene, at, n);
+            (&gathered, Blocks::after_indices(at, n))
+        } else {
+            input.blocks.block(at, n)
+        };
         // Test eight triangles against the pyramid, then each remaining one against the rows.
         let eight = prepare(simd, tile, inside.leave, block, n);
         let mut open = eight.kept;
@@ -118,15 +124,10 @@ fn each<S: Simd, C: Counters, const R: usize>(
         while open != 0 {
             let lane = open.trailing_zeros() as usize % WIDE;
             open &= open - 1;
-            let from = at as usize + 1 + lane;
             let one = One {
                 eight: &eight,
                 lane,
-                stored: StoredTriangle {
-                    id: input.blocks.id_at(from, n),
-                    at: from,
-                    stride: n,
-                },
+                stored: StoredTriangle::new(input.blocks, block, at, n, lane),
             };
             test_rays(simd, input, &one, inside, tile, resolver, counters);
         }

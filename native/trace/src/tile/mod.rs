@@ -10,6 +10,7 @@ pub mod boxes;
 pub mod kernel;
 pub mod leaf;
 pub mod nearest;
+pub mod nodes;
 pub mod planes;
 pub mod shadow;
 pub mod traversal;

@@ -51,7 +51,7 @@ impl<const R: usize> Resolver<R> for Nearest {
         if open.count_ones() > FEW {
             let known = self.last.filter(|(at, _)| *at == triangle.at);
             let (_, from) = known.unwrap_or_else(|| {
-                let corners = triangle.corners(input.blocks);
+                let corners = triangle.corners(input.job());
                 (triangle.at, FromOrigin::new(tile.o, corners))
             });
             self.last = Some((triangle.at, from));
@@ -61,7 +61,7 @@ impl<const R: usize> Resolver<R> for Nearest {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
             let ray = &input.rays[ray_index(row, lane)];
-            tile.offer(ray, row, lane, triangle, input.blocks);
+            tile.offer(ray, row, lane, triangle, input.job());
         }
         count(open, row, counters);
     }
@@ -99,7 +99,7 @@ pub fn decide_deferred<S: Simd, C: Counters, const R: usize>(
 #[inline(always)]
 fn decide_rows<S: Simd, C: Counters, const R: usize>(
     simd: S,
-    Input { blocks, rays, .. }: Input<'_>,
+    input: Input<'_>,
     tile: &mut Tile<R>,
     counters: &mut [C],
 ) {
@@ -110,12 +110,13 @@ fn decide_rows<S: Simd, C: Counters, const R: usize>(
             continue;
         }
         // Decide a row in f64 lanes as far as certain, the rest exactly.
-        let mut doubtful = each(simd, blocks, tile, row, &mut last);
+        let mut doubtful = each(simd, input.job(), tile, row, &mut last);
         while doubtful != 0 {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
             let triangle = tile.deferred.triangle(row, lane);
-            tile.offer(&rays[ray_index(row, lane)], row, lane, triangle, blocks);
+            let ray = &input.rays[ray_index(row, lane)];
+            tile.offer(ray, row, lane, triangle, input.job());
         }
         count(lanes, row, counters);
     }

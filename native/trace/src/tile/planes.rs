@@ -73,13 +73,22 @@ impl<A: Copy> Stack<A> {
 
 /// A plane as a tile meets it.
 #[derive(Clone, Copy)]
-struct Cut {
+pub(super) struct Cut {
     /// The child that holds the origin.
-    near: u32,
+    pub near: u32,
     /// Mask of the children that are empty leaves.
     empty: u32,
     /// Distances between which the rays cross the plane.
-    crossing: Interval,
+    pub crossing: Interval,
+}
+
+impl Cut {
+    /// The cut by a plane of unknown position.
+    pub const NONE: Self = Self {
+        near: 0,
+        empty: 0,
+        crossing: ANYWHERE,
+    };
 }
 
 /// Traverses the tree with a tile; returns whether it finished within its budget. Steps and leaves are counted for the
@@ -211,7 +220,7 @@ const ANYWHERE: Interval = Interval {
 /// The cut of a tile by an axis plane: the crossings are bounded by those of the fastest and the slowest ray;
 /// near the plane, by nothing.
 #[inline(always)]
-fn across<const R: usize>(
+pub(super) fn across<const R: usize>(
     tile: &Tile<R>,
     axis: usize,
     split: f32,
@@ -239,14 +248,14 @@ fn across<const R: usize>(
 
 /// A plane `normal . x = offset`.
 #[derive(Clone, Copy)]
-struct Plane {
-    normal: [f32; 3],
-    offset: f32,
+pub(super) struct Plane {
+    pub normal: [f32; 3],
+    pub offset: f32,
 }
 
 /// The cut of a tile by an oblique plane.
 #[inline(always)]
-fn oblique<S: Simd, const R: usize>(
+pub(super) fn oblique<S: Simd, const R: usize>(
     simd: S,
     tile: &Tile<R>,
     Plane { normal, offset }: Plane,

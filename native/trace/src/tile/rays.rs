@@ -4,7 +4,7 @@
 use crate::tile::{Deferred, LANES, Pyramid, Row, StoredTriangle, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 use halfspace_geom::verdict::verdict_within;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::Job;
 use halfspace_ray::frame::PRUNE;
 use halfspace_ray::{Hit, HitKey, Interval, Ray};
 
@@ -124,10 +124,10 @@ impl<const R: usize> Tile<R> {
         row: usize,
         lane: usize,
         triangle: StoredTriangle,
-        blocks: &Blocks,
+        job: Job<'_>,
     ) {
         let (best, id) = (self.t[row][lane], triangle.id);
-        let corners = triangle.corners(blocks);
+        let corners = triangle.corners(job);
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };

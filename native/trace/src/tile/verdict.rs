@@ -7,7 +7,7 @@ use crate::tile::{self, Deferred, LANES, Row, Tile, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, f64x8, mask32x16, mask64x8, u32x16};
 use halfspace_geom::vec3::widen;
 use halfspace_geom::verdict::{DETERMINANT_ERROR, FromOrigin};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::Job;
 use halfspace_ray::Hit;
 use halfspace_ray::frame::PRUNE;
 
@@ -48,7 +48,7 @@ pub fn shared<S: Simd, const R: usize>(
 #[inline(always)]
 pub fn each<S: Simd, const R: usize>(
     simd: S,
-    blocks: &Blocks,
+    job: Job<'_>,
     tile: &mut Tile<R>,
     row: usize,
     last: &mut Option<(usize, FromOrigin)>,
@@ -62,12 +62,12 @@ pub fn each<S: Simd, const R: usize>(
         let stored = tile.deferred.triangle(row, first);
         let known = last.filter(|(at, _)| *at == stored.at);
         let (_, triangle) =
-            known.unwrap_or_else(|| (stored.at, FromOrigin::new(tile.o, stored.corners(blocks))));
+            known.unwrap_or_else(|| (stored.at, FromOrigin::new(tile.o, stored.corners(job))));
         *last = Some((stored.at, triangle));
         return shared(simd, tile, row, lanes, id, &triangle);
     }
     // Otherwise gather one triangle per lane.
-    let [a, b, c] = gathered(blocks, &tile.deferred, row);
+    let [a, b, c] = gathered(job, &tile.deferred, row);
     let (a, b, c) = (wide(simd, &a), wide(simd, &b), wide(simd, &c));
     let o = vectors(simd, widen(tile.o));
     let low = Triangles8::from_origins(simd, o, [a[0], b[0], c[0]]);
@@ -81,17 +81,13 @@ pub fn each<S: Simd, const R: usize>(
     clippy::needless_range_loop,
     reason = "by iterators over arrays it takes five times as long"
 )]
-pub fn gathered<const R: usize>(
-    blocks: &Blocks,
-    deferred: &Deferred<R>,
-    row: usize,
-) -> [[Row; 3]; 3] {
+pub fn gathered<const R: usize>(job: Job<'_>, deferred: &Deferred<R>, row: usize) -> [[Row; 3]; 3] {
     let mut rows = [[[0.0; LANES]; 3]; 3];
     for lane in 0..LANES {
         if deferred.lanes[row] >> lane & 1 == 0 {
             continue;
         }
-        let corners = deferred.triangle(row, lane).corners(blocks);
+        let corners = deferred.triangle(row, lane).corners(job);
         for corner in 0..3 {
             for k in 0..3 {
                 rows[corner][k][lane] = corners[corner][k];

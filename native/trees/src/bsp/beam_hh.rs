@@ -39,6 +39,7 @@ pub const SPEC: StructureSpec = StructureSpec {
             Weiler and Atherton 1977, for the cuts",
     params: &PARAMS,
     ways: BEAM_WAYS,
+    no_groups: "",
     build,
 };
 

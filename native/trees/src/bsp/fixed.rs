@@ -65,6 +65,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     paper: PAPER,
     params: &PLAIN_PARAMS,
     ways: ANY_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plain),
 };
 
@@ -78,6 +79,7 @@ pub const KD: StructureSpec = StructureSpec {
     paper: "Kammaje and Mora 2007; Budge et al. 2008; Hoobergs 2019",
     params: &KD_PARAMS,
     ways: ANY_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 

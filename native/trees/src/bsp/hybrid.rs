@@ -43,6 +43,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Our own, after Hoobergs 2019",
     params: &const { params::kd(params::k(3, 5)) },
     ways: ANY_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 

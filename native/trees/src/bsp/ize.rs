@@ -33,6 +33,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     paper: PAPER,
     params: &PLAIN_PARAMS,
     ways: ANY_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
 };
 
@@ -46,6 +47,7 @@ pub const KD: StructureSpec = StructureSpec {
     paper: PAPER,
     params: &KD_PARAMS,
     ways: ANY_WAYS,
+    no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 

@@ -37,6 +37,7 @@ macro_rules! sweep_rows {
             paper: $crate::bsp::HOOBERGS,
             params: &const { params::usual(params::k(1, $k)) },
             ways: $crate::planes::rows::ANY_WAYS,
+            no_groups: "",
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plain),
         };
 

@@ -62,6 +62,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_MAX,
     ],
     ways: &WAYS,
+    no_groups: "each box lies along axes of its own, into which every ray is turned: a group shares the node, but none of the arithmetic",
     build,
 };
 

@@ -4,7 +4,7 @@
 pub mod rows;
 
 use crate::boxes::{self, Boxes};
-use crate::ways::{Streams, chosen};
+use crate::ways::{Pair, chosen, together};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::plane_boxes::PlaneBoxes;
@@ -90,14 +90,11 @@ impl Planes<'_> {
 
     /// All rays in streams.
     fn in_streams(&self) -> Plan {
-        self.streams().take_all(self.by_distances())
-    }
-
-    fn streams(&self) -> Streams {
-        Streams {
+        let streams = Pair {
             closest: stream::kernel::planes(&self.tree, &self.leaves),
             any: stream::kernel::shadow_planes(&self.tree, &self.leaves),
-        }
+        };
+        streams.take_all(self.by_distances(), Rays::Stream)
     }
 
     /// Derives nodes of seven planes.
@@ -126,14 +123,11 @@ impl Planes<'_> {
         Ok((plan.with_closest(Rays::Flight, closest)).with_any(Rays::Flight, shadow))
     }
 
-    /// Streams through nodes of seven planes.
-    fn wide_in_streams(&mut self) -> Result<Plan> {
+    /// Groups of rays through nodes of seven planes.
+    fn wide_together(&mut self, rays: Rays) -> Result<Plan> {
         let nodes = self.wide()?;
-        let streams = Streams {
-            closest: stream::kernel::wide_planes(&nodes, &self.leaves),
-            any: stream::kernel::shadow_wide_planes(&nodes, &self.leaves),
-        };
-        Ok(streams.take_all(self.singly_through(&nodes)))
+        let groups = together!(&nodes, &self.leaves, wide_planes, shadow_wide_planes);
+        Ok(groups.plan(self.singly_through(&nodes), rays))
     }
 
     fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {

@@ -3,7 +3,9 @@
 
 use super::Planes;
 use crate::boxes;
-use crate::ways::{Traversal, all, distinct, join, offer, traversal, way};
+use crate::ways::{
+    Traversal, all, distinct, in_packets, in_streams, in_tiles, join, offer, traversal, way,
+};
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
 use halfspace_structure::Plan;
@@ -100,13 +102,7 @@ pub const BINARY: [Traversal<MakePlan>; 16] = [
         plan: |planes| Ok(planes.packets(4)),
     },
     Traversal {
-        way: way(
-            "planes",
-            "stream",
-            "Streams",
-            Rays::Stream,
-            "in streams, which visit each node once for all rays that meet it",
-        ),
+        way: in_streams("planes"),
         plan: |planes| Ok(planes.in_streams()),
     },
     Traversal {
@@ -206,7 +202,7 @@ pub const BINARY: [Traversal<MakePlan>; 16] = [
 ];
 
 /// All traversals of split planes, seven of three levels to a node.
-pub const WIDE: [Traversal<MakePlan>; 3] = [
+pub const WIDE: [Traversal<MakePlan>; 5] = [
     Traversal {
         way: way(
             "wide",
@@ -228,14 +224,16 @@ pub const WIDE: [Traversal<MakePlan>; 3] = [
         plan: |planes| planes.wide_in_flight(),
     },
     Traversal {
-        way: way(
-            "wide",
-            "stream",
-            "Streams",
-            Rays::Stream,
-            "in streams, which visit each node once for all rays that meet it",
-        ),
-        plan: |planes| planes.wide_in_streams(),
+        way: in_tiles("wide"),
+        plan: |planes| planes.wide_together(Rays::Tile),
+    },
+    Traversal {
+        way: in_packets("wide"),
+        plan: |planes| planes.wide_together(Rays::Packet),
+    },
+    Traversal {
+        way: in_streams("wide"),
+        plan: |planes| planes.wide_together(Rays::Stream),
     },
 ];
 
@@ -307,12 +305,15 @@ const ANY_OPTIONS: [Named; 11] = distinct(&ANY);
 /// Traversals of trees with oblique planes.
 pub const ANY_TRAVERSAL: ParamSpec = traversal(&ANY_OPTIONS);
 
-const BEAM: [Way; 2] = join(all(&BEAMS), offer(&BINARY, ["dir"]));
+const BEAM: [Way; 5] = join(
+    all(&BEAMS),
+    offer(&BINARY, ["dir", "tile", "packet", "stream"]),
+);
 
 /// Ways through the tree of beams.
 pub const BEAM_WAYS: &[Way] = &BEAM;
 
-const BEAM_OPTIONS: [Named; 2] = distinct(&BEAM);
+const BEAM_OPTIONS: [Named; 5] = distinct(&BEAM);
 
 /// Traversals of the tree of beams.
 pub const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);

@@ -14,7 +14,7 @@ use halfspace_scene::Triangles;
 
 /// Trees whose children the octant alone puts in order; in others the first ray of a list does, and decides for the
 /// rest which leaves come first.
-const ORDERED: [&str; 10] = [
+const ORDERED: [&str; 11] = [
     "axis planes",
     "eight boxes",
     "four boxes",
@@ -25,6 +25,7 @@ const ORDERED: [&str; 10] = [
     "two intervals",
     "four intervals",
     "eight intervals",
+    "cells",
 ];
 
 /// Number of times that each ray is sent.
@@ -116,5 +117,24 @@ fn rays_share_the_visits_that_they_make_alone() {
     }
     for (name, kernel) in &all.shadow {
         compare(name, &**kernel, &scene, &rays, false);
+    }
+}
+
+/// Packets and tiles count what they do, and find the same.
+#[test]
+fn packets_and_tiles_count_themselves() {
+    let mut random = Random(12);
+    let scene = soup(cloud(400, 0.2, &mut random));
+    let mut rays = aimed(&scene, 600, &mut random);
+    strew(&mut rays, 40);
+    let groups = All::new(&scene).groups;
+    let spent = |all: &[RayCounters]| (paid(all), all.iter().map(|own| own.tests).sum::<u32>());
+    for (name, kernel) in &groups.closest {
+        let (visits, tests) = spent(&counted(&**kernel, &scene, &rays, Hit::MISS));
+        assert!(kernel.counts() && visits > 600 && tests > 600, "{name}");
+    }
+    for (name, kernel) in &groups.shadow {
+        let (visits, tests) = spent(&counted(&**kernel, &scene, &rays, false));
+        assert!(kernel.counts() && visits > 600 && tests > 600, "{name}");
     }
 }

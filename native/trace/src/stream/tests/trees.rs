@@ -11,7 +11,7 @@ use halfspace_builders::binned::SurfaceArea;
 use halfspace_builders::piece::Whole;
 use halfspace_builders::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
 use halfspace_builders::sweep::Ties;
-use halfspace_builders::{object, octree, slanted};
+use halfspace_builders::{grid, object, octree, slanted};
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{ConvexCell, Direction};
 use halfspace_geom::tighten::Tighten;
@@ -20,6 +20,7 @@ use halfspace_leaf::keep::Keep;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::cost::Costs;
+use halfspace_nodes::grid::Grid;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_nodes::octants::Cube;
 use halfspace_nodes::octree_nodes::Octree;
@@ -174,6 +175,22 @@ pub fn slanted(scene: &Triangles) -> Grown<SlantTree> {
     Grown {
         tree: Arc::new(tree),
         leaves: Arc::new(leaves.write(scene, &frame, &built.ids)),
+    }
+}
+
+/// A uniform grid.
+pub fn cells(scene: &Triangles) -> Grown<Grid> {
+    let frame = frame_of(scene);
+    let mut blocks = Blocks::new();
+    let number = 4.0 * scene.live().len() as f64;
+    let framed = FramedScene {
+        scene,
+        frame: &frame,
+    };
+    let tree = grid::build(framed, number, &mut blocks, &Monitor::new());
+    Grown {
+        tree: Arc::new(tree.expect("enough memory")),
+        leaves: Arc::new(blocks),
     }
 }
 

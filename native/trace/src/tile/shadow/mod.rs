@@ -279,7 +279,7 @@ impl<const R: usize> Resolver<R> for Shadows<R> {
         counters: &mut [C],
     ) {
         let (row, open) = (candidate.row, candidate.open);
-        let corners = candidate.triangle.corners(input.blocks);
+        let corners = candidate.triangle.corners(input.job());
         let segments = Segments {
             o: &self.o[row],
             d: &self.d[row],

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through interval hierarchies: the steps of [`crate::single::objects::slabs`] with one ray per lane.
+//! Interval hierarchies: the steps of [`crate::single::objects::slabs`] with one ray per lane.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Gap, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
+use crate::visits::{Cut, FAR, Gap, INV, Inside, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
@@ -21,11 +18,10 @@ const EVERYWHERE: Aabb = Aabb {
     max: [f32::INFINITY; 3],
 };
 
-impl<N: SlabNode> Steps for SlabTree<N> {
+impl<N: SlabNode> Nodes for SlabTree<N> {
     /// The node itself.
     type Node = N;
-    type Scratch<S: Simd> = ();
-    const INTERVALS: bool = true;
+    const CHILDREN: usize = 2;
 
     fn root(&self) -> N {
         self.nodes[0]
@@ -57,19 +53,12 @@ impl<N: SlabNode> Steps for SlabTree<N> {
     }
 
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream<N>,
-        own: Entry<N>,
-        states: &[RayState],
-        (): &mut (),
-    ) {
-        match own.node.kind() {
+    fn visit<S: Simd>(&self, simd: S, node: &N, visitor: &mut impl Visitor<N>) {
+        match node.kind() {
             SlabKind::Pair { axis, link } => {
                 // The near child ends at its plane, and the far child begins at its own.
-                let back = stream.octant >> axis & 1;
-                let [below, above] = own.node.parts(axis, &EVERYWHERE);
+                let back = visitor.octant() >> axis & 1;
+                let [below, above] = node.parts(axis, &EVERYWHERE);
                 let (ends, begins) = if back == 0 {
                     (below.max[axis], above.min[axis])
                 } else {
@@ -79,30 +68,18 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                 let far = link as usize + (back ^ 1);
                 let children = [self.held(far), self.held(near)];
                 let gap = Gap { axis, ends, begins };
-                stream.halve(simd, own, states, children, gap);
+                visitor.halve(simd, children, &gap);
             }
             SlabKind::Only { axis, link } => {
-                let back = stream.octant >> axis & 1;
-                let [inside, _] = own.node.parts(axis, &EVERYWHERE);
+                let back = visitor.octant() >> axis & 1;
+                let [inside, _] = node.parts(axis, &EVERYWHERE);
                 let sides = [inside.min[axis], inside.max[axis]];
-                stream.distribute(
-                    simd,
-                    own,
-                    states,
-                    [self.held(link as usize)],
-                    #[inline(always)]
-                    |group| {
-                        // A plane at infinity, or a distance that is NaN, cuts off nothing.
-                        let rows = group.axis(axis % 3);
-                        let Inside { enter, leave } = group.within(&rows);
-                        let [soon, late] =
-                            [sides[back], sides[back ^ 1]].map(|x| f32x8::splat(simd, x));
-                        [Inside {
-                            enter: keep_max_each(soon.mul_add(rows[INV], rows[NEAR]), enter),
-                            leave: keep_min_each(late.mul_add(rows[INV], rows[FAR]), leave),
-                        }]
-                    },
-                );
+                let between = Between {
+                    axis,
+                    begins: sides[back],
+                    ends: sides[back ^ 1],
+                };
+                visitor.distribute(simd, [self.held(link as usize)], &between);
             }
             SlabKind::Leaf { .. } => {}
         }
@@ -110,6 +87,26 @@ impl<N: SlabNode> Steps for SlabTree<N> {
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+/// The only child of a node: it begins at one plane and ends at the other. A plane at infinity cuts off nothing.
+struct Between {
+    axis: usize,
+    begins: f32,
+    ends: f32,
+}
+
+impl<S: Simd> Cut<S, 1> for Between {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; 1] {
+        let rows = lanes.axis(self.axis % 3);
+        let Inside { enter, leave } = lanes.within(&rows);
+        let [soon, late] = [self.begins, self.ends].map(|plane| f32x8::splat(simd, plane));
+        [Inside {
+            enter: keep_max_each(soon.mul_add(rows[INV], rows[NEAR]), enter),
+            leave: keep_min_each(late.mul_add(rows[INV], rows[FAR]), leave),
+        }]
     }
 }
 

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through interval hierarchies along thirteen directions: the steps of [`crate::single::objects::slanted`]
-//! with one ray per lane. The first ray of a list decides the order of the children, and each ray keeps its own
+//! Interval hierarchies along thirteen directions: the steps of [`crate::single::objects::slanted`] with one ray per
+//! lane. The first ray decides the order of the children, and each ray keeps its own
 //! interval in both.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::ray_state::RayState;
+use crate::visits::{Cut, Inside, Lanes, Nodes, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8, mask32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -16,11 +13,10 @@ use halfspace_nodes::slant_tree::{Node, SlantKind, SlantTree};
 use halfspace_ray::query::Counters;
 use prefetch_index::prefetch_index;
 
-impl Steps for SlantTree {
+impl Nodes for SlantTree {
     /// The node itself.
     type Node = Node;
-    type Scratch<S: Simd> = ();
-    const INTERVALS: bool = true;
+    const CHILDREN: usize = 2;
 
     fn root(&self) -> Node {
         self.nodes[0]
@@ -57,20 +53,13 @@ impl Steps for SlantTree {
     }
 
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream<Node>,
-        own: Entry<Node>,
-        states: &[RayState],
-        (): &mut (),
-    ) {
+    fn visit<S: Simd>(&self, simd: S, node: &Node, visitor: &mut impl Visitor<Node>) {
         let SlantKind::Inner {
             direction,
             alone,
             planes,
             link,
-        } = own.node.kind()
+        } = node.kind()
         else {
             return;
         };
@@ -78,39 +67,21 @@ impl Steps for SlantTree {
         let link = link as usize;
         if alone {
             // The only child lies between the planes.
-            stream.distribute(
-                simd,
-                own,
-                states,
-                [Some(self.nodes[link])],
-                #[inline(always)]
-                |group| {
-                    let cut = Cut::new(simd, group, normal);
-                    let above = cut.above(simd, group.inside, planes[0]);
-                    [cut.below(simd, above, planes[1])]
-                },
-            );
+            visitor.distribute(simd, [Some(self.nodes[link])], &Between { normal, planes });
             return;
         }
         // The first ray decides the order of the children.
-        let [x, y, z, _] = states[stream.lists[own.first as usize] as usize].direction;
+        let [x, y, z] = visitor.lead();
         let speed = normal[0] * x + normal[1] * y + normal[2] * z;
         let down = speed.is_sign_negative();
         let places =
             [usize::from(!down), usize::from(down)].map(|side| Some(self.nodes[link + side]));
-        stream.distribute(
-            simd,
-            own,
-            states,
-            places,
-            #[inline(always)]
-            |group| {
-                let cut = Cut::new(simd, group, normal);
-                let below = cut.below(simd, group.inside, planes[0]);
-                let above = cut.above(simd, group.inside, planes[1]);
-                if down { [below, above] } else { [above, below] }
-            },
-        );
+        let apart = Apart {
+            normal,
+            planes,
+            down,
+        };
+        visitor.distribute(simd, places, &apart);
     }
 
     fn bytes(&self) -> usize {
@@ -118,8 +89,44 @@ impl Steps for SlantTree {
     }
 }
 
+/// The only child of a node lies between its planes.
+struct Between {
+    normal: [f32; 3],
+    planes: [f32; 2],
+}
+
+impl<S: Simd> Cut<S, 1> for Between {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; 1] {
+        let crossing = Crossing::new(simd, lanes, self.normal);
+        let above = crossing.above(simd, lanes.inside(), self.planes[0]);
+        [crossing.below(simd, above, self.planes[1])]
+    }
+}
+
+/// The lower child lies below the first plane, the upper one above the second. `down`: whether the first ray descends.
+struct Apart {
+    normal: [f32; 3],
+    planes: [f32; 2],
+    down: bool,
+}
+
+impl<S: Simd> Cut<S, 2> for Apart {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; 2] {
+        let crossing = Crossing::new(simd, lanes, self.normal);
+        let below = crossing.below(simd, lanes.inside(), self.planes[0]);
+        let above = crossing.above(simd, lanes.inside(), self.planes[1]);
+        if self.down {
+            [below, above]
+        } else {
+            [above, below]
+        }
+    }
+}
+
 /// What eight rays need to cross planes of one normal.
-struct Cut<S: Simd> {
+struct Crossing<S: Simd> {
     /// Reciprocal speeds along the normal.
     inv: f32x8<S>,
     /// Heights of the origins.
@@ -131,23 +138,23 @@ struct Cut<S: Simd> {
     reach: f32x8<S>,
 }
 
-impl<S: Simd> Cut<S> {
+impl<S: Simd> Crossing<S> {
     #[inline(always)]
-    fn new(simd: S, group: &Group<'_, S>, normal: [f32; 3]) -> Self {
+    fn new<L: Lanes<S>>(simd: S, lanes: &L, normal: [f32; 3]) -> Self {
         let splat = |x: f32| f32x8::splat(simd, x);
         let [x, y, z] = normal.map(splat);
-        let along = |v: &[f32x8<S>; 4]| v[0] * x + v[1] * y + v[2] * z;
-        let (origins, directions) = (group.origins(), group.directions());
+        let along = |v: [f32x8<S>; 3]| v[0] * x + v[1] * y + v[2] * z;
+        let [o_x, o_y, o_z, pad] = lanes.origins();
         // The smallest normal number keeps the reciprocal finite for rays along the planes.
-        let speed = along(&directions);
+        let speed = along(lanes.directions());
         let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
         Self {
             inv,
-            height: along(&origins),
+            height: along([o_x, o_y, o_z]),
             // The frame's bound is 28 u for normals of unit length; these need 30 u.
-            slack: splat(2.0) * origins[3] * inv.abs(),
+            slack: splat(2.0) * pad * inv.abs(),
             down: inv.simd_lt(splat(0.0)),
-            reach: group.reach(),
+            reach: lanes.reach(),
         }
     }
 

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through binary trees of split planes: the steps of [`crate::single::planes::dir`] with one ray per lane.
-//! The rays of a stream may disagree about the near side of an oblique plane; the first ray decides the order, and
+//! Binary trees of split planes: the steps of [`crate::single::planes::dir`] with one ray per lane. The rays of a visit
+//! may disagree about the near side of an oblique plane; the first ray decides the order, and
 //! each ray keeps its own interval in both children.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Gap, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::ray_state::RayState;
+use crate::visits::{Cut, Gap, Inside, Lanes, Nodes, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -14,11 +11,10 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::plane_tree::{Node, PlaneTree, Words, near_child};
 use halfspace_ray::query::Counters;
 
-impl Steps for PlaneTree {
+impl Nodes for PlaneTree {
     /// The node's own words: a visit reads those of its children, which lie side by side.
     type Node = Words;
-    type Scratch<S: Simd> = ();
-    const INTERVALS: bool = true;
+    const CHILDREN: usize = 2;
 
     fn root(&self) -> Words {
         self.words(PlaneTree::root(self))
@@ -47,15 +43,8 @@ impl Steps for PlaneTree {
     }
 
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream<Words>,
-        own: Entry<Words>,
-        states: &[RayState],
-        (): &mut (),
-    ) {
-        match self.decode(own.node) {
+    fn visit<S: Simd>(&self, simd: S, node: &Words, visitor: &mut impl Visitor<Words>) {
+        match self.decode(*node) {
             Node::Axis {
                 axis,
                 split,
@@ -63,14 +52,14 @@ impl Steps for PlaneTree {
                 link,
                 ..
             } => {
-                let near = near_child(link, signs(stream.octant));
+                let near = near_child(link, signs(visitor.octant()));
                 let children = [near ^ 1, near].map(|child| self.held(child, empty));
                 let gap = Gap {
                     axis,
                     ends: split,
                     begins: split,
                 };
-                stream.halve(simd, own, states, children, gap);
+                visitor.halve(simd, children, &gap);
             }
             Node::Oblique {
                 normal,
@@ -79,25 +68,13 @@ impl Steps for PlaneTree {
                 empty,
             } => {
                 // The first ray decides the order of the children.
-                let [x, y, z, _] = states[stream.lists[own.first as usize] as usize].direction;
+                let [x, y, z] = visitor.lead();
                 let speed = normal[0] * x + normal[1] * y + normal[2] * z;
                 let down = speed.is_sign_negative();
                 let near = children + u32::from(down);
                 let places = [near ^ 1, near].map(|child| self.held(child, empty));
                 let plane = Plane { normal, offset };
-                stream.distribute(
-                    simd,
-                    own,
-                    states,
-                    places,
-                    #[inline(always)]
-                    |group| {
-                        let inside = group.within(&group.axis(0));
-                        let (origins, directions) = (group.origins(), group.directions());
-                        let [below, above] = oblique(simd, &origins, &directions, inside, plane);
-                        if down { [below, above] } else { [above, below] }
-                    },
-                );
+                visitor.distribute(simd, places, &Crossing { plane, down });
             }
             Node::Leaf { .. } => {}
         }
@@ -123,24 +100,45 @@ pub struct Plane {
     pub offset: f32,
 }
 
+/// An oblique plane, and whether the first ray descends through it.
+struct Crossing {
+    plane: Plane,
+    down: bool,
+}
+
+impl<S: Simd> Cut<S, 2> for Crossing {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; 2] {
+        let inside = lanes.within(&lanes.axis(0));
+        let (origins, directions) = (lanes.origins(), lanes.directions());
+        let [below, above] = oblique(simd, &origins, &directions, inside, self.plane);
+        if self.down {
+            [below, above]
+        } else {
+            [above, below]
+        }
+    }
+}
+
 /// The intervals of eight rays in the child below and in the child above an oblique plane, given those in the node, and
-/// the columns of [`crate::stream::intervals::Group::origins`] and of the directions.
+/// the columns of [`Lanes::origins`] and [`Lanes::directions`].
 #[inline(always)]
 pub fn oblique<S: Simd>(
     simd: S,
     origins: &[f32x8<S>; 4],
-    directions: &[f32x8<S>; 4],
+    directions: &[f32x8<S>; 3],
     Inside { enter, leave }: Inside<S>,
     plane: Plane,
 ) -> [Inside<S>; 2] {
     let splat = |x: f32| f32x8::splat(simd, x);
     let [x, y, z] = plane.normal.map(splat);
-    let along = |v: &[f32x8<S>; 4]| v[0] * x + v[1] * y + v[2] * z;
+    let along = |v: [f32x8<S>; 3]| v[0] * x + v[1] * y + v[2] * z;
+    let [o_x, o_y, o_z, pad] = *origins;
     // The smallest normal number keeps the reciprocal finite for rays along the plane.
-    let speed = along(directions);
+    let speed = along(*directions);
     let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
-    let distance = (splat(plane.offset) - along(origins)) * inv;
-    let slack = origins[3] * inv.abs();
+    let distance = (splat(plane.offset) - along([o_x, o_y, o_z])) * inv;
+    let slack = pad * inv.abs();
     // Ignore a distance that is NaN: the interval keeps its end.
     let late = keep_min_each(distance + slack, leave);
     let soon = keep_max_each(distance - slack, enter);

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through wide nodes of split planes, three binary levels at a time, one ray per lane
-//! ([`crate::flight::planes`]). The octant, or for oblique planes the first ray of a list, decides the order of the
+//! Wide nodes of split planes, three binary levels at a time, one ray per lane
+//! ([`crate::flight::planes`]). The octant, or for oblique planes the first ray, decides the order of the
 //! children; each ray keeps its own interval in all of them.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::planes::{Plane, oblique};
-use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
+use crate::visits::planes::{Plane, oblique};
+use crate::visits::{Cut, FAR, INV, Inside, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -19,11 +16,10 @@ use halfspace_ray::query::Counters;
 /// Number of children of a node.
 const CHILDREN: usize = PLANES + 1;
 
-impl Steps for WideTree {
+impl Nodes for WideTree {
     /// The word of a node or a leaf.
     type Node = u32;
-    type Scratch<S: Simd> = ();
-    const INTERVALS: bool = true;
+    const CHILDREN: usize = CHILDREN;
 
     fn root(&self) -> u32 {
         WideTree::root(self)
@@ -53,43 +49,22 @@ impl Steps for WideTree {
     }
 
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream<u32>,
-        own: Entry<u32>,
-        states: &[RayState],
-        (): &mut (),
-    ) {
-        if Next::of(own.node) == Next::GENERAL {
-            let lines = self.lines(own.node);
-            let lead = states[stream.lists[own.first as usize] as usize].direction;
+    fn visit<S: Simd>(&self, simd: S, node: &u32, visitor: &mut impl Visitor<u32>) {
+        if Next::of(*node) == Next::GENERAL {
+            let lines = self.lines(*node);
+            let lead = visitor.lead();
             let signs = signs(|i| {
                 let [x, y, z] = normal(lines, i);
                 (x * lead[0] + y * lead[1] + z * lead[2]).is_sign_negative()
             });
             let children = children(&lines[0], signs);
-            stream.distribute(
-                simd,
-                own,
-                states,
-                children,
-                #[inline(always)]
-                |group| across(simd, group, lines, signs),
-            );
+            visitor.distribute(simd, children, &Across { lines, signs });
         } else {
-            let line = self.line(own.node);
-            let octant = stream.octant;
+            let line = self.line(*node);
+            let octant = visitor.octant();
             let signs = signs(|i| octant >> axis(line, i) & 1 == 1);
             let children = children(line, signs);
-            stream.distribute(
-                simd,
-                own,
-                states,
-                children,
-                #[inline(always)]
-                |group| along(simd, group, line, signs),
-            );
+            visitor.distribute(simd, children, &Along { line, signs });
         }
     }
 
@@ -106,14 +81,14 @@ fn signs(down: impl Fn(usize) -> bool) -> usize {
 
 /// Axis of a plane of a node whose planes are all axis-aligned.
 #[inline(always)]
-fn axis(line: &Row, i: usize) -> usize {
+pub fn axis(line: &Row, i: usize) -> usize {
     let info = Info(line.first[PLANES].to_bits());
     (info.along_y() >> i & 1 | (info.along_z() >> i & 1) << 1) as usize
 }
 
 /// Normal of a plane of a node with oblique planes.
 #[inline(always)]
-fn normal(lines: &[Row; 3], i: usize) -> [f32; 3] {
+pub fn normal(lines: &[Row; 3], i: usize) -> [f32; 3] {
     [lines[1].first[i], lines[1].second[i], lines[2].first[i]]
 }
 
@@ -131,12 +106,17 @@ fn sides(signs: usize, i: usize) -> [usize; 3] {
 /// The children of a node, the farthest first, without those that hold nothing.
 #[inline(always)]
 fn children(line: &Row, signs: usize) -> [Option<u32>; CHILDREN] {
-    let used = Info(line.first[PLANES].to_bits()).used();
     std::array::from_fn(|i| {
         let [top, middle, low] = sides(signs, i);
-        let child = 4 * top + 2 * middle + low;
-        (used >> child & 1 == 1).then(|| line.second[child].to_bits())
+        child(line, 4 * top + 2 * middle + low)
     })
+}
+
+/// A child of a node, `None` if it holds nothing.
+#[inline(always)]
+pub fn child(line: &Row, child: usize) -> Option<u32> {
+    let used = Info(line.first[PLANES].to_bits()).used();
+    (used >> child & 1 == 1).then(|| line.second[child].to_bits())
 }
 
 /// Cuts the intervals in a node on three levels; `cut` cuts those of one part at a plane and returns the far side and
@@ -162,63 +142,69 @@ fn levels<S: Simd>(
     parts
 }
 
-/// The intervals of eight rays of one octant in the children of a node whose planes are all axis-aligned.
-#[inline(always)]
-fn along<S: Simd>(
-    simd: S,
-    group: &Group<'_, S>,
-    line: &Row,
+/// A node whose planes are all axis-aligned, and the planes through which the rays descend.
+struct Along<'a> {
+    line: &'a Row,
     signs: usize,
-) -> [Inside<S>; CHILDREN] {
-    let axes = [group.axis(0), group.axis(1), group.axis(2)];
-    levels(
-        group.within(&axes[0]),
-        signs,
-        #[inline(always)]
-        |i, Inside { enter, leave }| {
-            let rows = &axes[axis(line, i) % 3];
-            let split = f32x8::splat(simd, line.first[i]);
-            let late = split.mul_add(rows[INV], rows[FAR]);
-            let soon = split.mul_add(rows[INV], rows[NEAR]);
-            // NaN bounds nothing.
-            [
-                Inside {
-                    enter: keep_max_each(soon, enter),
-                    leave,
-                },
-                Inside {
-                    enter,
-                    leave: keep_min_each(late, leave),
-                },
-            ]
-        },
-    )
 }
 
-/// The intervals of eight rays in the children of a node with oblique planes.
-#[inline(always)]
-fn across<S: Simd>(
-    simd: S,
-    group: &Group<'_, S>,
-    lines: &[Row; 3],
+impl<S: Simd> Cut<S, CHILDREN> for Along<'_> {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; CHILDREN] {
+        let &Self { line, signs } = self;
+        let axes = [lanes.axis(0), lanes.axis(1), lanes.axis(2)];
+        levels(
+            lanes.within(&axes[0]),
+            signs,
+            #[inline(always)]
+            |i, Inside { enter, leave }| {
+                let rows = &axes[axis(line, i) % 3];
+                let split = f32x8::splat(simd, line.first[i]);
+                let late = split.mul_add(rows[INV], rows[FAR]);
+                let soon = split.mul_add(rows[INV], rows[NEAR]);
+                // NaN bounds nothing.
+                [
+                    Inside {
+                        enter: keep_max_each(soon, enter),
+                        leave,
+                    },
+                    Inside {
+                        enter,
+                        leave: keep_min_each(late, leave),
+                    },
+                ]
+            },
+        )
+    }
+}
+
+/// A node with oblique planes, and the planes through which the first ray descends.
+struct Across<'a> {
+    lines: &'a [Row; 3],
     signs: usize,
-) -> [Inside<S>; CHILDREN] {
-    let (origins, directions) = (group.origins(), group.directions());
-    levels(
-        group.within(&group.axis(0)),
-        signs,
-        #[inline(always)]
-        |i, inside| {
-            let plane = Plane {
-                normal: normal(lines, i),
-                offset: lines[0].first[i],
-            };
-            let [below, above] = oblique(simd, &origins, &directions, inside, plane);
-            if signs >> i & 1 == 1 {
-                [below, above]
-            } else {
-                [above, below]
-            }
-        },
-    )
+}
+
+impl<S: Simd> Cut<S, CHILDREN> for Across<'_> {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; CHILDREN] {
+        let &Self { lines, signs } = self;
+        let (origins, directions) = (lanes.origins(), lanes.directions());
+        levels(
+            lanes.within(&lanes.axis(0)),
+            signs,
+            #[inline(always)]
+            |i, inside| {
+                let plane = Plane {
+                    normal: normal(lines, i),
+                    offset: lines[0].first[i],
+                };
+                let [below, above] = oblique(simd, &origins, &directions, inside, plane);
+                if signs >> i & 1 == 1 {
+                    [below, above]
+                } else {
+                    [above, below]
+                }
+            },
+        )
+    }
 }

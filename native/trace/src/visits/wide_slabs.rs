@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through interval hierarchies with an interval per child: the steps of
+//! Interval hierarchies with an interval per child: the steps of
 //! [`crate::single::objects::wide_slabs`] with one ray per lane. The children of a node are visited in the order of the
 //! planes of entry.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
+use crate::visits::{Cut, FAR, INV, Inside, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -15,11 +12,10 @@ use halfspace_nodes::slab_wide::{LEAF, Node, WideSlabs};
 use halfspace_ray::query::Counters;
 use prefetch_index::prefetch_index;
 
-impl<const W: usize> Steps for WideSlabs<W> {
+impl<const W: usize> Nodes for WideSlabs<W> {
     /// Index of the node.
     type Node = u32;
-    type Scratch<S: Simd> = ();
-    const INTERVALS: bool = true;
+    const CHILDREN: usize = W;
 
     fn root(&self) -> u32 {
         0
@@ -36,7 +32,7 @@ impl<const W: usize> Steps for WideSlabs<W> {
 
     #[inline(always)]
     fn fetch_ahead(&self, node: &u32, blocks: &Blocks) {
-        match Steps::leaf(self, node) {
+        match Nodes::leaf(self, node) {
             Some(leaf) => blocks.fetch_ahead(leaf.first),
             None => prefetch_index(&self.nodes, self.nodes[*node as usize].link() as usize),
         }
@@ -48,20 +44,13 @@ impl<const W: usize> Steps for WideSlabs<W> {
     }
 
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream<u32>,
-        own: Entry<u32>,
-        states: &[RayState],
-        (): &mut (),
-    ) {
-        let node = &self.nodes[own.node as usize];
+    fn visit<S: Simd>(&self, simd: S, node: &u32, visitor: &mut impl Visitor<u32>) {
+        let node = &self.nodes[*node as usize];
         let axis = (node.word & LEAF) as usize % 3;
         let cuts = Cuts {
             node,
             axis,
-            near: stream.octant >> axis & 1,
+            near: visitor.octant() >> axis & 1,
         };
         let order = cuts.order();
         let children = order.map(|child| {
@@ -71,14 +60,7 @@ impl<const W: usize> Steps for WideSlabs<W> {
                 node.link() + child
             })
         });
-        stream.distribute(
-            simd,
-            own,
-            states,
-            children,
-            #[inline(always)]
-            |group| cuts.parts(simd, group, &order),
-        );
+        visitor.distribute(simd, children, &Ordered { cuts, order });
     }
 
     fn bytes(&self) -> usize {
@@ -87,6 +69,7 @@ impl<const W: usize> Steps for WideSlabs<W> {
 }
 
 /// A node as the rays of one octant meet it.
+#[derive(Clone, Copy)]
 struct Cuts<'a, const W: usize> {
     node: &'a Node<W>,
     axis: usize,
@@ -109,21 +92,29 @@ impl<const W: usize> Cuts<'_, W> {
         }
         order
     }
+}
 
-    /// The intervals of eight rays in the children, in this order.
+/// The children of a node, the last to be entered first.
+struct Ordered<'a, const W: usize> {
+    cuts: Cuts<'a, W>,
+    order: [usize; W],
+}
+
+impl<S: Simd, const W: usize> Cut<S, W> for Ordered<'_, W> {
     #[inline(always)]
-    fn parts<S: Simd>(&self, simd: S, group: &Group<'_, S>, order: &[usize; W]) -> [Inside<S>; W] {
-        let rows = group.axis(self.axis);
-        let Inside { enter, leave } = group.within(&rows);
-        order.map(
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; W] {
+        let Cuts { node, axis, near } = self.cuts;
+        let rows = lanes.axis(axis);
+        let Inside { enter, leave } = lanes.within(&rows);
+        self.order.map(
             #[inline(always)]
             |child| {
-                let near = f32x8::splat(simd, self.node.planes[self.near][child]);
-                let far = f32x8::splat(simd, self.node.planes[1 - self.near][child]);
+                let soon = f32x8::splat(simd, node.planes[near][child]);
+                let late = f32x8::splat(simd, node.planes[1 - near][child]);
                 // NaN bounds nothing.
                 Inside {
-                    enter: keep_max_each(near.mul_add(rows[INV], rows[NEAR]), enter),
-                    leave: keep_min_each(far.mul_add(rows[INV], rows[FAR]), leave),
+                    enter: keep_max_each(soon.mul_add(rows[INV], rows[NEAR]), enter),
+                    leave: keep_min_each(late.mul_add(rows[INV], rows[FAR]), leave),
                 }
             },
         )

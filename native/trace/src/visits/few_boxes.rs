@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams through nodes of two or four boxes, one ray per lane. The boxes of a node are visited in the order of their
+//! Nodes of two or four boxes, one ray per lane. The boxes of a node are visited in the order of their
 //! centres along the diagonal of the octant.
 
-use crate::stream::Steps;
-use crate::stream::intervals::{Group, Inside};
-use crate::stream::lists::{Entry, Stream};
-use crate::stream::ray_state::{FAR, INV, NEAR, RayState};
+use crate::visits::{Cut, FAR, INV, Inside, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -23,10 +20,9 @@ pub struct Child {
 
 macro_rules! few_boxes {
     ($children:literal) => {
-        impl Steps for BoxTree<$children> {
+        impl Nodes for BoxTree<$children> {
             type Node = Child;
-            type Scratch<S: Simd> = ();
-            const INTERVALS: bool = true;
+            const CHILDREN: usize = $children;
 
             fn root(&self) -> Child {
                 Child {
@@ -54,29 +50,20 @@ macro_rules! few_boxes {
             }
 
             #[inline(always)]
-            fn visit<S: Simd>(
-                &self,
-                simd: S,
-                stream: &mut Stream<Child>,
-                own: Entry<Child>,
-                states: &[RayState],
-                (): &mut (),
-            ) {
-                let node = &self.nodes[own.node.link as usize];
-                let octant = stream.octant;
+            fn visit<S: Simd>(&self, simd: S, node: &Child, visitor: &mut impl Visitor<Child>) {
+                let node = &self.nodes[node.link as usize];
+                let octant = visitor.octant();
                 let order = order(node, octant);
                 let children = order.map(|child| {
                     let (link, count) = (node.link[child], node.count[child]);
                     (count != 0).then_some(Child { link, count })
                 });
-                stream.distribute(
-                    simd,
-                    own,
-                    states,
-                    children,
-                    #[inline(always)]
-                    |group| parts(simd, group, node, octant, &order),
-                );
+                let boxes = Boxes {
+                    node,
+                    octant,
+                    order,
+                };
+                visitor.distribute(simd, children, &boxes);
             }
 
             fn bytes(&self) -> usize {
@@ -111,32 +98,33 @@ fn order<const W: usize>(node: &Wide<W>, octant: usize) -> [usize; W] {
     order
 }
 
-/// The intervals of eight rays of one octant in the boxes of a node, in this order.
-#[inline(always)]
-fn parts<S: Simd, const W: usize>(
-    simd: S,
-    group: &Group<'_, S>,
-    node: &Wide<W>,
+/// The boxes of a node, the farthest along the diagonal of an octant first.
+struct Boxes<'a, const W: usize> {
+    node: &'a Wide<W>,
     octant: usize,
-    order: &[usize; W],
-) -> [Inside<S>; W] {
-    let rows = [group.axis(0), group.axis(1), group.axis(2)];
-    let whole = group.within(&rows[0]);
-    order.map(
-        #[inline(always)]
-        |child| {
-            let mut part = whole;
-            for (k, rows) in rows.iter().enumerate() {
-                let back = octant >> k & 1;
-                let near = f32x8::splat(simd, node.bounds[k + 3 * back][child]);
-                let far = f32x8::splat(simd, node.bounds[k + 3 * (1 - back)][child]);
-                let soon = near.mul_add(rows[INV], rows[NEAR]);
-                let late = far.mul_add(rows[INV], rows[FAR]);
-                // NaN bounds nothing.
-                part.enter = keep_max_each(soon, part.enter);
-                part.leave = keep_min_each(late, part.leave);
-            }
-            part
-        },
-    )
+    order: [usize; W],
+}
+
+impl<S: Simd, const W: usize> Cut<S, W> for Boxes<'_, W> {
+    #[inline(always)]
+    fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; W] {
+        let rows = [lanes.axis(0), lanes.axis(1), lanes.axis(2)];
+        let whole = lanes.within(&rows[0]);
+        let bounds = &self.node.bounds;
+        self.order.map(
+            #[inline(always)]
+            |child| {
+                let mut part = whole;
+                for (k, rows) in rows.iter().enumerate() {
+                    let back = self.octant >> k & 1;
+                    let near = f32x8::splat(simd, bounds[k + 3 * back][child]);
+                    let far = f32x8::splat(simd, bounds[k + 3 * (1 - back)][child]);
+                    // NaN bounds nothing.
+                    part.enter = keep_max_each(near.mul_add(rows[INV], rows[NEAR]), part.enter);
+                    part.leave = keep_min_each(far.mul_add(rows[INV], rows[FAR]), part.leave);
+                }
+                part
+            },
+        )
+    }
 }
