@@ -15,12 +15,16 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, Named, ParamSpec, SHADOW, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
-use halfspace_structure::way::Way;
+use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single;
 use std::sync::Arc;
 
-const WAYS: [Way; 5] = every_way("cells", "steps");
+const WAYS: [Way; 5] = {
+    let mut ways = every_way("cells", "steps");
+    ways[0].doc = "the quickest for each batch: camera rays in tiles, shadow rays in streams, other rays one by one";
+    ways
+};
 
 const OPTIONS: [Named; 5] = distinct(&WAYS);
 
@@ -90,7 +94,12 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let (tree, leaves) = (Arc::new(grid), Arc::new(blocks));
     let plan = Plan::single("cells", "steps", single::grid::grid(&tree, &leaves));
     let groups = together!(&tree, &leaves, cells, shadow_cells);
-    let plan = groups.plan(plan, config.way().rays);
+    let plan = match config.way().rays {
+        // Streams of nearest hits are slower than single rays: cells are found by halving ranges.
+        Rays::Auto => (plan.with_tiles(Rays::Tile, groups.tiles.closest))
+            .with_any(Rays::Stream, groups.streams.any),
+        rays => groups.plan(plan, rays),
+    };
     Ok(Built {
         frame: frame.with_robust(config.robust()),
         tree: Some(tree),

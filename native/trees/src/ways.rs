@@ -51,7 +51,7 @@ pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles, other rays in streams",
+            "the quickest for each batch: camera rays and shadow rays in tiles, other rays in streams",
         ),
         way(nodes, single, "One by One", Rays::Single, "one by one"),
         in_tiles(nodes),
@@ -153,9 +153,9 @@ impl Together {
             Rays::Tile => (single.with_tiles(rays, tiles.closest)).with_any(rays, tiles.any),
             Rays::Packet => packets.take_all(single, rays),
             Rays::Stream => streams.take_all(single, rays),
-            Rays::Auto => {
-                (streams.take_all(single, Rays::Stream)).with_tiles(Rays::Tile, tiles.closest)
-            }
+            Rays::Auto => (single.with_closest(Rays::Stream, streams.closest))
+                .with_tiles(Rays::Tile, tiles.closest)
+                .with_any(Rays::Tile, tiles.any),
             Rays::Single | Rays::Flight | Rays::Beam => single,
         }
     }

@@ -127,7 +127,13 @@ impl Planes<'_> {
     fn wide_together(&mut self, rays: Rays) -> Result<Plan> {
         let nodes = self.wide()?;
         let groups = together!(&nodes, &self.leaves, wide_planes, shadow_wide_planes);
-        Ok(groups.plan(self.singly_through(&nodes), rays))
+        let single = self.singly_through(&nodes);
+        if rays != Rays::Auto {
+            return Ok(groups.plan(single, rays));
+        }
+        // Tiles of shadow rays are slow where nodes have oblique planes: each of the seven is compared with all rays.
+        let plan = groups.streams.take_all(single, Rays::Stream);
+        Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
     }
 
     fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {

@@ -14,7 +14,7 @@ use halfspace_structure::way::{Rays, Way};
 use halfspace_trace::single::planes::{
     arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly,
 };
-use halfspace_trace::{beam, tile};
+use halfspace_trace::{beam, stream, tile};
 
 /// Makes the kernels for a tree of split planes. May derive further nodes from it.
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
@@ -27,11 +27,12 @@ pub const BINARY: [Traversal<MakePlan>; 16] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays and shadow rays in tiles, other rays as dir",
+            "the quickest for each batch: camera rays and shadow rays in tiles, other rays in streams",
         ),
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
-            Ok(planes.in_tiles(tiles))
+            let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
+            Ok((planes.in_tiles(tiles)).with_closest(Rays::Stream, streams))
         },
     },
     Traversal {
@@ -209,9 +210,9 @@ pub const WIDE: [Traversal<MakePlan>; 5] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: all rays in flight",
+            "the quickest for each batch: camera rays in tiles, other rays in streams",
         ),
-        plan: |planes| planes.wide_in_flight(),
+        plan: |planes| planes.wide_together(Rays::Auto),
     },
     Traversal {
         way: way(
