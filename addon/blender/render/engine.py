@@ -20,12 +20,13 @@ from ...core.choose import auto, choice
 from ...core.session import coarse
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
-from ...core.structures.settings import Mist, RenderSettings, memory_limit
+from ...core.structures.settings import RenderSettings, memory_limit
 from ..measure import comparing, workloads
-from ..read import camera, extract, passes, remarks, view_layers
+from ..read import camera, extract, passes, remarks
 from ..session import reports, trees
-from ..settings import properties, quality
+from ..settings import properties
 from . import denoising, running
+from .requested import render_settings
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -407,41 +408,6 @@ def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> N
     """Move flat (n * 3,) positions from the scene frame to the world, in place; background pixels (0, 0, 0) stay."""
     points = positions.reshape(-1, 3)
     points[points.any(axis=1)] += origin.astype(np.float32)
-
-
-def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
-    """The settings of the picture that Blender requests."""
-    scene = depsgraph.scene_eval
-    render, group = scene.render, scene.halfspace
-    width, height = engine.resolution_x, engine.resolution_y
-    wanted = tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval))
-    return RenderSettings(
-        width=width,
-        height=height,
-        border=border_pixels(render, width, height) if render.use_border else None,
-        samples=depsgraph.view_layer_eval.samples or group.samples,
-        passes=denoising.with_features(wanted, group.integrator) if group.use_denoising else wanted,
-        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
-        time_limit=group.time_limit,
-        mist=_mist(view_layers.world(depsgraph)),
-        **quality.settings(scene),
-    )
-
-
-def _mist(world: Any) -> Mist:
-    """The mist pass's settings, which belong to the world."""
-    if world is None:
-        return Mist()
-    found = world.mist_settings
-    return Mist(found.start, found.depth, found.falloff)
-
-
-def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:
-    """The render border in pixels, rounded as in Blender: the product in f32, then towards zero."""
-    size = np.array([width, height, width, height], np.float32)
-    edges = np.array([render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32)
-    x0, y0, x1, y1 = (int(edge) for edge in edges * size)
-    return x0, y0, x1, y1
 
 
 def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:

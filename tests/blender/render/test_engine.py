@@ -17,7 +17,7 @@ from exr_files import exr, render
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender.read import extract
-from addon.blender.render import engine, viewport
+from addon.blender.render import engine, requested, viewport
 from addon.blender.session import reports, trees
 from addon.core.base import room
 from addon.core.session import coarse
@@ -119,7 +119,7 @@ def test_a_border_is_the_same_picture_in_part(stage: Any, tmp_path: Path, crop: 
     r.use_border, r.use_crop_to_border = True, crop
     r.border_min_x, r.border_max_x, r.border_min_y, r.border_max_y = 0.25, 0.7, 0.3, 0.9
     part = render(stage, tmp_path)["Combined.G"]
-    x0, y0, x1, y1 = engine.border_pixels(r, WIDTH, HEIGHT)
+    x0, y0, x1, y1 = requested.border_pixels(r, WIDTH, HEIGHT)
     if crop:
         assert part.shape == (y1 - y0, x1 - x0)
     else:
