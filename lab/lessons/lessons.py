@@ -79,7 +79,7 @@ def _split_facts(native: Native) -> Facts:
     facts: Facts = {}
     for spec in ("kd", "kd-median"):
         tree = native.build(workload.vertices, workload.triangles, spec, threads=1)
-        steps, tests = counted(native, workload, spec)
+        steps, tests = counted(native, workload, f"{spec}:traversal=dir")
         facts |= {
             f"{spec} expected cost": f"{tree.statistics['sah_cost']:,.0f}",
             f"{spec} steps": f"{steps:.1f}",
@@ -102,7 +102,7 @@ def _oblique_facts(native: Native) -> Facts:
     for place in ("along", "turned"):
         workload = planks(place == "turned")
         for spec in ("kd", "bsp-wn-plus-kd"):
-            steps, tests = counted(native, workload, spec)
+            steps, tests = counted(native, workload, f"{spec}:traversal=dir")
             facts[f"{spec} {place} steps"], facts[f"{spec} {place} tests"] = f"{steps:.1f}", f"{tests:.1f}"
     return facts
 

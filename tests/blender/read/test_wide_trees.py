@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import pytest
 from shapes import material, node, with_nodes
-from test_materials import understood
+from test_materials import converted
 
 from addon.blender.read import values
 from addon.blender.read.values import Values
@@ -57,7 +57,7 @@ def test_a_shader_that_is_mixed_with_itself_again_and_again(kind: str, shader: s
     end = node(tree, "ShaderNodeOutputMaterial").inputs["Surface"]
     tree.links.new(doubled(tree, kind, first), end)
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert any("More than 4096 shaders is not supported yet in material: Doubled" in line for line in notes)
 
@@ -77,7 +77,7 @@ def test_shaders_for_which_there_is_no_room_are_not_read(
     monkeypatch.setattr(
         Values, "value", lambda self, place, *rest: asked.append(place.socket.name) or value(self, place, *rest)
     )
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert len(found.closures) == most
     assert notes == ["More than 8 shaders, 4 of them Principled, is not supported yet in material: Crowded"]
     assert asked.count("Roughness") == most
@@ -91,7 +91,7 @@ def test_a_normal_map_of_normal_maps_that_are_unknown() -> None:
         if item.bl_idname == "ShaderNodeNormalMap":
             item.space = "BLENDER_OBJECT"
     tree.links.new(last, node(tree, "ShaderNodeBsdfPrincipled").inputs["Normal"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert len(found.closures) == 1
     assert any(line.startswith("Normal Map (blender object) for Normal") for line in notes)
 
@@ -102,7 +102,7 @@ def test_groups_that_double_at_each_level_end_at_what_the_native_module_takes() 
     user = tree.nodes.new("ShaderNodeGroup")
     user.node_tree = groups_of_two()
     tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Roughness"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert found.closures[0].inputs["roughness"] == 0.25
     assert any(line.startswith(f"More than {MOST_STEPS} steps for Roughness") for line in notes)
     assert len(found.program) <= MOST_STEPS
@@ -122,7 +122,7 @@ def test_a_constant_is_read_where_there_is_no_room_for_a_step(monkeypatch: pytes
     tree.links.new(number.outputs[0], shader.inputs["IOR"])
     tree.links.new(color.outputs[0], shader.inputs["Coat Tint"])
     tree.links.new(more.outputs[0], shader.inputs["Specular Tint"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     inputs = found.closures[0].inputs
     assert (len(found.program), inputs["ior"], inputs["coat_tint"]) == (1, 0.125, (0.25, 0.5, 0.75, 1.0))
     assert notes == ["More than 1 steps for Specular Tint is not supported yet in material: Full"]
@@ -141,7 +141,7 @@ def test_the_empty_socket_of_a_group_s_input_is_unknown() -> None:
     user = tree.nodes.new("ShaderNodeGroup")
     user.node_tree = inner
     tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Roughness"])
-    found, notes = understood(block)
+    found, notes = converted(block)
     assert [step["args"][:2] for step in found.program] == [(0.125, 0.25)]
     assert notes == ["Group Input for Value is not supported yet in material: Grouped"]
 
@@ -173,6 +173,6 @@ def test_a_tree_is_not_looked_through_for_each_socket(monkeypatch: pytest.Monkey
     looked: list[Any] = []
     found = bpy.types.NodeSocket.links
     monkeypatch.setattr(bpy.types.NodeSocket, "links", property(lambda self: looked.append(self) or found.fget(self)))
-    read, notes = understood(block)
+    read, notes = converted(block)
     assert (len(read.program), notes) == (99, [])
     assert looked == []
