@@ -225,7 +225,7 @@ def test_of_a_structure_that_was_chosen_the_errors_that_were_counted_are_told(
         return dataclasses.replace(chosen, comparison=dataclasses.replace(chosen.comparison, lines=lines))
 
     monkeypatch.setattr(engine._Picture, "_choose", err)
-    monkeypatch.setattr(engine._Picture, "_say", lambda _self, text: said.append(text))
+    monkeypatch.setattr(engine._Picture, "_show_status", lambda _self, text: said.append(text))
     bpy.ops.render.render()
     report = reports.last(seen)
     assert report is not None

@@ -156,7 +156,7 @@ def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch
     from addon.blender.ui import panels
 
     said: list[str] = []
-    monkeypatch.setattr(engine._Picture, "_say", lambda _self, text: said.append(text))
+    monkeypatch.setattr(engine._Picture, "_show_status", lambda _self, text: said.append(text))
     bpy.ops.render.render()
     speeds = [text for text in said if "Mray/s" in text]
     assert speeds
