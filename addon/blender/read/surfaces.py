@@ -20,7 +20,6 @@ IGNORED_LAYERS = {
     "Sheen Weight": 0.0,
     "Anisotropic": 0.0,
     "Thin Film Thickness": 0.0,
-    "Diffuse Roughness": 0.0,
 }
 """Inputs of the Principled BSDF that are not rendered, with the value at which they have no effect."""
 
@@ -166,13 +165,17 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         coat_roughness=values.input(node, "Coat Roughness"),
         coat_ior=values.input(node, "Coat IOR", 1.5),
         coat_tint=values.input(node, "Coat Tint", (1.0, 1.0, 1.0)),
+        diffuse_roughness=values.input(node, "Diffuse Roughness"),
     )
 
 
 def _diffuse(surface: Surface, node: Place, weight: Operand) -> None:
-    if not is_constant(surface.values.input(node, "Roughness"), 0.0):
-        surface.remark("Diffuse BSDF: Roughness")
-    surface.add("diffuse", weight, node, color=surface.color(node))
+    roughness = surface.values.input(node, "Roughness")
+    surface.add("diffuse", weight, node, color=surface.color(node), diffuse_roughness=roughness)
+
+
+def _translucent(surface: Surface, node: Place, weight: Operand) -> None:
+    surface.add("translucent", weight, node, color=surface.color(node))
 
 
 def _glossy(surface: Surface, node: Place, weight: Operand) -> None:
@@ -255,6 +258,7 @@ def _multiscatter(surface: Surface, node: Place) -> bool:
 SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfPrincipled": _principled,
     "ShaderNodeBsdfDiffuse": _diffuse,
+    "ShaderNodeBsdfTranslucent": _translucent,
     "ShaderNodeBsdfAnisotropic": _glossy,
     "ShaderNodeBsdfGlossy": _glossy,
     "ShaderNodeBsdfMetallic": _metallic,

@@ -13,6 +13,7 @@ from mathutils import Euler, Matrix, Vector
 from . import sky
 from .images import associated
 from .nodes import Place, Unsupported
+from .textures import TEXTURES
 
 if TYPE_CHECKING:
     from ...core.scene.scene import Operand
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 TABLE = 256
 """Entries of a colour ramp or curve, as in Cycles."""
+
+FILTER_WIDTH = 0.1
+"""Pixels between the heights of a bump in versions of Blender without that input."""
 
 UV, COLOR, TANGENT = "uv", "color", "tangent"
 """Kinds of layers: a UV map, a colour attribute, the tangents of a UV map. The name "" is the active one."""
@@ -299,28 +303,6 @@ def _mapping(values: Values, node: Place) -> Operand:
     return values.step("unit", mapped) if kind == "NORMAL" else mapped
 
 
-def _checker(values: Values, node: Place) -> Operand:
-    args = [values.vector(node, "generated"), *(values.input(node, name) for name in ("Color1", "Color2", "Scale"))]
-    return values.step("checker", *args, color=node.socket.name == "Color")
-
-
-def _noise(values: Values, node: Place) -> Operand:
-    item = node.node
-    if item.noise_dimensions != "3D" or getattr(item, "noise_type", "FBM") != "FBM":
-        raise Unsupported(f"{item.bl_label} ({item.noise_dimensions}, {getattr(item, 'noise_type', 'FBM').lower()})")
-    distortion = node.input("Distortion")
-    if distortion is not None and not is_constant(values.value(distortion), 0.0):
-        values.remark("Noise Texture: Distortion")
-    names = {"Scale": 5.0, "Detail": 2.0, "Roughness": 0.5, "Lacunarity": 2.0}
-    args = [values.input(node, name, absent) for name, absent in names.items()]
-    vector = values.vector(node, "generated")
-    return values.step("noise", vector, *args, color=node.socket.name == "Color", normalize=item.normalize)
-
-
-def _gradient(values: Values, node: Place) -> Operand:
-    return values.step("gradient", values.vector(node, "generated"), kind=node.node.gradient_type)
-
-
 def _separate(values: Values, node: Place) -> Operand:
     item = node.node
     if getattr(item, "mode", "RGB") != "RGB":
@@ -371,6 +353,25 @@ def _normal_map(values: Values, node: Place) -> Operand:
     return values.step("normal_map_space", color, strength, object=item.space == "OBJECT")
 
 
+def _bump(values: Values, node: Place) -> Operand:
+    if values.background or values.shifted:
+        raise Unsupported("Bump within a height" if values.shifted else "Bump of a world")
+    normal, height = node.input("Normal"), node.input("Height")
+    linked = normal is not None and normal.source().socket.is_output
+    base = values.value(normal) if linked and normal is not None else values.coordinate("normal")
+    if height is None or not height.source().socket.is_output:
+        return base
+    # The heights at the point, and a small part of a pixel beside it.
+    width = values.input(node, "Filter Width", FILTER_WIDTH)
+    width = width if isinstance(width, float) and width > 0.0 else FILTER_WIDTH
+    heights = [values.value(height)]
+    for axis in "XY":
+        with values.beside(axis, width):
+            heights.append(values.value(height))
+    strength, distance = values.input(node, "Strength", 1.0), values.input(node, "Distance", 1.0)
+    return values.step("bump", *heights, strength, distance, base, width=width, invert=node.node.invert)
+
+
 def _layer_weight(values: Values, node: Place) -> Operand:
     op = "layer_fresnel" if node.socket.name == "Fresnel" else "layer_facing"
     return values.step(op, values.input(node, "Blend"))
@@ -381,6 +382,7 @@ def _simple(op: str, *names: str | int) -> Callable[[Values, Place], Operand]:
 
 
 NODES: dict[str, Callable[[Values, Place], Operand]] = {
+    **TEXTURES,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),
     "ShaderNodeTexImage": _image,
@@ -400,9 +402,6 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     "ShaderNodeRGBCurve": _curves,
     "ShaderNodeFloatCurve": _float_curve,
     "ShaderNodeMapping": _mapping,
-    "ShaderNodeTexChecker": _checker,
-    "ShaderNodeTexNoise": _noise,
-    "ShaderNodeTexGradient": _gradient,
     "ShaderNodeSeparateColor": _separate,
     "ShaderNodeSeparateXYZ": _separate,
     "ShaderNodeCombineColor": _combine,
@@ -417,4 +416,5 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     "ShaderNodeFresnel": _simple("fresnel", "IOR"),
     "ShaderNodeLayerWeight": _layer_weight,
     "ShaderNodeNormalMap": _normal_map,
+    "ShaderNodeBump": _bump,
 }

@@ -7,7 +7,8 @@ its own value.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,6 +69,7 @@ class Values:
         # Operands by output or coordinate, and the outputs whose inputs are being read, to detect loops.
         self._known: dict[Any, Operand] = {}
         self._open: list[Any] = []
+        self._shift: dict[str, Any] = {}
 
     def step(self, op: str, *args: Operand, **settings: Any) -> int:
         """Append a step. Returns its number. Raises Unsupported if there are too many."""
@@ -79,12 +81,26 @@ class Values:
         """The step for a property of the shading point, such as its position."""
         if kind in ("object", "generated", "object_normal") and not self.background:
             self.layers.objects = True
-        return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
+        return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind, **self._shift))
 
     def layer(self, kind: str, name: str) -> int:
         """The step for the value of a layer at the shading point."""
         number = self.layers.number(kind, name)
-        return self.once((kind, name), lambda: self.step("attribute", layer=number))
+        return self.once((kind, name), lambda: self.step("attribute", layer=number, **self._shift))
+
+    @property
+    def shifted(self) -> bool:
+        """Whether values are computed beside the shading point."""
+        return bool(self._shift)
+
+    @contextmanager
+    def beside(self, axis: str, width: float) -> Iterator[None]:
+        """Compute values beside the shading point meanwhile: along the surface's axis X or Y, by `width` pixels."""
+        self._shift = {"shift": axis, "width": width}
+        try:
+            yield
+        finally:
+            self._shift = {}
 
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
         """The value of a node's input; `absent` if this version of Blender has no such input."""
@@ -126,7 +142,8 @@ class Values:
     def _output(self, source: Place) -> Operand:
         """The operand for an output of a node, whose steps are written once. Raises Unsupported."""
         node, socket = source.node, source.socket
-        key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
+        groups = tuple(group.as_pointer() for group in source.groups)
+        key = (groups, node.as_pointer(), socket.identifier, *self._shift.values())
         if key in self._known:
             return self._known[key]
         # Check before reading inputs, whose number may double in every group. A node without inputs may need no step.
@@ -162,7 +179,8 @@ class Values:
         return self.step("luminance" if have == "RGBA" else "mean", operand)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:
-        """The number of the step that `write` appends, called once per key."""
+        """The number of the step that `write` appends, called once per key and shift."""
+        key = (key, *self._shift.values())
         if key not in self._known:
             self._known[key] = write()
         return self._known[key]  # type: ignore[return-value]

@@ -10,3 +10,4 @@ pub mod rays;
 pub mod scene;
 pub mod shader;
 pub mod surface;
+pub mod textures;

@@ -6,11 +6,14 @@
 
 use crate::args::arrays::{check_copy, describe};
 use crate::args::keys::{Keys, list};
+use crate::args::textures;
 use halfspace_base::error::{Error, Result};
 use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
 use halfspace_render::values::image::{Extension, Image, Interpolation};
 use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
-use halfspace_render::values::program::{Coordinate, Ease, Gradient, Op, Operand, Step, Value};
+use halfspace_render::values::program::{
+    Bump, Coordinate, Ease, Gradient, Op, Operand, Shift, Step, Value,
+};
 use halfspace_render::values::varying::{Layer, ObjectFrame, Varying};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -20,6 +23,7 @@ use pyo3::types::{PyBool, PyFloat, PyInt};
 const KINDS: &[(&str, ClosureKind)] = &[
     ("principled", ClosureKind::Principled),
     ("diffuse", ClosureKind::Diffuse),
+    ("translucent", ClosureKind::Translucent),
     ("glossy", ClosureKind::Glossy),
     ("glass", ClosureKind::Glass),
     ("refraction", ClosureKind::Refraction),
@@ -43,6 +47,7 @@ const INPUTS: &[(&str, Input)] = &[
     ("coat_roughness", Input::CoatRoughness),
     ("coat_ior", Input::CoatIor),
     ("coat_tint", Input::CoatTint),
+    ("diffuse_roughness", Input::DiffuseRoughness),
 ];
 
 /// Coordinates by their names in dictionaries.
@@ -115,6 +120,9 @@ const STEP_KEYS: &[&str] = &[
     "color",
     "normalize",
     "object",
+    "invert",
+    "shift",
+    "width",
 ];
 
 /// Reads an operand: a constant or the index of a step.
@@ -167,8 +175,9 @@ pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
 /// Reads the program of a material or background.
 pub fn program(keys: &Keys<'_, '_>) -> Result<Vec<Step>> {
     let name = format!("{}['program']", keys.name);
+    let known = [STEP_KEYS, textures::KEYS].concat();
     list(&name, keys.find("program").as_ref(), |dict, index| {
-        let keys = Keys::new(dict, format!("{name}[{index}]"), STEP_KEYS)?;
+        let keys = Keys::new(dict, format!("{name}[{index}]"), &known)?;
         // Read the operands from a list, a tuple or any other sequence.
         let args = match keys.find("args") {
             None => Vec::new(),
@@ -198,6 +207,9 @@ fn index(keys: &Keys<'_, '_>, key: &str) -> Result<u16> {
 /// Reads the operation of a step.
 fn op(keys: &Keys<'_, '_>) -> Result<Op> {
     let name = keys.text("op")?;
+    if let Some(op) = textures::texture(keys, &name)? {
+        return Ok(op);
+    }
     Ok(match name.as_str() {
         "image" => Op::Image {
             image: index(keys, "image")?,
@@ -206,8 +218,8 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
             unassociate: keys.flag_or("unassociate", false)?,
             panorama: keys.flag_or("panorama", false)?,
         },
-        "attribute" => Op::Attribute(index(keys, "layer")?),
-        "coordinate" => Op::Coordinate(keys.choice("kind", COORDINATES)?),
+        "attribute" => Op::Attribute(index(keys, "layer")?, shift(keys)?),
+        "coordinate" => Op::Coordinate(keys.choice("kind", COORDINATES)?, shift(keys)?),
         "alpha" => Op::Alpha,
         "channel" => Op::Channel(index(keys, "channel")?.min(3) as u8),
         "combine" => Op::Combine,
@@ -228,10 +240,6 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
         "ramp" => Op::Ramp(table(keys)?.into(), keys.flag_or("smooth", true)?),
         "curves" => Op::Curves(table(keys)?.into()),
         "checker" => Op::Checker(!keys.flag_or("color", true)?),
-        "noise" => Op::Noise(
-            keys.flag_or("color", false)?,
-            keys.flag_or("normalize", true)?,
-        ),
         "gradient" => Op::Gradient(keys.choice("kind", GRADIENTS)?),
         "invert" => Op::Invert,
         "gamma" => Op::Gamma,
@@ -243,6 +251,11 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
         "layer_fresnel" => Op::LayerFresnel,
         "layer_facing" => Op::LayerFacing,
         "normal_map" => Op::NormalMap(index(keys, "layer")?),
+        "bump" => Op::Bump(Bump {
+            width: keys.number_or("width", 0.1)?,
+            invert: keys.flag_or("invert", false)?,
+            object: keys.flag_or("object", false)?,
+        }),
         "normal_map_space" => Op::NormalMapSpace(keys.flag_or("object", false)?),
         _ => {
             return Err(Error::Spec(format!(
@@ -251,6 +264,15 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
             )));
         }
     })
+}
+
+/// Reads where a value is computed: "shift" is an axis, "X" or "Y", and "width" a share of a pixel.
+fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
+    const AXES: &[(&str, fn(f32) -> Shift)] = &[("X", Shift::X), ("Y", Shift::Y)];
+    match keys.find("shift") {
+        None => Ok(Shift::None),
+        Some(_) => Ok(keys.choice("shift", AXES)?(keys.number_or("width", 0.1)?)),
+    }
 }
 
 /// Reads an affine map of three rows.

@@ -178,6 +178,17 @@ impl Camera {
         (point - self.origin).dot(self.forward)
     }
 
+    /// Returns the width of a pixel in scene units, at a distance from the camera.
+    #[inline]
+    pub fn pixel_width(&self, distance: f32) -> f32 {
+        let width = self.right.length();
+        if self.perspective {
+            width * distance
+        } else {
+            width
+        }
+    }
+
     /// Returns the distance of a point from the camera's centre, or from its plane for orthographic projection.
     #[inline]
     pub fn distance(&self, point: Vec3) -> f32 {

@@ -100,7 +100,7 @@ impl World {
                     })?;
                     size = [size[0].max(image.size()[0]), size[1].max(image.size()[1])];
                 }
-                Op::Attribute(_) | Op::NormalMap(_) => {
+                Op::Attribute(..) | Op::NormalMap(_) => {
                     return Err(Error::Spec(
                         "world['program']: a background has no corners".into(),
                     ));

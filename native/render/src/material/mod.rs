@@ -44,9 +44,9 @@ pub struct Material {
     pub emits: bool,
     /// Whether some emission passes through a coat and so depends on the direction.
     pub dims_emission: bool,
-    /// Whether a closure can have reflecting lobes.
+    /// Whether a closure can have reflecting lobes, or a rough diffuse one.
     pub reflects: bool,
-    /// Whether a closure can have refracting lobes.
+    /// Whether a closure can have refracting or translucent lobes.
     pub refracts: bool,
 }
 
@@ -83,8 +83,8 @@ impl Material {
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
-            reflects: any(Closure::may_reflect),
-            refracts: any(Closure::may_refract),
+            reflects: any(|c| c.may_reflect() || c.may_be_rough()),
+            refracts: any(|c| c.may_refract() || c.is_translucent()),
             closures: compiled,
             program,
             reduced_program,

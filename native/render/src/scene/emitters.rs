@@ -63,6 +63,8 @@ impl EmissionProbe<'_> {
                     incoming: normal,
                     inside: false,
                     ray: RayKind::Diffuse,
+                    edges: [b - a, c - a],
+                    footprint: 0.0,
                 };
                 let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
                 sum += unscattered.emission.mean_abs();

@@ -16,9 +16,9 @@ pub struct Features {
     pub lights_hittable: bool,
     /// At least one material varies over its surface: its program has to run.
     pub textures: bool,
-    /// At least one material has a lobe that reflects off facets.
+    /// At least one material has a lobe that reflects off facets, or a rough diffuse one.
     pub glossy: bool,
-    /// At least one material has a lobe that refracts.
+    /// At least one material has a lobe that refracts, or a translucent one.
     pub glass: bool,
     /// At least one material is not opaque: rays pass through it, shadow rays accumulate its transmittance.
     pub transparency: bool,
@@ -79,7 +79,7 @@ impl Features {
             ),
             (
                 self.glossy,
-                "mirror rays: no material is metallic or specular",
+                "mirror rays: no material is metallic, specular or roughly diffuse",
             ),
             (self.glass, "refraction: no material transmits"),
             (

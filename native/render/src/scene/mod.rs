@@ -154,7 +154,7 @@ fn check_references(material: &Material, index: usize, images: usize, layers: us
         // Operations that refer to an image or a layer.
         let (what, reference, count) = match op {
             Op::Image { image, .. } => ("image", *image, images),
-            Op::Attribute(layer) | Op::NormalMap(layer) => ("layer", *layer, layers),
+            Op::Attribute(layer, _) | Op::NormalMap(layer) => ("layer", *layer, layers),
             _ => continue,
         };
         if usize::from(reference) >= count {

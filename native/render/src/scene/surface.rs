@@ -105,6 +105,8 @@ impl<'a> Surface<'a> {
             incoming: -d,
             inside: self.inside,
             ray,
+            edges: [1, 2].map(|k| Vec3::from(self.corners[k]) - Vec3::from(self.corners[0])),
+            footprint: 0.0,
         }
     }
 

@@ -18,6 +18,8 @@ macro_rules! named {
     };
 }
 
+pub(crate) use named;
+
 named! {
     /// Operations of the Math node.
     Math {

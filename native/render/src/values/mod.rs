@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Values that vary over a surface: shading programs, and the data and functions that their operations read.
 
+mod bump;
 pub mod image;
 pub mod math_nodes;
-pub mod noise;
-mod normal_map;
+pub mod normal_map;
 pub mod program;
 pub mod shading_point;
+pub mod texture;
 pub mod varying;
 pub mod visibility;

@@ -2,7 +2,7 @@
 //! A point to be shaded: the inputs of a program other than its constants.
 
 use crate::math::vector::{Vec3, vec3};
-use crate::values::program::{Coordinate, Value};
+use crate::values::program::{Coordinate, Shift, Value};
 use crate::values::varying::{ObjectFrame, Varying};
 use crate::values::visibility::RayKind;
 
@@ -27,6 +27,10 @@ pub struct ShadingPoint<'a> {
     pub inside: bool,
     /// The kind of ray that arrives here.
     pub ray: RayKind,
+    /// Edges of the triangle from its first corner, in scene space.
+    pub edges: [Vec3; 2],
+    /// Width of a pixel at the point, in scene units; 0 where heights have no differences.
+    pub footprint: f32,
 }
 
 impl<'a> ShadingPoint<'a> {
@@ -42,6 +46,8 @@ impl<'a> ShadingPoint<'a> {
             incoming: -direction,
             inside: false,
             ray,
+            edges: [Vec3::ZERO; 2],
+            footprint: 0.0,
         }
     }
 
@@ -52,6 +58,12 @@ impl<'a> ShadingPoint<'a> {
 
     /// Returns a layer's value at the point: missing components are 0, the fourth 1.
     pub fn attribute(&self, layer: u16) -> Value {
+        self.attribute_at(layer, Shift::None)
+    }
+
+    /// Returns a layer's value at the point or beside it, where it continues linearly.
+    pub fn attribute_at(&self, layer: u16, shift: Shift) -> Value {
+        let weights = self.weights_at(shift);
         let mut out = [0.0, 0.0, 0.0, 1.0];
         // A missing layer, or one that does not cover the triangle, reads as zero.
         let Some(layer) = self.varying.layers.get(usize::from(layer)) else {
@@ -67,9 +79,7 @@ impl<'a> ShadingPoint<'a> {
         };
         // Interpolate each component between the corners.
         for (k, slot) in out.iter_mut().take(n).enumerate() {
-            *slot = (0..3)
-                .map(|c| self.weights[c] * corners[c * n + k])
-                .sum::<f32>();
+            *slot = (0..3).map(|c| weights[c] * corners[c * n + k]).sum::<f32>();
         }
         out
     }
@@ -86,8 +96,8 @@ impl<'a> ShadingPoint<'a> {
         self.triangle == usize::MAX
     }
 
-    /// Returns a coordinate of the point, see [`Coordinate`]; the fourth component is 1.
-    pub fn coordinate(&self, which: Coordinate) -> Value {
+    /// Returns a coordinate of the point or beside it, see [`Coordinate`]; the fourth component is 1.
+    pub fn coordinate(&self, which: Coordinate, shift: Shift) -> Value {
         let truth = |yes: bool| Vec3::splat(f32::from(u8::from(yes)));
         // On the background, positions are the direction itself.
         let v = match which {
@@ -96,23 +106,17 @@ impl<'a> ShadingPoint<'a> {
             {
                 self.position
             }
-            Coordinate::Position => self.position + Vec3::from(self.varying.origin),
-            Coordinate::Object => self.in_object(),
+            Coordinate::Position => self.position_at(shift) + Vec3::from(self.varying.origin),
+            Coordinate::Object => self.in_object(shift),
             Coordinate::Generated => {
                 // Without an object, generated coordinates equal those of object space.
                 let [add, scale] = self
                     .object()
                     .map_or([[0.0; 3], [1.0; 3]], |o| o.generated)
                     .map(Vec3::from);
-                (self.in_object() + add) * scale
+                (self.in_object(shift) + add) * scale
             }
-            Coordinate::ObjectNormal => self.object().map_or(self.outward(), |o| {
-                // Normals transform by the inverse transpose of object-to-scene: the transpose of scene-to-object's
-                // inverse.
-                let [a, b, c] = columns_to_world(&o.to_object);
-                let n = self.outward();
-                vec3(a.dot(n), b.dot(n), c.dot(n)).normalized_or(n)
-            }),
+            Coordinate::ObjectNormal => self.normal_in_object(self.outward()),
             Coordinate::Normal => self.normal,
             Coordinate::TrueNormal => self.geometric,
             Coordinate::Incoming => self.incoming,
@@ -129,16 +133,25 @@ impl<'a> ShadingPoint<'a> {
         [v.x, v.y, v.z, 1.0]
     }
 
-    /// The position in object space.
-    fn in_object(&self) -> Vec3 {
+    /// The position of the point or beside it, in object space.
+    fn in_object(&self, shift: Shift) -> Vec3 {
+        let p = self.position_at(shift);
         let Some(object) = self.object() else {
-            return self.position;
+            return p;
         };
-        let p = self.position;
         let [x, y, z] = object
             .to_object
             .map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]);
         vec3(x, y, z)
+    }
+
+    /// Transforms a normal to object space.
+    pub(super) fn normal_in_object(&self, n: Vec3) -> Vec3 {
+        self.object().map_or(n, |o| {
+            // Normals transform by the inverse transpose of scene-to-object: the transpose of its inverse's columns.
+            let [a, b, c] = columns_to_world(&o.to_object);
+            vec3(a.dot(n), b.dot(n), c.dot(n)).normalized_or(n)
+        })
     }
 
     /// The shading normal on the front of the triangle.
@@ -176,6 +189,8 @@ pub(super) mod tests {
             incoming: up,
             inside: false,
             ray: RayKind::Camera,
+            edges: [vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0)],
+            footprint: 0.01,
         }
     }
 
@@ -208,7 +223,7 @@ pub(super) mod tests {
                 }],
                 ..Default::default()
             };
-            let [x, y, z, _] = point(&varying).coordinate(Coordinate::ObjectNormal);
+            let [x, y, z, _] = point(&varying).coordinate(Coordinate::ObjectNormal, Shift::None);
             assert_eq!([x, y, z], [0.0, 0.0, f32::signum(scale[2])], "{scale:?}");
         }
     }

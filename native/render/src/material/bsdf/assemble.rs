@@ -2,12 +2,13 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
+use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
     Boundary, Bsdf, Facets, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals,
 };
 use crate::material::closure::{
-    ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, Reflector, Transmitter, absorbed,
-    coat_albedos, compensation_per_channel,
+    ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, MAX_CLOSURES, Reflector, Transmitter,
+    absorbed, coat_albedos, compensation_per_channel,
 };
 use crate::material::ggx::Ggx;
 use crate::math::vector::Vec3;
@@ -62,7 +63,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             boundaries: [NO_BOUNDARY; MAX_BOUNDARIES],
             boundary_count: 0,
             diffuse: Vec3::ZERO,
+            rough: [RoughDiffuse::NONE; MAX_CLOSURES],
+            rough_count: 0,
             diffuse_probability: 0.0,
+            translucent: Vec3::ZERO,
+            translucent_probability: 0.0,
         };
         for closure in closures {
             out.add(&closure.lobes(registers), closure, inside);
@@ -81,6 +86,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         // The weight of what is below shrinks from layer to layer.
         let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight));
         self.add_reflections(lobes, closure, weight);
+        if GLASS {
+            self.translucent += weight * lobes.translucent;
+        }
         if GLASS
             && let Some(transmitter) = &lobes.glass
             && (self.filter.refractions
@@ -139,11 +147,27 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                     self.add_facets(reflector, weight, single, dielectric, multiscatter);
                 // Undo the layer's weight in its reflection, because `lobes.diffuse` already contains it.
                 let left = 1.0 - reflected / share.max(1e-6);
-                self.diffuse += weight * lobes.diffuse * left.max(0.0);
+                self.add_diffuse(lobes, weight * left.max(0.0));
                 return;
             }
         }
-        self.diffuse += weight * lobes.diffuse;
+        self.add_diffuse(lobes, weight);
+    }
+
+    /// Adds the diffuse base.
+    #[inline(always)]
+    fn add_diffuse(&mut self, lobes: &Lobes, weight: Vec3) {
+        if GLOSSY && lobes.diffuse_roughness > 0.0 && self.rough_count < MAX_CLOSURES {
+            self.rough[self.rough_count] = RoughDiffuse::new(
+                lobes.diffuse_roughness,
+                weight * lobes.diffuse,
+                lobes.diffuse_color,
+                self.normals.diffuse_cosine(self.wi),
+            );
+            self.rough_count += 1;
+        } else {
+            self.diffuse += weight * lobes.diffuse;
+        }
     }
 
     /// Adds glass, which reflects and refracts by the relative index of the side the path arrives from.
@@ -256,7 +280,16 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     fn share_samples(&mut self) {
         // Add up the energies of the lobes, then divide each by the sum.
         self.diffuse_probability = self.diffuse.mean();
+        if GLOSSY {
+            for rough in &self.rough[..self.rough_count] {
+                self.diffuse_probability += rough.weight.mean();
+            }
+        }
         let mut total = self.diffuse_probability;
+        if GLASS {
+            self.translucent_probability = self.translucent.mean();
+            total += self.translucent_probability;
+        }
         if GLOSSY {
             total += self.facets[..self.facet_count]
                 .iter()
@@ -270,6 +303,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         if total > 0.0 {
             let norm = 1.0 / total;
             self.diffuse_probability *= norm;
+            self.translucent_probability *= norm;
             if GLOSSY {
                 self.facets[..self.facet_count]
                     .iter_mut()

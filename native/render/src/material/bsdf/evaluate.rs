@@ -27,6 +27,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         } else {
             (Vec3::ZERO, 0.0)
         };
+        if GLASS && wo.z < 0.0 && visible.to(RayKind::Diffuse) {
+            self.eval_translucent(wo, &mut f, &mut pdf);
+        }
         // Facets neither reflect to the far side of the triangle nor refract to the near side. Where the shading
         // normal and the triangle disagree about the side, only the diffuse lobe contributes.
         let above = self.normals.geometric.dot(wo) >= 0.0;
@@ -43,7 +46,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         (f, pdf)
     }
 
-    /// The Lambertian lobe, about the mapped normal if there is one.
+    /// The Lambertian and rough diffuse lobes, about the mapped normal if there is one.
     #[inline(always)]
     fn eval_diffuse(&self, wo: Vec3) -> (Vec3, f32) {
         // A mapped normal changes the cosine and shadows facets near the horizon.
@@ -55,10 +58,27 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             return (Vec3::ZERO, 0.0);
         }
         let lambert = cos * FRAC_1_PI;
-        (
-            self.diffuse * (lambert * lit),
-            self.diffuse_probability * lambert,
-        )
+        let mut f = self.diffuse * (lambert * lit);
+        if GLOSSY {
+            for rough in &self.rough[..self.rough_count] {
+                f += rough.eval(self.wi.dot(wo), cos) * lit;
+            }
+        }
+        (f, self.diffuse_probability * lambert)
+    }
+
+    /// Adds the translucent lobe, about the normal of the facets, as in Cycles.
+    #[inline(always)]
+    fn eval_translucent(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
+        let lit = match self.normals.mapped {
+            None => 1.0,
+            Some([own, _]) => bump_shadow(own, vec3(0.0, 0.0, 1.0), wo),
+        };
+        if lit > 0.0 {
+            let lambert = -wo.z * FRAC_1_PI;
+            *f += self.translucent * (lambert * lit);
+            *pdf += self.translucent_probability * lambert;
+        }
     }
 
     /// Adds all rough lobes that reflect.

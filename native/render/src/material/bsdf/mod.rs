@@ -5,6 +5,7 @@
 //! came from (z > 0), `wo` where it goes. `GLOSSY` and `GLASS` are false if no material of the scene has such
 //! lobes; their code is then compiled out.
 
+use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Reflected};
 use crate::material::ggx::Ggx;
 use crate::math::vector::Vec3;
@@ -12,6 +13,7 @@ use crate::values::visibility::RayKind;
 
 mod assemble;
 mod evaluate;
+mod rough;
 mod sample;
 
 pub use crate::material::bsdf::sample::cosine_direction;
@@ -25,6 +27,16 @@ pub struct Normals {
     /// none. Facets use the second one bent so that no mirror direction points below the surface; the diffuse base
     /// uses it unchanged.
     pub mapped: Option<[Vec3; 2]>,
+}
+
+impl Normals {
+    /// Returns the cosine between a viewer and the normal of the diffuse base, at least 0.
+    #[inline(always)]
+    pub fn diffuse_cosine(&self, wi: Vec3) -> f32 {
+        self.mapped
+            .map_or(wi.z, |[_, mapped]| mapped.dot(wi))
+            .max(0.0)
+    }
 }
 
 /// What a render's settings change about the lobes that a path meets, to reduce noise. Bias on purpose.
@@ -57,8 +69,10 @@ pub struct Scatter {
     pub weight: Vec3,
     /// Density per solid angle; infinite for a mirror or window, which light samples cannot find.
     pub pdf: f32,
-    /// ClosureKind of the scattered ray.
+    /// Kind of the scattered ray.
     pub kind: RayKind,
+    /// Whether the path continues on the other side of the surface.
+    pub through: bool,
 }
 
 /// A reflecting lobe for one viewing direction.
@@ -114,15 +128,21 @@ pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
     boundary_count: usize,
     /// Albedo of the Lambertian lobe.
     diffuse: Vec3,
-    /// Probability of sampling the Lambertian lobe.
+    rough: [RoughDiffuse; MAX_CLOSURES],
+    rough_count: usize,
+    /// Probability of sampling the Lambertian and the rough diffuse lobes, by the cosine.
     diffuse_probability: f32,
+    /// Albedo of the translucent lobe, whose axis is the normal of the facets.
+    translucent: Vec3,
+    /// Probability of sampling the translucent lobe.
+    translucent_probability: f32,
 }
 
 impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     /// Whether a lobe transmits light to the other side.
     #[inline(always)]
     pub fn transmits(&self) -> bool {
-        GLASS && self.boundary_count > 0
+        GLASS && (self.boundary_count > 0 || self.translucent != Vec3::ZERO)
     }
 
     /// Whether there is a reflecting lobe.
@@ -135,6 +155,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     #[inline(always)]
     pub fn has_density(&self) -> bool {
         self.diffuse_probability > 0.0
+            || (GLASS && self.translucent_probability > 0.0)
             || (GLOSSY && self.facets[..self.facet_count].iter().any(|f| !f.smooth))
             || (GLASS
                 && self.boundaries[..self.boundary_count]

@@ -30,16 +30,20 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 left -= boundary.p;
             }
         }
+        // Translucent lobe: about the normal of the facets, to the other side.
+        let about = cosine_direction(u);
+        if GLASS && left < self.translucent_probability {
+            return self.finish(-about, RayKind::Diffuse, true);
+        }
         if self.diffuse_probability <= 0.0 {
             return None;
         }
-        // Diffuse lobe: about the mapped normal, if there is one.
-        let about = cosine_direction(u);
+        // Diffuse lobes: about the mapped normal, if there is one.
         let wo = match self.normals.mapped {
             None => about,
             Some([_, mapped]) => Frame::around(mapped).to_world(about),
         };
-        self.finish(wo, RayKind::Diffuse)
+        self.finish(wo, RayKind::Diffuse, false)
     }
 
     /// Samples a reflecting lobe.
@@ -53,12 +57,13 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 weight: weight * (1.0 / facets.p),
                 pdf: f32::INFINITY,
                 kind: RayKind::Glossy,
+                through: false,
             });
         }
         let h = facets.ggx.sample_visible(self.wi, u);
         let wo = h * (2.0 * self.wi.dot(h)) - self.wi;
         if wo.z > 0.0 {
-            self.finish(wo, RayKind::Glossy)
+            self.finish(wo, RayKind::Glossy, false)
         } else {
             None
         }
@@ -89,9 +94,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                     weight: boundary.scale * reflected * (1.0 / (boundary.p * reflect)),
                     pdf: f32::INFINITY,
                     kind: RayKind::Glossy,
+                    through: false,
                 });
             }
-            return self.finish(wo, RayKind::Glossy);
+            return self.finish(wo, RayKind::Glossy, false);
         }
         if cos_t <= 0.0 {
             // Total reflection at a boundary that only refracts.
@@ -109,20 +115,22 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 weight: boundary.scale * passed * (1.0 / (boundary.p * (1.0 - reflect))),
                 pdf: f32::INFINITY,
                 kind: RayKind::Transmission,
+                through: true,
             });
         }
-        self.finish(wo, RayKind::Transmission)
+        self.finish(wo, RayKind::Transmission, true)
     }
 
     /// Evaluates all lobes at the sampled direction, so that the weight is that of the whole mixture.
     #[inline(always)]
-    fn finish(&self, wo: Vec3, kind: RayKind) -> Option<Scatter> {
+    fn finish(&self, wo: Vec3, kind: RayKind, through: bool) -> Option<Scatter> {
         let (f, pdf) = self.eval(wo);
         (pdf > 0.0).then(|| Scatter {
             wo,
             weight: f * (1.0 / pdf),
             pdf,
             kind,
+            through,
         })
     }
 }

@@ -55,8 +55,14 @@ pub struct Lobes {
     pub glass: Option<Transmitter>,
     /// Dielectric layer.
     pub layer: Option<Reflector>,
-    /// Albedo of the Lambertian base, without the reflection of the layer above it.
+    /// Albedo of the diffuse base, without the reflection of the layer above it.
     pub diffuse: Vec3,
+    /// Roughness of the diffuse base; 0 = Lambertian.
+    pub diffuse_roughness: f32,
+    /// Colour of the diffuse base, for light that bounces more than once on it.
+    pub diffuse_color: Vec3,
+    /// Albedo of light that is scattered diffusely to the other side.
+    pub translucent: Vec3,
 }
 
 /// Lobes with less weight are dropped, as in Cycles.
@@ -79,10 +85,17 @@ impl Closure {
             glass: None,
             layer: None,
             diffuse: Vec3::ZERO,
+            diffuse_roughness: 0.0,
+            diffuse_color: base,
+            translucent: Vec3::ZERO,
         };
         match self.kind {
             ClosureKind::Transparent | ClosureKind::Emission => lobes.weight = 0.0,
-            ClosureKind::Diffuse => lobes.diffuse = base,
+            ClosureKind::Diffuse => {
+                lobes.diffuse = base;
+                lobes.diffuse_roughness = inputs.diffuse_roughness();
+            }
+            ClosureKind::Translucent => lobes.translucent = base,
             ClosureKind::Glossy => {
                 let fresnel = Fresnel::Metal {
                     f0: base,
@@ -190,6 +203,14 @@ impl Inputs<'_> {
             lobes.layer = Some(self.reflector(rest, roughness, fresnel));
         }
         lobes.diffuse = base * rest;
+        lobes.diffuse_roughness = self.diffuse_roughness();
+    }
+
+    /// The roughness of the diffuse base; 0 where it is so small that the base is Lambertian, as in Cycles.
+    #[inline(always)]
+    fn diffuse_roughness(&self) -> f32 {
+        let roughness = self.share(Input::DiffuseRoughness);
+        if roughness < CUTOFF { 0.0 } else { roughness }
     }
 
     /// The clear coat and its absorption, if its weight counts.

@@ -123,6 +123,17 @@ impl Closure {
         }
     }
 
+    /// Whether the diffuse base can be rough.
+    pub fn may_be_rough(&self) -> bool {
+        matches!(self.kind, ClosureKind::Principled | ClosureKind::Diffuse)
+            && self.can_differ(Input::DiffuseRoughness, 0.0)
+    }
+
+    /// Whether the closure scatters light to the other side without a direction.
+    pub fn is_translucent(&self) -> bool {
+        self.kind == ClosureKind::Translucent
+    }
+
     /// Whether the closure can have a lobe that refracts.
     pub fn may_refract(&self) -> bool {
         match self.kind {

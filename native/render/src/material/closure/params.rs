@@ -10,6 +10,8 @@ pub enum ClosureKind {
     Principled,
     /// Diffuse BSDF.
     Diffuse,
+    /// Translucent BSDF.
+    Translucent,
     /// Glossy BSDF.
     Glossy,
     /// Glass BSDF.
@@ -53,6 +55,8 @@ pub enum Input {
     CoatIor,
     /// Transmittance of the clear coat's absorption at normal incidence.
     CoatTint,
+    /// Roughness of the diffuse base, 0..1; 0 = Lambertian.
+    DiffuseRoughness,
 }
 
 /// Largest number of closures of a material; more are an error.
@@ -62,7 +66,7 @@ pub const MAX_CLOSURES: usize = 8;
 pub const MAX_PRINCIPLED: usize = 4;
 
 /// Number of inputs in [`Input`].
-pub const INPUTS: usize = 14;
+pub const INPUTS: usize = 15;
 
 /// Parameters of a closure.
 #[derive(Debug, Clone)]

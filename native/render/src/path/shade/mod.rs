@@ -154,7 +154,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
                 .pass_invisible(hit.t)
                 .then(|| surface.continued(ray, hit));
         }
-        self.run_program(&mut surface, d, path, out);
+        self.run_program(&mut surface, d, hit.t, path, out);
         // Add the emission of the surface.
         let material = surface.material;
         let unscattered = material.unscattered(out.registers);
@@ -192,14 +192,23 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         self.scatter(&surface, d, random, path, out)
     }
 
-    /// Runs the program of the surface's material, which may also give a normal.
+    /// Runs the program of the surface's material, which may also give a normal. `distance`: length of the ray.
     #[inline(always)]
-    fn run_program(&self, surface: &mut Surface<'_>, d: Vec3, path: &Path, out: &mut Output<'_>) {
+    fn run_program(
+        &self,
+        surface: &mut Surface<'_>,
+        d: Vec3,
+        distance: f32,
+        path: &Path,
+        out: &mut Output<'_>,
+    ) {
         let (scene, material) = (self.scene, surface.material);
         if material.program.is_empty() {
             return;
         }
-        let point = surface.shading_point(scene, d, path.kind);
+        let mut point = surface.shading_point(scene, d, path.kind);
+        // Reflected rays see about as much of a surface as a camera at their origin would.
+        point.footprint = self.context.camera.pixel_width(path.passed + distance);
         material.program.run(&scene.images, &point, out.registers);
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {

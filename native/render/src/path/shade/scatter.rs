@@ -121,7 +121,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         // Drop directions where shading and geometric normal disagree about the side.
         let across = direction.dot(surface.geometric) < 0.0;
-        if across != (scatter.kind == RayKind::Transmission) {
+        if across != scatter.through {
             return None;
         }
         // Whitted's rays follow mirrors and clear glass only.

@@ -10,8 +10,11 @@ use crate::values::shading_point::ShadingPoint;
 mod compile;
 mod op;
 mod pure;
+mod textures;
 
-pub use crate::values::program::op::{Coordinate, Ease, Gradient, Op};
+pub use crate::values::program::op::{
+    Bump, CellOutput, Cells, Coordinate, Ease, Gradient, Noise, Op, Shift, Spread,
+};
 use crate::values::program::pure::pure;
 
 /// The value of a step: a colour and its alpha, a vector, or a number repeated three times.
@@ -96,8 +99,8 @@ impl Program {
                     let image = &images[usize::from(*image)];
                     image.at(u, v, *interpolation, *extension, *unassociate)
                 }
-                Op::Attribute(layer) => point.attribute(*layer),
-                Op::Coordinate(which) => point.coordinate(*which),
+                Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
+                Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
                 Op::Fresnel => {
                     // Inside the surface light leaves, so the relative index is inverted.
                     let ior = arg(0)[0].max(1e-5);
@@ -123,6 +126,11 @@ impl Program {
                 Op::NormalMap(layer) => vector(point.mapped_normal(*layer, rgb(arg(0)), arg(1)[0])),
                 Op::NormalMapSpace(object) => {
                     vector(point.normal_from_color(*object, rgb(arg(0)), arg(1)[0]))
+                }
+                Op::Bump(bump) => {
+                    let heights = [0, 1, 2].map(|k| arg(k)[0]);
+                    let [strength, distance] = [3, 4].map(|k| arg(k)[0]);
+                    vector(point.bumped_normal(*bump, heights, strength, distance, rgb(arg(5))))
                 }
                 op => pure(op, arg),
             };

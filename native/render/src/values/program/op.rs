@@ -4,8 +4,11 @@
 use std::sync::Arc;
 
 use crate::values::image::{Extension, Interpolation};
-use crate::values::math_nodes::{Blend, Math, VectorMath};
+use crate::values::math_nodes::{Blend, Math, VectorMath, named};
 use crate::values::program::Value;
+use crate::values::texture::fractal::NoiseKind;
+use crate::values::texture::pattern::{Profile, Rows, WaveShape};
+use crate::values::texture::voronoi::{Feature, Metric};
 
 /// Coordinates of the point to be shaded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +43,29 @@ pub enum Coordinate {
     TransmissionRay,
 }
 
+/// Where a value is computed: at the shaded point, or beside it for the differences of heights.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Shift {
+    /// At the point.
+    #[default]
+    None,
+    /// This share of a pixel's width along the first axis of the surface.
+    X(f32),
+    /// The same along the second axis.
+    Y(f32),
+}
+
+/// Settings of a bump.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bump {
+    /// Share of a pixel's width between the heights.
+    pub width: f32,
+    /// Whether heights lower the surface.
+    pub invert: bool,
+    /// Whether heights are lengths in the object's space instead of the world's.
+    pub object: bool,
+}
+
 /// Shape of a gradient texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names are Blender's")]
@@ -64,6 +90,49 @@ pub enum Ease {
     Smoother,
 }
 
+/// Number of coordinates that a texture uses, and what it returns. One coordinate is the fourth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spread {
+    /// 1 to 4.
+    pub dimensions: u8,
+    /// Whether it returns a colour instead of a number.
+    pub color: bool,
+}
+
+/// Fractal noise of position, fourth coordinate, scale, detail, roughness, lacunarity, offset, gain, distortion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Coordinates and result.
+    pub spread: Spread,
+    /// How octaves are combined.
+    pub kind: NoiseKind,
+    /// Whether the sum of octaves is scaled to 0..1.
+    pub normalize: bool,
+}
+
+named! {
+    /// Outputs of the Voronoi texture.
+    CellOutput {
+        Distance = "Distance", Color = "Color", Position = "Position", W = "W", Radius = "Radius",
+    }
+}
+
+/// Voronoi cells of position, fourth coordinate, scale, detail, roughness, lacunarity, smoothness, exponent,
+/// randomness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cells {
+    /// 1 to 4.
+    pub dimensions: u8,
+    /// What is measured.
+    pub feature: Feature,
+    /// How distances are measured.
+    pub metric: Metric,
+    /// Whether distances and colours are scaled to 0..1.
+    pub normalize: bool,
+    /// What is returned.
+    pub output: CellOutput,
+}
+
 /// The operation of a step.
 #[derive(Debug, Clone)]
 pub enum Op {
@@ -80,10 +149,10 @@ pub enum Op {
         /// Whether the argument is a direction and the image an equirectangular map.
         panorama: bool,
     },
-    /// Attribute of the corners: a UV map or a colour.
-    Attribute(u16),
-    /// Coordinate of the point, see [`Coordinate`].
-    Coordinate(Coordinate),
+    /// Attribute of the corners: a UV map or a colour; at the point, or beside it.
+    Attribute(u16, Shift),
+    /// Coordinate of the point, see [`Coordinate`], or of one beside it.
+    Coordinate(Coordinate, Shift),
     /// Fourth component of the argument.
     Alpha,
     /// One component of the argument.
@@ -110,9 +179,19 @@ pub enum Op {
     Curves(Arc<[Value]>),
     /// Checker of position, first colour, second colour, scale; `true`: returns the factor instead of a colour.
     Checker(bool),
-    /// Noise of position, scale, detail, roughness, lacunarity; whether it returns a colour, and whether it is
-    /// normalized.
-    Noise(bool, bool),
+    /// Fractal noise.
+    Noise(Noise),
+    /// White noise of position and fourth coordinate.
+    WhiteNoise(Spread),
+    /// Voronoi cells.
+    Voronoi(Cells),
+    /// Wave of position, scale, distortion, detail, detail scale, detail roughness, phase.
+    Wave(WaveShape, Profile),
+    /// Magic texture of this depth, of position, scale, distortion: a colour.
+    Magic(u32),
+    /// Bricks of position, two colours, mortar's colour, scale, mortar's size and smoothness, bias, width, height;
+    /// `true`: returns the share of mortar instead of a colour.
+    Brick(Rows, bool),
     /// Gradient at a position.
     Gradient(Gradient),
     /// Inverts: factor, colour.
@@ -137,6 +216,8 @@ pub enum Op {
     NormalMap(u16),
     /// Normal map in object space (`true`) or world space: colour and strength.
     NormalMapSpace(bool),
+    /// Bump of the heights at the point, and beside it along both axes; strength, distance, and normal.
+    Bump(Bump),
 }
 
 impl Op {
@@ -145,20 +226,21 @@ impl Op {
         !matches!(
             self,
             Self::Image { .. }
-                | Self::Attribute(_)
-                | Self::Coordinate(_)
+                | Self::Attribute(..)
+                | Self::Coordinate(..)
                 | Self::Fresnel
                 | Self::LayerFresnel
                 | Self::LayerFacing
                 | Self::NormalMap(_)
                 | Self::NormalMapSpace(_)
+                | Self::Bump(_)
         )
     }
 
     /// Returns the number of arguments.
     pub fn arity(&self) -> usize {
         match self {
-            Self::Attribute(_) | Self::Coordinate(_) => 0,
+            Self::Attribute(..) | Self::Coordinate(..) => 0,
             Self::Image { .. }
             | Self::Alpha
             | Self::Channel(_)
@@ -175,15 +257,21 @@ impl Op {
             | Self::Gamma
             | Self::Curves(_)
             | Self::NormalMap(_)
-            | Self::NormalMapSpace(_) => 2,
+            | Self::NormalMapSpace(_)
+            | Self::WhiteNoise(_) => 2,
             Self::Math(..)
             | Self::VectorMath(_)
             | Self::Mix(..)
             | Self::Combine
             | Self::BrightContrast
+            | Self::Magic(_)
             | Self::Clamp => 3,
             Self::Checker(_) => 4,
-            Self::Noise(..) | Self::HueSaturation | Self::MapRange(..) => 5,
+            Self::HueSaturation | Self::MapRange(..) => 5,
+            Self::Bump(_) => 6,
+            Self::Wave(..) => 7,
+            Self::Noise(_) | Self::Voronoi(_) => 9,
+            Self::Brick(..) => 10,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::math::vector::{Vec3, vec3};
 use crate::values::math_nodes::{from_hsv, to_hsv};
-use crate::values::noise::{Fractal, fractal, fractal_color};
+use crate::values::program::textures::texture;
 use crate::values::program::{Ease, Gradient, Op, Value, number, rgb, vector};
 
 /// Evaluates a pure operation. `arg`: returns an argument.
@@ -48,21 +48,12 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
                 arg(if first { 1 } else { 2 })
             }
         }
-        Op::Noise(color, normalize) => {
-            // Three decorrelated sums, or one.
-            let settings = Fractal {
-                detail: x(2),
-                roughness: x(3),
-                lacunarity: x(4),
-                normalize: *normalize,
-            };
-            let p = v(0) * x(1);
-            if *color {
-                vector(fractal_color(p, settings))
-            } else {
-                number(fractal(p, settings))
-            }
-        }
+        Op::Noise(_)
+        | Op::WhiteNoise(_)
+        | Op::Voronoi(_)
+        | Op::Wave(..)
+        | Op::Magic(_)
+        | Op::Brick(..) => texture(op, arg),
         Op::Gradient(kind) => number(gradient(*kind, v(0)).clamp(0.0, 1.0)),
         Op::Invert => {
             let (t, c) = (x(0), v(1));

@@ -22,8 +22,8 @@ fn constants_are_folded_and_unused_steps_removed() {
                 Operand::number(0.0),
             ],
         ),
-        step(Op::Attribute(0), &[]),
-        step(Op::Coordinate(Coordinate::Position), &[]),
+        step(Op::Attribute(0, Shift::None), &[]),
+        step(Op::Coordinate(Coordinate::Position, Shift::None), &[]),
         step(
             Op::Mix(Blend::Multiply, true, false),
             &[
@@ -37,7 +37,7 @@ fn constants_are_folded_and_unused_steps_removed() {
     let program = Program::compile(&steps, &mut roots, "test").unwrap();
     assert_eq!(roots, [Operand::number(3.0), Operand::Register(1)]);
     assert_eq!(program.steps.len(), 2);
-    assert!(matches!(program.steps[0].op, Op::Attribute(0)));
+    assert!(matches!(program.steps[0].op, Op::Attribute(0, _)));
 }
 
 #[test]

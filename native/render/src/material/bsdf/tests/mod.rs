@@ -4,7 +4,7 @@
 use crate::material::albedo::Grids;
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::material::{Material, MaterialParams};
-use crate::values::program::{Op, Operand, Step};
+use crate::values::program::{Op, Operand, Shift, Step};
 use std::f32::consts::TAU;
 
 use super::*;
@@ -42,7 +42,7 @@ fn varying(kind: ClosureKind, inputs: &[Input], more: &[(Input, f32)]) -> Materi
         closure.inputs[input as usize] = Operand::Register(i as u16);
     }
     let step = Step {
-        op: Op::Attribute(0),
+        op: Op::Attribute(0, Shift::None),
         args: Vec::new(),
     };
     compile(MaterialParams {
@@ -107,6 +107,18 @@ fn white_furnace_of_every_shader_node() {
     type Make = Box<dyn Fn(f32) -> Material>;
     let cases: Vec<(&str, Make)> = vec![
         ("Diffuse", Box::new(|r| node(ClosureKind::Diffuse, r, &[]))),
+        (
+            "rough diffuse",
+            Box::new(|r| node(ClosureKind::Diffuse, 0.5, &[(Input::DiffuseRoughness, r)])),
+        ),
+        (
+            "Translucent",
+            Box::new(|r| node(ClosureKind::Translucent, r, &[])),
+        ),
+        (
+            "rough base",
+            Box::new(principled(&[(Input::DiffuseRoughness, 0.8)])),
+        ),
         ("Glossy", Box::new(|r| node(ClosureKind::Glossy, r, &[]))),
         ("Glass", Box::new(|r| node(ClosureKind::Glass, r, &[]))),
         ("Principled", Box::new(principled(&[]))),

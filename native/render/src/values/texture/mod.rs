@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Procedural textures, with the values of Blender's.
+
+pub mod fractal;
+mod hash;
+pub mod pattern;
+mod perlin;
+pub mod voronoi;
+
+pub use crate::values::texture::hash::{color, unit};
