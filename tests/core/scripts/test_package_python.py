@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import itertools
 import os
 import re
 import subprocess
@@ -74,8 +75,10 @@ def test_a_benchmark_of_a_model_prints_its_two_tables(home: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert "model: 722 triangles" in done.stdout
     for heading in ("One ray at a time", "As fast as it goes"):
-        rows = done.stdout.partition(heading)[2].partition("Fastest")[0].splitlines()[3:5]
-        assert [row.split()[0] for row in rows] == ["kd", "bvh-sah"], done.stdout
+        table = done.stdout.partition(heading)[2].splitlines()[3:]
+        rows = list(itertools.takewhile(lambda row: row.startswith(("kd ", "bvh-sah ")), table))
+        # A structure has several rows if each is the quickest for some rays.
+        assert list(dict.fromkeys(row.split()[0] for row in rows)) == ["kd", "bvh-sah"], done.stdout
         assert all(row.endswith(" 0 0 0 0 0 0") for row in rows), "answers differ from brute force"
 
 

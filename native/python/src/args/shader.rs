@@ -268,7 +268,8 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
 
 /// Reads where a value is computed: "shift" is an axis, "X" or "Y", and "width" a share of a pixel.
 fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
-    const AXES: &[(&str, fn(f32) -> Shift)] = &[("X", Shift::X), ("Y", Shift::Y)];
+    type ByWidth = fn(f32) -> Shift;
+    const AXES: &[(&str, ByWidth)] = &[("X", Shift::X), ("Y", Shift::Y)];
     match keys.find("shift") {
         None => Ok(Shift::None),
         Some(_) => Ok(keys.choice("shift", AXES)?(keys.number_or("width", 0.1)?)),
