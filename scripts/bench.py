@@ -78,6 +78,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"timed repeats (default: {REPEATS}, or {FEWER} for more than {MANY} configurations)",
     )
     add("--seconds", type=float, default=SECONDS, help=f"for all timed passes of a scene, about (default: {SECONDS:g})")
+    add("--level", default="best", help="instruction set: best (default), avx512, avx2, sse4.2 or neon")
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
     add(
         "--curve",
@@ -131,7 +132,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure scene by scene. Raises one of the errors that `main` turns into a line."""
-    module = native.load()
+    module = load_module(asked.level)
     chosen = read_structures(asked, module)
     if yardstick.problem() is None:
         chosen = [yardstick.SPEC, *chosen]
@@ -191,6 +192,16 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines), published, formats)
     return status(rows)
+
+
+def load_module(level: str) -> Native:
+    """The native module, using this instruction set. Raises UsageError."""
+    module = native.load()
+    try:
+        module.use_level(level)
+    except ValueError as error:
+        raise UsageError(f"--{error}") from error
+    return module
 
 
 def merge(asked: argparse.Namespace) -> int:
@@ -335,6 +346,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         sets=sets,
         repeats=repeats,
         threads=asked.threads or os.cpu_count() or 1,
+        level=asked.level,
         reference=asked.reference,
         check_rays=benchmark.Options.check_rays if asked.check_rays is None else asked.check_rays,
         own_rays=asked.check_rays,

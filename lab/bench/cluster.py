@@ -219,6 +219,7 @@ _scenes: dict[tuple[str, Options], Prepared] = {}
 def _row(workload: Workload, spec: str, anchor: str | None, options: Options) -> Measured:
     """Measure one row, on a worker."""
     module = native.load()
+    module.use_level(options.level)
     place = workload.fingerprint(), options
     if place not in _scenes:
         _scenes.clear()

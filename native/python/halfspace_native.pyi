@@ -145,7 +145,13 @@ class SplitPolygons(TypedDict):
     hidden: int
 
 def level() -> str:
-    """The SIMD level chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
+    """The SIMD level in use: avx512, avx2, sse4.2, neon or fallback."""
+
+def use_level(level: str) -> None:
+    """Uses another SIMD level from now on in all threads of the process. Answers are the same at each level.
+
+    level: "best", or a level of this machine as level() names it. ValueError if it has none of this name.
+    """
 
 def free_memory() -> int:
     """Memory limit of a build that is given none, in bytes: seven eighths of what machine and process have free."""

@@ -42,12 +42,13 @@ class Options:
     """Options of a benchmark. size: width and height of the view; check_rays: rays per set compared with the reference.
     own_rays: the same for the scene's own ray sets, None for all of their rays.
 
-    threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: distances of
-    the moved grid of touching boxes. scaling: whether smaller views are timed. tradeoff: whether errors are measured
-    against the time of a ray, with and without error bounds. peak: whether each build is repeated in
-    its own process, to measure its memory. maps: whether cost maps are kept. pass_seconds: limit on one timed pass.
-    brief: for many configurations: builds and pictures are timed once, and configurations other than the quickest of
-    their tree get only pictures with the fewest samples, and no measurement of peak memory.
+    threads: for builds and tracing. level: the instruction set, "best" or as `native.level()` names it. seed: of
+    the rays. curve: samples per pixel of the pictures. offsets: distances of the moved grid of touching boxes.
+    scaling: whether smaller views are timed. tradeoff: whether errors are measured against the time of a ray, with
+    and without error bounds. peak: whether each build is repeated in its own process, to measure its memory. maps:
+    whether cost maps are kept. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
+    pictures are timed once, and configurations other than the quickest of their tree get only pictures with the
+    fewest samples, and no measurement of peak memory.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
     """
@@ -56,6 +57,7 @@ class Options:
     sets: tuple[str, ...] = rays.NAMES
     repeats: int = 7
     threads: int = 1
+    level: str = "best"
     reference: str = "brute"
     check_rays: int = 20_000
     own_rays: int | None = None

@@ -3,9 +3,8 @@
 //! bounds, without f64, without a tree.
 
 pub mod cases;
-mod levels;
 
-pub use levels::levels;
+pub use halfspace_base::simd::levels;
 
 use halfspace_geom::exact::intersect;
 use halfspace_ray::{Hit, Ray};

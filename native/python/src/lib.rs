@@ -19,31 +19,22 @@ mod selective;
 mod structure;
 mod trace;
 
-use fearless_simd::Level;
+use crate::errors::raise;
+use halfspace_base::simd;
 use pyo3::prelude::*;
 
-/// The SIMD level chosen for this machine: avx512, avx2, sse4.2, neon or fallback.
+/// The SIMD level in use: avx512, avx2, sse4.2, neon or fallback.
 #[pyfunction]
 fn level() -> &'static str {
-    let level = Level::new();
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    {
-        if level.as_avx512().is_some() {
-            return "avx512";
-        }
-        if level.as_avx2().is_some() {
-            return "avx2";
-        }
-        if level.as_sse4_2().is_some() {
-            return "sse4.2";
-        }
-    }
-    #[cfg(target_arch = "aarch64")]
-    if level.as_neon().is_some() {
-        return "neon";
-    }
-    let _ = level;
-    "fallback"
+    simd::name()
+}
+
+/// Uses another SIMD level from now on in all threads of the process. Answers are the same at each level.
+///
+/// level: "best", or a level of this machine as level() names it. ValueError if it has none of this name.
+#[pyfunction]
+fn use_level(level: &str) -> PyResult<()> {
+    simd::choose(level).map_err(raise)
 }
 
 /// Memory limit of a build that is given none, in bytes: seven eighths of what machine and process have free.
@@ -56,6 +47,7 @@ fn free_memory() -> u64 {
 fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(level, module)?)?;
+    module.add_function(wrap_pyfunction!(use_level, module)?)?;
     module.add_function(wrap_pyfunction!(free_memory, module)?)?;
     cases::register(module)?;
     errors::register(module)?;

@@ -7,6 +7,7 @@ use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_base::error::Result;
+use halfspace_base::simd;
 use halfspace_geom::Aabb;
 use halfspace_ray::counters::Log;
 use halfspace_ray::path::Path;
@@ -103,7 +104,7 @@ impl Structure {
             scene: &self.scene,
             frame: &self.built.frame,
             rays: slice::from_ref(ray),
-            level: Level::new(),
+            level: simd::level(),
             shadow_cache: false,
             placed: Some(slice::from_ref(placed)),
         };
@@ -129,7 +130,7 @@ impl Structure {
     fn one_by_one<'a>(&'a self, built: &'a Built, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
             frame: &built.frame,
-            ..self.batch(Level::new(), rays)
+            ..self.batch(simd::level(), rays)
         }
     }
 }
@@ -228,7 +229,7 @@ impl Tracer for Structure {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new()).closest(rays, hits, counters);
+        self.at_level(simd::level()).closest(rays, hits, counters);
     }
 
     fn closest_ordered(
@@ -238,7 +239,7 @@ impl Tracer for Structure {
         counters: Option<&mut [RayCounters]>,
         order: Order,
     ) {
-        self.at_level(Level::new())
+        self.at_level(simd::level())
             .closest_ordered(rays, hits, counters, order);
     }
 
@@ -255,7 +256,7 @@ impl Tracer for Structure {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new())
+        self.at_level(simd::level())
             .occluded(rays, occluded, counters);
     }
 }
@@ -271,7 +272,7 @@ impl SelectiveTracer for Structure {
         let batch = Batch {
             // A remembered blocker may be one that the next ray does not see.
             shadow_cache: false,
-            ..self.batch(Level::new(), rays)
+            ..self.batch(simd::level(), rays)
         };
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut counters = counters.iter_mut();

@@ -184,6 +184,7 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--size", "big"], "WIDTHxHEIGHT"),
         (["--repeats", "0"], "--repeats: expected 1 to 1000"),
         (["--threads", "-1"], "--threads: expected 0 to 1024"),
+        (["--level", "mmx"], "--level: expected best, "),
         (["--check-rays", "many"], "invalid int value"),
         (["--curve", "0,2"], "numbers of samples"),
         (["--reference", "hearsay"], "invalid choice"),
@@ -360,6 +361,19 @@ def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest
 def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) -> None:
     assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(tmp_path / "out")]) == 0
     assert document(tmp_path / "out")["rows"][-1]["threads"] == os.cpu_count()
+
+
+def test_a_report_names_the_instruction_set_that_was_used(scene: Path, tmp_path: Path) -> None:
+    module = native.load()
+    best = module.level()
+    least = "sse4.2" if best in ("avx512", "avx2") else best
+    try:
+        assert bench.main([str(scene), *QUICK, "--level", least, "--out", str(tmp_path / "out")]) == 0
+    finally:
+        module.use_level("best")
+    found = document(tmp_path / "out")
+    assert (found["machine"]["level"], found["options"]["level"]) == (least, least)
+    assert module.level() == best
 
 
 def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:

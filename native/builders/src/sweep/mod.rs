@@ -12,7 +12,8 @@ mod stretches;
 #[cfg(test)]
 mod tests;
 
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8, f32x16};
+use fearless_simd::{Select, Simd, SimdBase, SimdMask, dispatch, f32x8, f32x16};
+use halfspace_base::simd;
 use halfspace_geom::profile::Profile;
 use halfspace_nodes::cost::Costs;
 
@@ -136,7 +137,7 @@ impl Scratch {
         if thickness <= 0.0 {
             return;
         }
-        dispatch!(Level::new(), simd => slabs(simd, &self.min, &self.max, thickness, &mut self.extra));
+        dispatch!(simd::level(), simd => slabs(simd, &self.min, &self.max, thickness, &mut self.extra));
     }
 }
 
@@ -190,7 +191,7 @@ pub fn sweep(
     ties: Ties,
     candidates: Candidates,
 ) -> [Option<Best>; 2] {
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd::level(), simd => {
         let mut batch = Batch::new(simd, profile, pricing, ties);
         let n = scratch.min.len();
         // Choose the fastest method for the number of triangles; all give the same plane.

@@ -2,6 +2,7 @@
 //! All methods of a sweep find the same plane.
 
 use super::*;
+use fearless_simd::Level;
 use proptest::prelude::*;
 
 fn scratch(ends: &[(f32, f32)]) -> Scratch {

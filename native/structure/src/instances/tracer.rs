@@ -3,6 +3,7 @@
 
 use crate::instances::Instances;
 use fearless_simd::Level;
+use halfspace_base::simd;
 use halfspace_ray::counters::Log;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_ray::{Hit, Ray, RayCounters, SelectiveTracer, Tracer};
@@ -66,11 +67,11 @@ impl Tracer for Instances {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new()).closest(rays, hits, counters);
+        self.at_level(simd::level()).closest(rays, hits, counters);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new())
+        self.at_level(simd::level())
             .occluded(rays, occluded, counters);
     }
 }
@@ -84,9 +85,9 @@ impl SelectiveTracer for Instances {
         log: &mut dyn FnMut(usize) -> Log<'l>,
     ) {
         if any {
-            self.trace::<Any>(Level::new(), rays, write, log, None);
+            self.trace::<Any>(simd::level(), rays, write, log, None);
         } else {
-            self.trace::<Closest>(Level::new(), rays, write, log, None);
+            self.trace::<Closest>(simd::level(), rays, write, log, None);
         }
     }
 }
