@@ -12,7 +12,7 @@ mod wide;
 
 use crate::vec3::{Vec3, sub};
 use num_bigint::{BigInt, Sign};
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Sub};
 
 /// Largest number of binary places of numbers whose difference fits into 64 bits.
 const WORD: i32 = 60;
@@ -81,14 +81,11 @@ pub fn intersect(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<ExactHit>
 
 /// Decides by the signs of the edge functions. `round(n, d, scaled)` returns `n / d`, multiplied by the unit of
 /// distance if `scaled` is set.
-fn hit<T: Number>(
-    d: &[T; 3],
-    corners: &[[T; 3]; 3],
-    round: impl Fn(&T, &T, bool) -> f32,
-) -> Option<ExactHit>
-where
-    for<'a> &'a T: Mul<&'a T, Output = T>,
-{
+fn hit<F: Factor>(
+    d: &[F; 3],
+    corners: &[[F; 3]; 3],
+    round: impl Fn(&F::Sum, &F::Sum, bool) -> f32,
+) -> Option<ExactHit> {
     let [wa, wb, wc] = weights(d, corners);
     let signs = [sign(&wa), sign(&wb), sign(&wc)];
     if signs.contains(&1) == signs.contains(&-1) {
@@ -104,11 +101,50 @@ where
     })
 }
 
-/// Operations on integers that the determinants need.
+/// Operations on sums of products that determinants need.
 trait Number: Clone + Default + PartialOrd + Add<Output = Self> + Sub<Output = Self> {}
 
 impl Number for i128 {}
 impl Number for BigInt {}
+
+/// Integers whose products determinants add up.
+trait Factor {
+    /// Sums of products of three factors.
+    type Sum: Number;
+
+    /// Returns the product of two factors.
+    fn times(&self, other: &Self) -> Self::Sum;
+
+    /// Returns the product of this factor and a sum of products of two.
+    fn scale(&self, sum: &Self::Sum) -> Self::Sum;
+}
+
+impl Factor for i64 {
+    type Sum = i128;
+
+    /// One multiplication of the processor, which cannot overflow.
+    #[inline(always)]
+    fn times(&self, other: &Self) -> i128 {
+        i128::from(*self) * i128::from(*other)
+    }
+
+    #[inline(always)]
+    fn scale(&self, sum: &i128) -> i128 {
+        i128::from(*self) * *sum
+    }
+}
+
+impl Factor for BigInt {
+    type Sum = Self;
+
+    fn times(&self, other: &Self) -> Self {
+        self * other
+    }
+
+    fn scale(&self, sum: &Self) -> Self {
+        self * sum
+    }
+}
 
 /// Returns the sign of a number: -1, 0 or 1.
 fn sign<T: Number>(x: &T) -> i32 {
@@ -118,10 +154,7 @@ fn sign<T: Number>(x: &T) -> i32 {
 
 /// Returns the three edge functions.
 #[inline(always)]
-fn weights<T: Number>(d: &[T; 3], [a, b, c]: &[[T; 3]; 3]) -> [T; 3]
-where
-    for<'a> &'a T: Mul<&'a T, Output = T>,
-{
+fn weights<F: Factor>(d: &[F; 3], [a, b, c]: &[[F; 3]; 3]) -> [F::Sum; 3] {
     [
         determinant(d, b, c),
         determinant(d, c, a),
@@ -131,12 +164,9 @@ where
 
 /// Returns the determinant of three rows.
 #[inline(always)]
-fn determinant<T: Number>(a: &[T; 3], b: &[T; 3], c: &[T; 3]) -> T
-where
-    for<'a> &'a T: Mul<&'a T, Output = T>,
-{
-    let minor = |i: usize, j: usize| &b[i] * &c[j] - &b[j] * &c[i];
-    &a[0] * &minor(1, 2) + &a[1] * &minor(2, 0) + &a[2] * &minor(0, 1)
+fn determinant<F: Factor>(a: &[F; 3], b: &[F; 3], c: &[F; 3]) -> F::Sum {
+    let minor = |i: usize, j: usize| b[i].times(&c[j]) - b[j].times(&c[i]);
+    a[0].scale(&minor(1, 2)) + a[1].scale(&minor(2, 0)) + a[2].scale(&minor(0, 1))
 }
 
 /// Binary places of the integers that represent the points (vertices and origin) and the direction. The ratio of
@@ -163,17 +193,19 @@ impl Units {
         points.max(direction) <= WORD && 2 * points + direction <= SIGN_PLACES
     }
 
-    /// Returns the direction, and the vertices relative to the origin, as 128-bit integers.
+    /// Returns the direction, and the vertices relative to the origin, as 64-bit integers.
     #[inline(always)]
-    fn small(&self, o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> ([i128; 3], [[i128; 3]; 3]) {
+    fn small(&self, o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> ([i64; 3], [[i64; 3]; 3]) {
         let o = self.points.small(o);
         // Differences take at most one place more, and fit into 64 bits.
         let seen = |p: [f32; 3]| {
             let p = self.points.small(p);
-            [p[0] - o[0], p[1] - o[1], p[2] - o[2]].map(i128::from)
+            [p[0] - o[0], p[1] - o[1], p[2] - o[2]]
         };
-        let d = self.direction.small(d).map(i128::from);
-        (d, [seen(v[0]), seen(v[1]), seen(v[2])])
+        (
+            self.direction.small(d),
+            [seen(v[0]), seen(v[1]), seen(v[2])],
+        )
     }
 
     /// Returns the direction, and the vertices relative to the origin, as integers of any size.
