@@ -107,7 +107,7 @@ impl Structure {
     /// overflows float32 is a miss. order: "tile8" promises that every 64 consecutive
     /// rays are an 8x8-pixel tile. threads: 0 = one per core.
     /// triangle_mask: (m,) uint32, ray_mask: one number or (n,) uint32, all bits when not given: a ray meets only the
-    /// triangles with which it shares a bit. Such rays go one by one, and are not counted.
+    /// triangles with which it shares a bit. Such rays are traced singly, and are not counted.
     /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
     /// (order; counters with masks).
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
@@ -164,8 +164,8 @@ impl Structure {
     /// every structure, to the bit.
     ///
     /// Returns (offsets, hits): offsets, (n + 1,) int64, where the hits of each ray begin, and the number of all hits;
-    /// hits, those of one ray after another. max_hits: keep so many of the nearest of a ray; None = all. Rays go one by
-    /// one. Other arguments and errors as for closest(); MemoryError if the hits do not fit.
+    /// hits, those of one ray after another. max_hits: largest number of hits of a ray, the nearest; None = no limit.
+    /// Rays are traced singly. Other arguments and errors as for closest(); MemoryError if the hits do not fit.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn all_hits<'py>(

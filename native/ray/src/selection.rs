@@ -17,7 +17,7 @@ pub struct Gathered {
     most: usize,
     /// Length at which the list is sorted next.
     full: usize,
-    /// Distance of the last hit kept, once there are as many as are wanted.
+    /// Distance of the last hit kept, once the list is full.
     limit: f32,
 }
 

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials of tests, as the extension reads them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+from shapes import node
+
+from addon.blender.read.materials import Palette
+from addon.core.base.notes import Notes
+
+if TYPE_CHECKING:
+    from addon.core.scene.scene import Material
+
+
+def converted(block: Any) -> tuple[Material, list[str]]:
+    """The converted material of an object that has only this one, and the notes."""
+    notes = Notes()
+    palette = Palette(notes)
+    item, data = SimpleNamespace(material_slots=[]), SimpleNamespace(materials=[block])
+    (number,) = palette.indices(item, data)
+    return palette.materials()[number], notes.lines()
+
+
+def inputs(block: Any, kind: str = "principled") -> Any:
+    """The inputs of the material's only closure. Checks its kind, and that there are no notes."""
+    found, notes = converted(block)
+    assert notes == []
+    (closure,) = found.closures
+    assert closure.kind == kind
+    return closure.inputs
+
+
+def plug(block: Any, kind: str, socket: int = 0) -> Any:
+    """Put a new shader node in front of the material's output."""
+    tree = block.node_tree
+    new = tree.nodes.new(kind)
+    tree.links.new(new.outputs[socket], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
+    return new
