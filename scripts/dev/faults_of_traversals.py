@@ -117,13 +117,13 @@ TRAVERSALS = (
         f"{_STREAM}/intervals.rs",
         "first + child * room + counts[child]",
         "first + counts[child]",
-        ("lib", "stream::tests::answers::batches_of_any_size_answer_like_brute_force"),
+        ("streams", "batches_of_any_size_answer_like_brute_force"),
     ),
     Fault(
         "all rays of a list crossing an oblique plane upwards",
         "native/trace/src/visits/planes.rs",
         "inv.simd_lt(splat(0.0))",
         "inv.simd_lt(splat(f32::NEG_INFINITY))",
-        ("lib", "stream::tests::answers::streams_answer_like_brute_force_in_difficult_scenes"),
+        ("groups", "rays_that_go_together_answer_like_brute_force"),
     ),
 )

@@ -33,7 +33,7 @@ use lists::{Entry, Stream};
 use ray_state::{Line, RayState};
 
 /// Number of octants of directions.
-const OCTANTS: usize = 8;
+pub const OCTANTS: usize = 8;
 
 /// Number of rays of a list that are prefetched.
 const AHEAD: usize = 4;
@@ -86,6 +86,3 @@ pub trait Steps: Sync {
     /// Size of the nodes in bytes.
     fn bytes(&self) -> usize;
 }
-
-#[cfg(test)]
-mod tests;
