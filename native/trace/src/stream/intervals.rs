@@ -5,11 +5,13 @@
 use crate::stream::Steps;
 use crate::stream::lists::{Entry, Stream, small};
 use crate::stream::ray_state::RayState;
-use crate::visits::{Cut, FAR, Gap, INV, Inside, LANES, Lanes, NEAR, Nodes, REACH, Visitor};
+use crate::visits::planes::Crossing;
+use crate::visits::{Cut, FAR, Gap, INV, Inside, LANES, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdCombine, SimdMask, f32x4, f32x8, mask32x8, u32x8};
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
 
 /// Lists of at most this many rays are cut ray by ray at a single plane.
@@ -205,22 +207,55 @@ impl<P: Copy> Visitor<P> for Visit<'_, P> {
     #[inline(always)]
     fn halve<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], gap: &Gap) {
         if self.own.rays <= FEW {
-            self.stream.halve_few(self.own, self.states, children, gap);
+            self.stream.halve_few(
+                self.own,
+                self.states,
+                children,
+                #[inline(always)]
+                |state, inside| {
+                    let axis = &state.line.axes[gap.axis % 3];
+                    let soon = keep_max(gap.begins * axis[INV] + axis[NEAR], inside.enter);
+                    let late = keep_min(gap.ends * axis[INV] + axis[FAR], inside.leave);
+                    [
+                        Interval::new(soon, inside.leave),
+                        Interval::new(inside.enter, late),
+                    ]
+                },
+            );
         } else {
             self.distribute(simd, children, gap);
+        }
+    }
+
+    #[inline(always)]
+    fn cross<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], crossing: &Crossing) {
+        if self.own.rays <= FEW {
+            self.stream.halve_few(
+                self.own,
+                self.states,
+                children,
+                #[inline(always)]
+                |state, inside| {
+                    let [x, y, z, _] = state.direction;
+                    crossing.cut_one(state.origin, [x, y, z], inside)
+                },
+            );
+        } else {
+            self.distribute(simd, children, crossing);
         }
     }
 }
 
 impl<P: Copy> Stream<P> {
-    /// [`Visitor::halve`] for few rays, one after another: eight lanes would be mostly unused.
+    /// Distributes few rays over two children one after another: eight lanes would be mostly unused. `cut` cuts the
+    /// interval of a ray into those in the far and the near child.
     #[inline(always)]
     fn halve_few(
         &mut self,
         own: Entry<P>,
         states: &[RayState],
         [far, near]: [Option<P>; 2],
-        gap: &Gap,
+        cut: impl Fn(&RayState, Interval) -> [Interval; 2],
     ) {
         let (first, rays) = (own.first as usize, own.rays as usize);
         // The list of the far child replaces the parent's, that of the near one follows.
@@ -229,15 +264,16 @@ impl<P: Copy> Stream<P> {
         let (mut behind, mut before) = (first, other);
         for at in first..other {
             let ray = self.lists[at];
-            let axis = &states[ray as usize].line.axes[gap.axis % 3];
-            let (enter, leave) = (self.enter[at], keep_min(self.leave[at], axis[REACH]));
-            let soon = keep_max(gap.begins * axis[INV] + axis[NEAR], enter);
-            let late = keep_min(gap.ends * axis[INV] + axis[FAR], leave);
+            let state = &states[ray as usize];
+            let leave = keep_min(self.leave[at], state.line.reach());
+            let [far, near] = cut(state, Interval::new(self.enter[at], leave));
             // Append without a branch: an entry that is not counted is overwritten.
-            (self.lists[behind], self.enter[behind], self.leave[behind]) = (ray, soon, leave);
-            behind += usize::from(soon <= leave);
-            (self.lists[before], self.enter[before], self.leave[before]) = (ray, enter, late);
-            before += usize::from(enter <= late);
+            (self.lists[behind], self.enter[behind], self.leave[behind]) =
+                (ray, far.enter, far.leave);
+            behind += usize::from(far.enter <= far.leave);
+            (self.lists[before], self.enter[before], self.leave[before]) =
+                (ray, near.enter, near.leave);
+            before += usize::from(near.enter <= near.leave);
         }
         self.push_list(far, own.node, first..behind);
         self.push_list(near, own.node, other..before);

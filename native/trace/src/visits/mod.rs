@@ -5,7 +5,7 @@
 pub mod cells;
 mod few_boxes;
 mod octants;
-mod planes;
+pub mod planes;
 mod slabs;
 mod slanted;
 pub mod wide_planes;
@@ -16,6 +16,7 @@ use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::query::Counters;
+use planes::Crossing;
 
 /// Passes each kind of nodes without kernels of its own to a macro that defines the kernels of a way of sending rays.
 macro_rules! kernels_of_all_nodes {
@@ -156,6 +157,12 @@ pub trait Visitor<P> {
     #[inline(always)]
     fn halve<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], gap: &Gap) {
         self.distribute(simd, children, gap);
+    }
+
+    /// The same for the children of a node that an oblique plane separates, the far one of the first ray first.
+    #[inline(always)]
+    fn cross<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], crossing: &Crossing) {
+        self.distribute(simd, children, crossing);
     }
 }
 

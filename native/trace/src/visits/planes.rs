@@ -5,10 +5,11 @@
 
 use crate::visits::{Cut, Gap, Inside, Lanes, Nodes, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
-use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::plane_tree::{Node, PlaneTree, Words, near_child};
+use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
 
 impl Nodes for PlaneTree {
@@ -74,7 +75,7 @@ impl Nodes for PlaneTree {
                 let near = children + u32::from(down);
                 let places = [near ^ 1, near].map(|child| self.held(child, empty));
                 let plane = Plane { normal, offset };
-                visitor.distribute(simd, places, &Crossing { plane, down });
+                visitor.cross(simd, places, &Crossing { plane, down });
             }
             Node::Leaf { .. } => {}
         }
@@ -101,9 +102,37 @@ pub struct Plane {
 }
 
 /// An oblique plane, and whether the first ray descends through it.
-struct Crossing {
+pub struct Crossing {
     plane: Plane,
     down: bool,
+}
+
+impl Crossing {
+    /// The intervals of one ray in the far and the near child of the first ray: those of [`oblique`], for an origin with
+    /// the error bound of its height, and a direction.
+    #[inline(always)]
+    pub fn cut_one(
+        &self,
+        [o_x, o_y, o_z, pad]: [f32; 4],
+        direction: [f32; 3],
+        inside: Interval,
+    ) -> [Interval; 2] {
+        let Plane { normal, offset } = self.plane;
+        let along = |v: [f32; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
+        let speed = along(direction);
+        let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
+        let distance = (offset - along([o_x, o_y, o_z])) * inv;
+        let slack = pad * inv.abs();
+        // Ignore a distance that is NaN: the interval keeps its end.
+        let behind = Interval::new(keep_max(distance - slack, inside.enter), inside.leave);
+        let before = Interval::new(inside.enter, keep_min(distance + slack, inside.leave));
+        // A ray that crosses the plane the other way exchanges far and near.
+        if (inv < 0.0) == self.down {
+            [behind, before]
+        } else {
+            [before, behind]
+        }
+    }
 }
 
 impl<S: Simd> Cut<S, 2> for Crossing {
@@ -132,7 +161,7 @@ pub fn oblique<S: Simd>(
 ) -> [Inside<S>; 2] {
     let splat = |x: f32| f32x8::splat(simd, x);
     let [x, y, z] = plane.normal.map(splat);
-    let along = |v: [f32x8<S>; 3]| v[0] * x + v[1] * y + v[2] * z;
+    let along = |v: [f32x8<S>; 3]| v[2].mul_add(z, v[1].mul_add(y, v[0] * x));
     let [o_x, o_y, o_z, pad] = *origins;
     // The smallest normal number keeps the reciprocal finite for rays along the plane.
     let speed = along(*directions);
