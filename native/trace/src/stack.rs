@@ -8,6 +8,12 @@ use halfspace_ray::Interval;
 pub trait Entry: Copy {
     /// Distance where the ray enters the node.
     fn enter(&self) -> f32;
+
+    /// Copies the entry out of memory with the loads that match the stores of [`Stack::push`].
+    #[inline(always)]
+    fn read(&self) -> Self {
+        *self
+    }
 }
 
 /// A node still to visit, with the ray's interval in it.
@@ -23,6 +29,17 @@ impl<A: Copy> Entry for NodeEntry<A> {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.interval.enter
+    }
+
+    /// Reads the fields one by one. A load of the whole entry takes bytes of two stores, for which the processor waits
+    /// until both have reached the cache.
+    #[inline(always)]
+    fn read(&self) -> Self {
+        let Interval { enter, leave } = self.interval;
+        Self {
+            node: self.node,
+            interval: Interval { enter, leave },
+        }
     }
 }
 
@@ -75,11 +92,17 @@ impl<'a, E: Copy> Stack<'a, E> {
         self.size += 1;
     }
 
-    /// Removes the entry on top; `None` if the stack is empty.
+    /// Removes the entry on top and copies it; `None` if the stack is empty.
     #[inline(always)]
     pub fn pop(&mut self) -> Option<E> {
+        self.pop_entry().copied()
+    }
+
+    /// Removes the entry on top; `None` if the stack is empty.
+    #[inline(always)]
+    pub fn pop_entry(&mut self) -> Option<&E> {
         self.size = self.size.checked_sub(1)?;
-        Some(self.entries[self.size])
+        Some(&self.entries[self.size])
     }
 }
 
@@ -103,9 +126,9 @@ impl<E: Entry> Stack<'_, E> {
 pub fn pop_within<E: Entry>(entries: &[E], size: &mut usize, reach: f32) -> Option<E> {
     while *size != 0 {
         *size -= 1;
-        let next = entries[*size];
+        let next = &entries[*size];
         if next.enter() <= reach {
-            return Some(next);
+            return Some(next.read());
         }
     }
     None

@@ -4,9 +4,21 @@
 
 use crate::beam::bundle::{LANES, RAYS, Row, Rows, all, load};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8};
+use halfspace_geom::bound::keep_min;
 use halfspace_geom::vec3::map;
-use halfspace_ray::Ray;
+use halfspace_leaf::Job;
 use halfspace_ray::frame::{AXIS_PAD, Frame, U};
+use halfspace_ray::query::{Best, Closest, Counters};
+use halfspace_ray::{Ray, RayRef, RaySlice};
+
+/// A triangle that the f32 test does not reject.
+#[derive(Clone, Copy)]
+pub struct Candidate {
+    /// Its number.
+    pub id: u32,
+    /// Its vertices in the frame.
+    pub corners: [[f32; 3]; 3],
+}
 
 /// Up to 64 rays in the frame, one row per quantity.
 pub struct FrameRows {
@@ -84,6 +96,32 @@ impl FrameRows {
             self.reach[i] = ray.t_max;
             self.live |= 1 << i;
         }
+    }
+
+    /// Decides by the exact test whether ray `i` of the tile hits a candidate, and cuts the ray's reach at its best hit.
+    #[inline(always)]
+    pub fn offer<C: Counters>(
+        &mut self,
+        i: usize,
+        RaySlice { frame, rays }: RaySlice<'_>,
+        job: Job<'_>,
+        Candidate { id, corners }: Candidate,
+        best: &mut Best,
+        counters: &mut C,
+    ) {
+        // The exact test takes the caller's ray; only the scale of its distances in the frame is needed.
+        let ray = RayRef {
+            ray: &rays[i],
+            frame: &frame.limits_of(&rays[i]),
+        };
+        best.offer::<Closest, C>(
+            ray,
+            id,
+            #[inline(always)]
+            || job.blocks.scene_corners(job.scene, id, corners),
+            counters,
+        );
+        self.reach[i] = keep_min(best.reach, self.reach[i]);
     }
 
     /// Clips the eight rays from index `row` on to the scene's box; the operations are those of [`Frame::ray`].

@@ -15,7 +15,7 @@ mod steps;
 
 use crate::batch::{SingleTraversal as _, TileTraversal};
 use crate::beam::bundle::{self, Bundle, Common, LANES, Parallel, RAYS, Row, lanes, load};
-use crate::beam::frame_rows::FrameRows;
+use crate::beam::frame_rows::{Candidate, FrameRows};
 use crate::single::octants::net::Links;
 use crate::single::octants::step::{Grid, NeighbourTraversal, Position, Steps};
 use fearless_simd::{Simd, SimdBase};
@@ -278,13 +278,11 @@ impl Tile<'_> {
         mask: u64,
         counters: &mut [C],
     ) {
-        let Job { scene, blocks } = self.job;
-        let RaySlice { frame, rays } = self.rays;
         for i in lanes(mask) {
             counters[i].visit(leaf.first, leaf.count);
             counters[i].tests(leaf.count);
         }
-        blocks.each(leaf, |id, corners| {
+        self.job.blocks.each(leaf, |id, corners| {
             let seen = shared.see(corners);
             for row in (0..RAYS).step_by(LANES) {
                 let bits = mask >> row & 0xff;
@@ -296,20 +294,9 @@ impl Tile<'_> {
                 let found = shared.candidates(simd, &seen, &beam.rows.rays, row, reach) & bits;
                 for lane in lanes(found) {
                     let i = row + lane;
-                    // The exact test needs only the scale of distances in the frame.
-                    let ray = RayRef {
-                        ray: &rays[i],
-                        frame: &frame.limits_of(&rays[i]),
-                    };
-                    let best = &mut beam.best[i];
-                    best.offer::<Closest, C>(
-                        ray,
-                        id,
-                        #[inline(always)]
-                        || blocks.scene_corners(scene, id, corners),
-                        &mut counters[i],
-                    );
-                    beam.rows.reach[i] = keep_min(best.reach, beam.rows.reach[i]);
+                    let (best, count) = (&mut beam.best[i], &mut counters[i]);
+                    let candidate = Candidate { id, corners };
+                    (beam.rows).offer(i, self.rays, self.job, candidate, best, count);
                 }
             }
         });

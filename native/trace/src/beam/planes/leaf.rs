@@ -2,14 +2,13 @@
 //! Leaves as beams meet them: tests of the pixels' rays, and splits along the outlines of the triangles hit.
 
 use crate::beam::bundle::{Bundle as _, Common, LANES, RAYS, lanes, load};
+use crate::beam::frame_rows::Candidate;
 use crate::beam::planes::{Beam, CUT, Tile, mask_of};
 use fearless_simd::Simd;
-use halfspace_geom::bound::keep_min;
 use halfspace_geom::vec3::{sub, widen};
 use halfspace_geom::view::Line;
-use halfspace_leaf::{Job, Leaf};
-use halfspace_ray::query::{Closest, Counters};
-use halfspace_ray::{RayRef, RaySlice};
+use halfspace_leaf::Leaf;
+use halfspace_ray::query::Counters;
 
 impl Tile<'_> {
     /// Tests the rays of a beam against the triangles of a leaf, and splits the beam along those that are hit.
@@ -22,15 +21,13 @@ impl Tile<'_> {
         left: &mut Vec<Beam>,
         counters: &mut [C],
     ) {
-        let Job { scene, blocks } = self.job;
-        let RaySlice { frame, rays } = self.slice;
         for i in lanes(beam.pixels) {
             counters[i].visit(leaf.first, leaf.count);
             counters[i].tests(leaf.count);
         }
         let shared = Common(self.eye);
         let mut pieces = vec![beam];
-        blocks.each(leaf, |id, corners| {
+        self.job.blocks.each(leaf, |id, corners| {
             // Test eight rays at a time in f32, then apply the exact verdict to the candidates.
             let seen = shared.see(corners);
             let mut found = 0;
@@ -43,20 +40,9 @@ impl Tile<'_> {
                 let able = shared.candidates(simd, &seen, &self.rows.rays, row, reach) & bits;
                 for lane in lanes(able) {
                     let i = row + lane;
-                    // The verdict takes the caller's ray; only the scale of its distances is needed.
-                    let ray = RayRef {
-                        ray: &rays[i],
-                        frame: &frame.limits_of(&rays[i]),
-                    };
-                    let best = &mut self.best[i];
-                    best.offer::<Closest, C>(
-                        ray,
-                        id,
-                        #[inline(always)]
-                        || blocks.scene_corners(scene, id, corners),
-                        &mut counters[i],
-                    );
-                    self.rows.reach[i] = keep_min(best.reach, self.rows.reach[i]);
+                    let (best, count) = (&mut self.best[i], &mut counters[i]);
+                    let candidate = Candidate { id, corners };
+                    (self.rows).offer(i, self.slice, self.job, candidate, best, count);
                     found |= u64::from(best.hit().triangle == id) << i;
                 }
             }

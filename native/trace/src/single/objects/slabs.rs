@@ -16,7 +16,7 @@ use halfspace_ray::{FrameRay, Interval};
 
 impl<N: SlabNode> IntervalTree for SlabTree<N> {
     type Node<'a>
-        = N
+        = &'a N
     where
         N: 'a;
     type Ray<'r> = &'r FrameRay<'r>;
@@ -27,8 +27,8 @@ impl<N: SlabNode> IntervalTree for SlabTree<N> {
     }
 
     #[inline(always)]
-    fn node(&self, index: u32) -> N {
-        self.nodes[index as usize]
+    fn node(&self, index: u32) -> &N {
+        &self.nodes[index as usize]
     }
 
     #[inline(always)]
@@ -37,15 +37,15 @@ impl<N: SlabNode> IntervalTree for SlabTree<N> {
     }
 
     #[inline(always)]
-    fn step<S: Simd, C: Counters>(
-        &self,
+    fn step<'a, S: Simd, C: Counters>(
+        &'a self,
         _: S,
-        node: N,
+        node: &'a N,
         ray: &Self::Ray<'_>,
         interval: Interval,
         stack: &mut Stack<'_>,
         counters: &mut C,
-    ) -> Next<N> {
+    ) -> Next<&'a N> {
         let read = |index| self.node(index);
         match node.kind() {
             SlabKind::Pair { axis, link } => {

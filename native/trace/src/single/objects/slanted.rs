@@ -17,7 +17,7 @@ use halfspace_ray::query::Counters;
 use halfspace_ray::{FrameRay, Interval};
 
 impl IntervalTree for SlantTree {
-    type Node<'a> = Node;
+    type Node<'a> = &'a Node;
     type Ray<'r> = Planes<DIRECTIONS>;
     type Entries = [NodeEntry; MAX_DEPTH + 1];
 
@@ -26,8 +26,8 @@ impl IntervalTree for SlantTree {
     }
 
     #[inline(always)]
-    fn node(&self, index: u32) -> Node {
-        self.nodes[index as usize]
+    fn node(&self, index: u32) -> &Node {
+        &self.nodes[index as usize]
     }
 
     #[inline(always)]
@@ -36,15 +36,15 @@ impl IntervalTree for SlantTree {
     }
 
     #[inline(always)]
-    fn step<S: Simd, C: Counters>(
-        &self,
+    fn step<'a, S: Simd, C: Counters>(
+        &'a self,
         _: S,
-        node: Node,
+        node: &'a Node,
         slabs: &Self::Ray<'_>,
         interval: Interval,
         stack: &mut Stack<'_>,
         counters: &mut C,
-    ) -> Next<Node> {
+    ) -> Next<&'a Node> {
         let (direction, alone, planes, link) = match node.kind() {
             SlantKind::Inner {
                 direction,
@@ -61,11 +61,10 @@ impl IntervalTree for SlantTree {
         }
         // An only child is entered through the plane where the near one of two children would be left.
         let side = slabs.flip(direction);
-        let index = usize::from(side);
-        let (near, far) = if alone {
-            (planes[index ^ 1], planes[index])
+        let (near, far) = if side == alone {
+            (planes[0], planes[1])
         } else {
-            (planes[index], planes[index ^ 1])
+            (planes[1], planes[0])
         };
         let ends = keep_min(slabs.latest(direction, near), interval.leave);
         let begins = keep_max(slabs.soonest(direction, far), interval.enter);

@@ -59,19 +59,13 @@ impl Slabs {
     ) -> Intervals<W> {
         let row = self.entry_row(axis);
         let (inv, early, late) = (self.inv[axis], self.near[axis], self.far[axis]);
-        let mut intervals = Intervals {
-            enter: [0.0; W],
-            leave: [0.0; W],
-            met: 0,
-        };
-        let sides = planes[row].iter().zip(&planes[row ^ 1]);
-        for (lane, (near, far)) in sides.enumerate() {
-            let enter = keep_max(near * inv + early, interval.enter);
-            let leave = keep_min(far * inv + late, interval.leave);
-            (intervals.enter[lane], intervals.leave[lane]) = (enter, leave);
-            intervals.met |= u64::from(enter <= leave) << lane;
+        let (mut enter, mut leave, mut met) = ([0.0; W], [0.0; W], 0);
+        for lane in 0..W {
+            enter[lane] = keep_max(planes[row][lane] * inv + early, interval.enter);
+            leave[lane] = keep_min(planes[row ^ 1][lane] * inv + late, interval.leave);
+            met |= u64::from(enter[lane] <= leave[lane]) << lane;
         }
-        intervals
+        Intervals { enter, leave, met }
     }
 }
 

@@ -12,7 +12,7 @@
 use crate::batch::SingleTraversal;
 use crate::first_hit;
 use crate::single::single_rays;
-use crate::stack::{self, NodeEntry};
+use crate::stack::{self, Entry, NodeEntry};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
@@ -58,9 +58,9 @@ trait Rule: Sync + 'static {
     /// Whether a negative distance decides that the plane lies behind the origin.
     const TESTS_SIGN: bool;
 
-    /// Finds the child that holds the origin. `around`: largest distance between origin and plane, per axis, at which
-    /// the origin counts as lying in the plane.
-    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide;
+    /// Finds the child that holds the origin. `around`: largest distance between origin and plane at which the origin
+    /// counts as lying in the plane.
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f32) -> OriginSide;
 
     /// Distance at which the ray crosses the plane.
     fn distance(plane: &Plane, ray: &FrameRay) -> f32;
@@ -68,11 +68,7 @@ trait Rule: Sync + 'static {
 
 /// Compares the origin with the plane.
 #[inline(always)]
-fn by_coordinate<const PUBLISHED: bool>(
-    plane: &Plane,
-    ray: &FrameRay,
-    around: [f32; 3],
-) -> OriginSide {
+fn by_coordinate<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f32) -> OriginSide {
     let child = plane.children + u32::from(plane.split <= ray.o[plane.axis]);
     if PUBLISHED {
         return OriginSide::Near {
@@ -81,7 +77,7 @@ fn by_coordinate<const PUBLISHED: bool>(
         };
     }
     // Within the error of a coordinate, the origin lies in the plane: go by the direction.
-    let embedded = plane.gap.abs() <= around[plane.axis];
+    let embedded = plane.gap.abs() <= around;
     let child = if embedded {
         near_child(plane.link, ray.signs)
     } else {
@@ -99,7 +95,7 @@ impl Rule for Sung {
     const TESTS_SIGN: bool = true;
 
     #[inline(always)]
-    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f32) -> OriginSide {
         by_coordinate::<PUBLISHED>(plane, ray, around)
     }
 
@@ -118,7 +114,7 @@ impl Rule for Arvo {
     const TESTS_SIGN: bool = true;
 
     #[inline(always)]
-    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f32) -> OriginSide {
         by_coordinate::<PUBLISHED>(plane, ray, around)
     }
 
@@ -137,15 +133,15 @@ impl Rule for TaA {
     const TESTS_SIGN: bool = false;
 
     #[inline(always)]
-    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: [f32; 3]) -> OriginSide {
+    fn side<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f32) -> OriginSide {
         let (below, above) = (plane.children, plane.children + 1);
-        let (pad, speed) = (around[plane.axis], ray.d[plane.axis]);
-        let child = if plane.gap > pad {
+        let speed = ray.d[plane.axis];
+        let child = if plane.gap > around {
             if speed <= 0.0 {
                 return OriginSide::Only(below); // N1 N2: away from the plane, or along it
             }
             below
-        } else if -plane.gap > pad {
+        } else if -plane.gap > around {
             if speed >= 0.0 {
                 return OriginSide::Only(above); // P1 P2
             }
@@ -197,9 +193,8 @@ fn step<R: Rule, const PUBLISHED: bool>(
     let Interval { enter, leave } = interval;
     let whole = |node: u32| NodeEntry { node, interval };
     let distance = R::distance(plane, ray);
-    let behind = R::TESTS_SIGN && distance < 0.0 && !embedded;
     if PUBLISHED {
-        if distance > leave || behind {
+        if distance > leave || (R::TESTS_SIGN && distance < 0.0) {
             return whole(near);
         }
         if distance < enter {
@@ -218,7 +213,7 @@ fn step<R: Rule, const PUBLISHED: bool>(
     // With error bounds: skip a child only if the whole bound lies outside the interval.
     let slack = ray.slack[plane.axis];
     let (low, high) = (distance - slack, distance + slack);
-    if low > leave || behind {
+    if low > leave || (R::TESTS_SIGN && distance < 0.0 && !embedded) {
         return whole(near);
     }
     if high < enter {
@@ -246,7 +241,7 @@ fn step<R: Rule, const PUBLISHED: bool>(
 #[inline(always)]
 fn pop<const PUBLISHED: bool>(stack: &mut Stack<'_>, reach: f32) -> Option<NodeEntry> {
     if PUBLISHED {
-        stack.pop()
+        stack.pop_entry().map(Entry::read)
     } else {
         stack.pop_within(reach).map(|entry| entry.within(reach))
     }
@@ -313,7 +308,7 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
                         empty,
                         link,
                     };
-                    let side = R::side::<PUBLISHED>(&plane, frame, around);
+                    let side = R::side::<PUBLISHED>(&plane, frame, around[axis]);
                     next = step::<R, PUBLISHED>(&plane, side, frame, next.interval, &mut stack);
                     if !R::PUSHES_NEXT {
                         continue;

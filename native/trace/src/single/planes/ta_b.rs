@@ -94,23 +94,20 @@ impl Mirrored {
         [at(0), at(1), at(2), at(3)]
     }
 
-    /// The two parts of a segment before and behind a plane at some distance. The crossing is moved outwards by
-    /// `slack` for both.
+    /// Cuts a segment at a plane at some distance to the part before the plane, and returns the part behind it. The
+    /// crossing is moved outwards by `slack` for both.
     #[inline(always)]
-    fn cut(&self, segment: Segment, distance: f32, slack: f32) -> [Segment; 2] {
+    fn cut(&self, segment: &mut Segment, distance: f32, slack: f32) -> Segment {
         let enter = keep_max(distance - slack, segment.enter);
         let leave = keep_min(distance + slack, segment.leave);
-        let before = Segment {
-            exit: self.exit(leave),
-            leave,
-            ..segment
-        };
         let behind = Segment {
             entry: self.entry(enter),
             enter,
-            ..segment
+            ..*segment
         };
-        [before, behind]
+        segment.exit = self.exit(leave);
+        segment.leave = leave;
+        behind
     }
 }
 
@@ -177,17 +174,17 @@ impl SingleTraversal for TaBTraversal<'_> {
                         // N4 P4, and every Z case: visit both, the far child later; skip an empty one.
                         counters.case(|| which(Turn::Both));
                         let distance = (split - frame.o[axis]) * frame.inv[axis];
-                        let [first, second] = mirrored.cut(segment, distance, frame.slack[axis]);
+                        let behind = mirrored.cut(&mut segment, distance, frame.slack[axis]);
                         if (empty >> (near & 1)) & 1 == 1 {
-                            (node, segment) = (near ^ 1, second);
+                            (node, segment) = (near ^ 1, behind);
                         } else {
                             if empty == 0 {
                                 stack.push(SegmentEntry {
                                     node: near ^ 1,
-                                    segment: second,
+                                    segment: behind,
                                 });
                             }
-                            (node, segment) = (near, first);
+                            node = near;
                         }
                     }
                     continue;

@@ -89,14 +89,12 @@ impl SingleTraversal for HeightTraversal<'_> {
         let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(scratch);
-        let mut next = SegmentEntry {
-            node: tree.root(),
-            segment: Segment {
-                entry: point(frame, frame.t_min),
-                exit: point(frame, frame.t_max),
-                enter: frame.t_min,
-                leave: frame.t_max,
-            },
+        let mut node = tree.root();
+        let mut segment = Segment {
+            entry: point(frame, frame.t_min),
+            exit: point(frame, frame.t_max),
+            enter: frame.t_min,
+            leave: frame.t_max,
         };
         // If a coordinate along the ray may overflow, infinite pads make every height uncertain.
         let wild = if frame.span < FAR { 0.0 } else { f32::INFINITY };
@@ -104,7 +102,6 @@ impl SingleTraversal for HeightTraversal<'_> {
         let oblique_pad = frame.oblique_pad + wild;
         loop {
             // Compute the heights of both ends above the node's plane, or test the leaf.
-            let SegmentEntry { node, segment } = next;
             let plane = match tree.node(node) {
                 Node::Axis {
                     axis,
@@ -147,25 +144,25 @@ impl SingleTraversal for HeightTraversal<'_> {
                         return best.hit();
                     }
                     match stack.pop_within(best.reach) {
-                        Some(entry) => next = entry,
+                        Some(entry) => SegmentEntry { node, segment } = entry,
                         None => return best.hit(),
                     }
                     continue;
                 }
             };
-            next = step(&plane, frame, segment, &mut stack);
+            node = step(&plane, frame, &mut segment, &mut stack);
         }
     }
 }
 
-/// Returns the child to visit next, with the segment in it; pushes the other child if both are visited.
+/// Returns the child to visit next and cuts the segment to the part in it; pushes the other child if both are visited.
 #[inline(always)]
 fn step(
     plane: &Heights,
     frame: &FrameRay,
-    segment: Segment,
+    segment: &mut Segment,
     stack: &mut Stack<'_, SegmentEntry>,
-) -> SegmentEntry {
+) -> u32 {
     let &Heights {
         entry,
         exit,
@@ -173,12 +170,11 @@ fn step(
         children,
         empty,
     } = plane;
-    let whole = |node: u32| SegmentEntry { node, segment };
     if entry < -pad && exit < -pad {
-        return whole(children);
+        return children;
     }
     if entry > pad && exit > pad {
-        return whole(children + 1);
+        return children + 1;
     }
     // Choose the near child by the sign of the change in height. If the heights are equal the sign is
     // arbitrary, and the crossing below infinite or NaN: both children get the whole interval.
@@ -193,28 +189,24 @@ fn step(
     // Ignore bounds that are NaN.
     let enter = keep_max(early, segment.enter);
     let leave = keep_min(late, segment.leave);
-    let far = SegmentEntry {
-        node: near ^ 1,
-        segment: Segment {
-            entry: point(frame, enter),
-            enter,
-            ..segment
-        },
+    let far = Segment {
+        entry: point(frame, enter),
+        enter,
+        ..*segment
     };
     if empty >> (near & 1) & 1 == 1 {
-        return far;
+        *segment = far;
+        return near ^ 1;
     }
     if empty == 0 {
-        stack.push(far);
+        stack.push(SegmentEntry {
+            node: near ^ 1,
+            segment: far,
+        });
     }
-    SegmentEntry {
-        node: near,
-        segment: Segment {
-            exit: point(frame, leave),
-            leave,
-            ..segment
-        },
-    }
+    segment.exit = point(frame, leave);
+    segment.leave = leave;
+    near
 }
 
 /// The ray's point at `t`.
