@@ -4,8 +4,10 @@
 
 pub mod cases;
 mod levels;
+mod proximity;
 
 pub use levels::levels;
+pub use proximity::{ExactNearest, exact_nearest, exact_overlap};
 
 use halfspace_geom::exact::intersect;
 use halfspace_ray::{Hit, Ray};
