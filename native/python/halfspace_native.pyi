@@ -201,6 +201,19 @@ class Hits:
     on_boundary: npt.NDArray[np.bool_] | None
     def __len__(self) -> int: ...
 
+class NearestPoints:
+    """The results of closest_points() and points_within().
+
+    distance: (n,) float32, correctly rounded; inf = none found. triangle: (n,) int32, -1 = none; among triangles at the
+    same exact distance the one with the smallest index. point: (n, 3) float32, the closest point of that triangle, each
+    coordinate correctly rounded; NaN = none. Each access makes a new array.
+    """
+
+    distance: npt.NDArray[np.float32]
+    triangle: npt.NDArray[np.int32]
+    point: npt.NDArray[np.float32]
+    def __len__(self) -> int: ...
+
 class Faces(TypedDict):
     """Convex cells in the scene's frame."""
 
@@ -453,6 +466,35 @@ class Structure:
     ) -> npt.NDArray[np.int64]:
         """The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest()."""
 
+    def closest_points(
+        self, points: F32, max_distance: float | F32 | None = None, *, threads: int = 0
+    ) -> NearestPoints:
+        """The point of the triangles that is closest to each point, and its triangle. Exact: integers decide where f64
+        cannot.
+
+        points: (n, 3). max_distance: one number or (n,), only triangles at most that far away count; None = inf.
+        Triangles without area count as segments or points, those that are not finite do not count. The first call
+        copies the nodes.
+        Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; MemoryError.
+        """
+
+    def points_within(self, points: F32, radius: float | F32, *, threads: int = 0) -> tuple[I64, NearestPoints]:
+        """Every triangle at most `radius` away from each point, nearest first; of equal distances, the smallest index
+        first.
+
+        radius: one number or (n,). Returns (offsets, found): offsets, (n + 1,) int64, where the triangles of each point
+        begin, and the number of all; found, those of one point after another. Other arguments and errors as for
+        closest_points().
+        """
+
+    def overlaps(self, other: Structure, *, threads: int = 0) -> npt.NDArray[np.int32]:
+        """Every pair of a triangle of this structure and one of the other that have a point in common: (k, 2) int32,
+        sorted. Exact: triangles that touch in a vertex are a pair.
+
+        With the structure itself, pairs are of different triangles that share no edge; those that share a vertex have a
+        further point in common. Each is found in both orders. Errors as for closest_points().
+        """
+
     def record(
         self,
         origins: F32,
@@ -684,6 +726,23 @@ def exact_closest(
     """The nearest hit by exact integer arithmetic, O(n) per ray: for small inputs.
 
     Arguments and errors as for build() and Structure.closest().
+    """
+
+def exact_closest_points(
+    vertices: F32, triangles: Indices, points: F32, max_distance: float | F32 | None = None
+) -> NearestPoints:
+    """The closest points by integer arithmetic alone, O(n) per point: for small inputs.
+
+    Arguments and errors as for build() and Structure.closest_points().
+    """
+
+def exact_overlaps(
+    vertices: F32, triangles: Indices, other_vertices: F32, other_triangles: Indices
+) -> npt.NDArray[np.int32]:
+    """Every pair of triangles of two scenes that have a point in common, by integer arithmetic alone: (k, 2) int32,
+    sorted. Compares all pairs: for small inputs.
+
+    Arguments and errors as for build(); triangles that are not finite have no pairs.
     """
 
 class Case(TypedDict):

@@ -33,6 +33,7 @@
 //! - [`trace`]: traversal kernels;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
+//! - [`nearest`]: closest points and overlaps of triangles;
 //! - [`inspect`]: validation, statistics, polygons, leaf cells, ray paths, export;
 //! - [`oracle`]: exact arithmetic, and the scenes of the tests;
 //! - [`render`]: camera, sampler, materials, lights, integrator, film.
@@ -41,9 +42,9 @@
 
 pub use ::{
     halfspace_base as base, halfspace_builders as builders, halfspace_geom as geom,
-    halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nodes as nodes,
-    halfspace_oracle as oracle, halfspace_ray as ray, halfspace_render as render,
-    halfspace_scene as scene, halfspace_structure as structure, halfspace_trace as trace,
-    halfspace_trees as trees,
+    halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nearest as nearest,
+    halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_ray as ray,
+    halfspace_render as render, halfspace_scene as scene, halfspace_structure as structure,
+    halfspace_trace as trace, halfspace_trees as trees,
 };
 pub use halfspace_trees::registry;

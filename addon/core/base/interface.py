@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         Instances,
         LeafCells,
         Monitor,
+        NearestPoints,
         Parameter,
         RayPath,
         Recording,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         "LeafCells",
         "Monitor",
         "Native",
+        "NearestPoints",
         "Order",
         "Parameter",
         "RayOptions",
@@ -168,6 +170,22 @@ class Native(Protocol):
         t_max: NDArray[np.float32] | None = None,
         threads: int = 0,
     ) -> Hits: ...
+
+    def exact_closest_points(
+        self,
+        vertices: NDArray[np.float32],
+        triangles: NDArray[np.int32],
+        points: NDArray[np.float32],
+        max_distance: float | NDArray[np.float32] | None = None,
+    ) -> NearestPoints: ...
+
+    def exact_overlaps(
+        self,
+        vertices: NDArray[np.float32],
+        triangles: NDArray[np.int32],
+        other_vertices: NDArray[np.float32],
+        other_triangles: NDArray[np.int32],
+    ) -> NDArray[np.int32]: ...
 
     def render(
         self,

@@ -3,8 +3,10 @@
 //! bounds, without f64, without a tree.
 
 pub mod cases;
+mod proximity;
 
 pub use halfspace_base::simd::levels;
+pub use proximity::{ExactNearest, exact_nearest, exact_overlap};
 
 use halfspace_geom::exact::intersect;
 use halfspace_ray::{Hit, Ray};

@@ -12,7 +12,9 @@ mod inspection;
 mod instances;
 mod monitor;
 mod oracle;
+mod proximity;
 mod ray_path;
+mod recording;
 mod registry;
 mod render;
 mod selective;
@@ -53,6 +55,8 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::register(module)?;
     instances::register(module)?;
     monitor::register(module)?;
+    proximity::register(module)?;
+    recording::register(module)?;
     registry::register(module)?;
     render::register(module)?;
     structure::register(module)?;

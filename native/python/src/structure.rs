@@ -8,64 +8,28 @@ use crate::args::integers::{
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::float_mode::DefaultMode;
-use crate::hits::{self, Hits};
+use crate::hits::Hits;
 use crate::monitor::{self, Monitor};
+use crate::proximity::{self, LazySurface, NearestPoints};
+use crate::recording::Recording;
 use crate::selective::{self, MaskArrays};
 use crate::trace::{self, CountedTracer};
 use crate::{analysis, inspection, ray_path};
 use halfspace_base::error::{Error, caught};
 use halfspace_inspect::validate;
-use halfspace_ray::{Ray, replay};
+use halfspace_nearest::Surface;
+use halfspace_ray::Ray;
 use halfspace_scene::Triangles;
 use halfspace_structure::structure;
 use halfspace_trees::registry;
-use numpy::{PyArray1, ToPyArray};
-use pyo3::exceptions::PyRuntimeError;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
-/// Rays and the answers of the leaves that they visited, from Structure.record().
-#[pyclass(frozen)]
-pub struct Recording {
-    structure: Arc<structure::Structure>,
-    recording: replay::Recording,
-}
-
-#[pymethods]
-impl Recording {
-    /// The counters of each ray when it was recorded, as Hits.counters.
-    #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        hits::counters(py, self.structure.cases(), &self.recording.counters)
-    }
-
-    /// Traces the rays again on the calling thread, through the same nodes in the same order but with
-    /// the recorded answers in place of triangle tests.
-    ///
-    /// Returns the seconds of each 1024 rays, the last for the rest: the time of traversal alone, from the ray
-    /// in the structure's frame to the last leaf. To compare traversals on a busy machine, take the median of
-    /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
-    /// other leaves than recorded, which is a bug.
-    fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let _mode = DefaultMode::set(py)?;
-        let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
-        if strayed > 0 {
-            return Err(PyRuntimeError::new_err(format!(
-                "{strayed} rays did not visit the leaves that were recorded"
-            )));
-        }
-        Ok(seconds.to_pyarray(py))
-    }
-
-    fn __len__(&self) -> usize {
-        self.recording.rays.len()
-    }
-}
-
 /// A structure built over triangles. Immutable; any number of threads may trace rays through it.
 #[pyclass(frozen, weakref)]
-pub struct Structure(pub Arc<structure::Structure>);
+pub struct Structure(pub Arc<structure::Structure>, LazySurface);
 
 #[pymethods]
 impl Structure {
@@ -197,6 +161,53 @@ impl Structure {
         selective::count_hits(py, &*self.0, &rays, threads)
     }
 
+    /// The point of the triangles that is closest to each point, and its triangle. Exact: integers decide where f64 cannot.
+    ///
+    /// points: (n, 3). max_distance: one number or (n,), only triangles at most that far away count; None = inf. Triangles
+    /// without area count as segments or points, those that are not finite do not count. The first call copies the nodes.
+    /// Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; MemoryError.
+    #[pyo3(signature = (points, max_distance=None, *, threads=Threads::ALL), text_signature = "($self, points, max_distance=None, *, threads=0)")]
+    fn closest_points(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        max_distance: Option<&Bound<'_, PyAny>>,
+        threads: Threads,
+    ) -> PyResult<NearestPoints> {
+        proximity::closest_points(py, self.surface(py)?, points, max_distance, threads)
+    }
+
+    /// Every triangle at most `radius` away from each point, nearest first; of equal distances, the smallest index first.
+    ///
+    /// radius: one number or (n,). Returns (offsets, found): offsets, (n + 1,) int64, where the triangles of each point
+    /// begin, and the number of all; found, those of one point after another. Other arguments and errors as for
+    /// closest_points().
+    #[pyo3(signature = (points, radius, *, threads=Threads::ALL), text_signature = "($self, points, radius, *, threads=0)")]
+    fn points_within<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'_, PyAny>,
+        radius: &Bound<'_, PyAny>,
+        threads: Threads,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, NearestPoints)> {
+        proximity::points_within(py, self.surface(py)?, points, radius, threads)
+    }
+
+    /// Every pair of a triangle of this structure and one of the other that have a point in common: (k, 2) int32, sorted.
+    /// Exact: triangles that touch in a vertex are a pair.
+    ///
+    /// With the structure itself, pairs are of different triangles that share no edge; those that share a vertex have a
+    /// further point in common. Each is found in both orders. Errors as for closest_points().
+    #[pyo3(signature = (other, *, threads=Threads::ALL), text_signature = "($self, other, *, threads=0)")]
+    fn overlaps<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Self,
+        threads: Threads,
+    ) -> PyResult<Bound<'py, PyArray2<i32>>> {
+        proximity::overlaps(py, self.surface(py)?, other.surface(py)?, threads)
+    }
+
     /// Traces the rays one by one, on one thread, and records the answer of every leaf, so that the
     /// traversals can be repeated without triangle tests.
     ///
@@ -216,10 +227,7 @@ impl Structure {
         let arguments = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
         let rays = arguments.rays().all().map_err(raise)?;
         let recording = py.detach(|| self.0.record(rays, any_hit)).map_err(raise)?;
-        Ok(Recording {
-            structure: self.0.clone(),
-            recording,
-        })
+        Ok(Recording::new(self.0.clone(), recording))
     }
 
     /// Statistics of the build.
@@ -337,6 +345,12 @@ impl Structure {
 }
 
 impl Structure {
+    /// The boxes that nearest and overlap queries traverse.
+    fn surface(&self, py: Python<'_>) -> PyResult<&Surface> {
+        let _mode = DefaultMode::set(py)?;
+        py.detach(|| self.1.of(&self.0)).map_err(raise)
+    }
+
     /// The structure as a tracer with counters of its own.
     fn counted(&self) -> CountedTracer<'_> {
         CountedTracer {
@@ -380,12 +394,11 @@ fn build(
             })
         })
         .map_err(raise)?;
-    Ok(Structure(Arc::new(built)))
+    Ok(Structure(Arc::new(built), LazySurface::default()))
 }
 
 /// Adds building to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Structure>()?;
-    module.add_class::<Recording>()?;
     module.add_function(wrap_pyfunction!(build, module)?)
 }
