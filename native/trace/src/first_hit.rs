@@ -8,7 +8,8 @@ use halfspace_ray::RayRef;
 use halfspace_ray::query::{Best, Counters, Query};
 
 /// Tests a leaf as [`Job::test`] does, and returns whether the traversal ends there: at the first hit if
-/// `PUBLISHED`, otherwise only if no later leaf can improve the answer.
+/// `PUBLISHED`, otherwise only if no later leaf can improve the answer. `leave`: distance at which the ray leaves the
+/// leaf's cell.
 #[inline(always)]
 pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     simd: S,

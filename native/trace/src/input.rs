@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What groups of rays share: the triangles and the rays as the caller gave them.
+//! The input of a group of rays: the triangles, and the rays as the caller gave them.
 
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;

@@ -2,8 +2,8 @@
 //! Reordering of incoherent rays, so that consecutive rays visit the same parts of a tree (Pharr et al. 1997;
 //! Moon et al. 2010): sorted by the grid cell of their origin, then by the octant of their direction.
 //!
-//! In their own order, each ray reads a tree larger than the caches from memory again. The hits do not depend on the
-//! order.
+//! If the tree is larger than the caches, rays in random order fetch its nodes from memory again and again. The hits do
+//! not depend on the order.
 
 use halfspace_geom::Aabb;
 
@@ -46,7 +46,7 @@ pub fn window(rays: usize, threads: usize) -> usize {
     rays.div_ceil(threads.max(1)).clamp(LEAST, WINDOW)
 }
 
-/// The permutation that sorts the rays: indices into the input. Expects at most 2^32 rays.
+/// The permutation that sorts the rays: indices into the input, which has at most 2^32 rays.
 pub fn order(origins: &[[f32; 3]], directions: &[[f32; 3]], bounds: &Aabb) -> Vec<u32> {
     let cells = (1_u32 << CELL_BITS) as f32;
     let scale = std::array::from_fn(|k| cells / (bounds.max[k] - bounds.min[k]));

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The hits of many rays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AllHits {
-    /// Where the hits of each ray begin in [`Self::hits`], then the number of all hits: one more than rays.
+    /// Index in [`Self::hits`] of the first hit of each ray, then the number of all hits: one entry more than rays.
     pub offsets: Vec<usize>,
     /// The hits of one ray after another, nearest first; of equal distances, the smallest triangle number first.
     pub hits: Vec<Hit>,
@@ -79,7 +79,7 @@ pub fn all_hits(
             found += list.len();
         }
         let all = count.fetch_add(found, Ordering::Relaxed) + found;
-        // The list of all hits is made besides those of the rays.
+        // Twice: the list of all hits is made while the lists of the rays still exist.
         if let Err(error) = check_room("all hits", (2 * all * size_of::<Hit>()) as u64) {
             let _ = full.set(error);
         }

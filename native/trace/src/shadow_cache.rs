@@ -52,6 +52,7 @@ impl ShadowCache {
             };
             hash = (hash ^ place.round() as i32 as u32).wrapping_mul(0x9e37_79b1);
         }
+        // The upper six bits name one of the 64 entries.
         (hash >> 26) as usize
     }
 

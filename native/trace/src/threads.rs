@@ -12,8 +12,8 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Number of rays that a worker takes at once: those of a stream. Tiles and shadow rays are as fast with half of that:
-/// it hides the cost of the queue and suffices to measure the success rate of tiles.
+/// Number of rays that a worker takes at once: those of a stream. Measured: half of it hides the cost of the queue, and
+/// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
 pub const CHUNK: usize = STREAM;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
@@ -39,6 +39,7 @@ pub fn in_chunks<T: Clone + Send>(
     } else {
         Vec::new()
     };
+    // Divide answers and counters into chunks.
     let mut counts_left = counts.as_mut_slice();
     let chunks: Vec<_> = answers
         .chunks_mut(CHUNK)
@@ -174,6 +175,7 @@ fn closest_reordered(
             if !finite.allows(&own, 0..hits.len()) {
                 return;
             }
+            // Trace the window in the new order, chunk by chunk, and store each hit at the ray's own index.
             let order = reorder::order(own.origins, own.directions, bounds);
             let mut found = vec![Hit::MISS; CHUNK];
             for indices in order.chunks(CHUNK) {

@@ -41,7 +41,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     build: |scene, config, monitor| build(scene, config, monitor, Search::Greedy),
 };
 
-/// The row of the same with branch and bound.
+/// The registry's row: the best place of each triangle, by branch and bound.
 pub const BRANCH_AND_BOUND: StructureSpec = StructureSpec {
     id: "bbox-gs-bnb",
     code: 51,
@@ -145,7 +145,7 @@ struct Inserted<'a> {
 }
 
 impl Inserted<'_> {
-    /// Lays the tree out with `D` slabs a node, writes its leaves and makes its plan.
+    /// Lays the tree out with `D` slabs per node, writes its leaves and makes its plan.
     fn lay_out<const D: usize>(
         &self,
         kernel: fn(&Arc<DopTree<D>>, &Arc<Blocks>) -> Arc<dyn SingleRays>,

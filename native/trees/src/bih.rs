@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Bounding interval hierarchies: one build, and a row for each form of the nodes (Wächter and Keller 2006).
+//! Bounding interval hierarchies (Wächter and Keller 2006): one row for each form of the nodes. A grid orders the
+//! triangles, except in the row that the surface area heuristic builds.
 
 use crate::ways::{distinct, every_way, only_singly, together, traversal};
 use crate::{objects, params};
@@ -28,7 +29,7 @@ use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
 use std::sync::Arc;
 
-/// Leaf size where a grid parts the triangles.
+/// Leaf size of hierarchies whose triangles a grid divides.
 const LEAF_SIZE: ParamSpec = ParamSpec {
     name: "leaf_size",
     label: "Leaf Size",
@@ -40,7 +41,7 @@ const LEAF_SIZE: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// What leaves keep.
+/// Whether leaves keep indices or copies of the corners.
 pub const LEAVES: ParamSpec = ParamSpec {
     name: "leaves",
     label: "Leaves",
@@ -56,7 +57,7 @@ pub const LEAVES: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// When empty space is cut off.
+/// Threshold below which empty space is cut off.
 pub const EMPTY: ParamSpec = ParamSpec {
     name: "empty",
     label: "Empty Space",
@@ -69,7 +70,7 @@ pub const EMPTY: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// The threshold below which empty space is cut off, from the configuration.
+/// Reads that threshold from a configuration.
 pub fn tighten(config: &Config) -> Tighten {
     Tighten(f64::from(config.float("empty")))
 }
@@ -91,12 +92,12 @@ const WACHTER_KELLER: &str =
 const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; \
                        Wächter 2008, Quasi-Monte Carlo light transport simulation by efficient ray tracing";
 
-/// Ways through intervals that two planes at most separate.
+/// Ways through the nodes of interval hierarchies.
 pub const WAYS: [Way; 5] = every_way("intervals", "ordered");
 
 const OPTIONS: [Named; 5] = distinct(&WAYS);
 
-/// Traversals of such intervals.
+/// The parameter `traversal` with these ways.
 pub const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
 
 const SINGLY: [Way; 1] = only_singly("intervals");
@@ -227,8 +228,8 @@ pub const WIDE: StructureSpec = StructureSpec {
         params::ROBUST,
     ],
     build: |scene, config, monitor| {
-        let ways = config.choice("n").parse().expect("a choice of numbers");
-        wide(scene, config, monitor, ways)
+        let children = config.choice("n").parse().expect("a choice of numbers");
+        wide(scene, config, monitor, children)
     },
     ..PLAIN
 };
@@ -262,20 +263,20 @@ struct Ordered<'a> {
     binary: ObjectTree,
 }
 
-/// Orders the triangles by a grid, `ways` children to a node.
+/// Orders the triangles by a grid, for nodes of up to `children` children.
 fn by_grid<'a>(
     scene: &'a Triangles,
     config: &'a Config,
     monitor: &Monitor,
-    ways: usize,
+    children: usize,
 ) -> Result<Ordered<'a>> {
     let frame = Frame::new(scene.bounds());
     let policy = Global {
         leaf_size: config.integer("leaf_size"),
-        ways,
+        ways: children,
     };
-    // With more than two ways, the partition of a cell depends on what is empty.
-    let binary = if ways == 2 {
+    // The fast order needs partitions that depend on the cell alone. With more children, empty halves matter too.
+    let binary = if children == 2 {
         grid_order::build(scene, &frame, &policy, monitor)?
     } else {
         object::build(scene, &frame, &policy, monitor)?
@@ -319,16 +320,17 @@ fn one_by_one(kernel: Arc<dyn SingleRays>) -> Plan {
     Plan::single("intervals", "intervals", kernel)
 }
 
-/// The plan of trees of two planes a node.
+/// The plan of trees of two planes per node.
 fn two_planes(config: &Config, tree: &Arc<SlabTree<Double>>, leaves: &Arc<Blocks>) -> Plan {
     let groups = together!(tree, leaves, intervals, shadow_intervals);
     groups.plan(one_by_one(slabs::slabs(tree, leaves)), config.way().rays)
 }
 
-fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> Result<Built> {
-    let order = by_grid(scene, config, monitor, ways)?;
+/// Builds a hierarchy with an interval for each of 2, 4 or 8 children.
+fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) -> Result<Built> {
+    let order = by_grid(scene, config, monitor, children)?;
     let tighten = tighten(config);
-    match ways {
+    match children {
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
             |tree, leaves, _| {

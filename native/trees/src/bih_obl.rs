@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A bounding interval hierarchy whose two planes may lie along diagonals: what Wächter and Keller advise
-//! against, for measuring what it does.
+//! A bounding interval hierarchy whose two planes may be perpendicular to a diagonal. Wächter and Keller advise against
+//! it; this row measures the effect.
 
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;

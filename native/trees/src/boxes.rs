@@ -12,18 +12,18 @@ use halfspace_trace::single::objects::boxes::boxes8;
 use halfspace_trace::{flight, packet, stream, tile};
 use std::sync::Arc;
 
-/// A tree of eight boxes to a node for which a plan is made.
+/// A tree of eight boxes per node, for which a plan is made.
 pub struct Boxes {
-    /// The nodes, [`BoxTree::by_corners`] unless rays go one by one.
+    /// The nodes. Rays in flight and streams need [`BoxTree::by_corners`]; the other traversals take any order.
     pub tree: Arc<BoxTree<8>>,
     /// The triangles of its leaves.
     pub leaves: Arc<Blocks>,
 }
 
-/// Makes the kernels for a tree of eight boxes to a node.
+/// Makes the plan for a tree of eight boxes per node.
 pub type MakePlan = fn(&Boxes) -> Plan;
 
-/// All traversals of eight boxes to a node.
+/// All traversals of nodes of eight boxes.
 pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
     Traversal {
         way: way(
@@ -126,15 +126,18 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
 ];
 
 impl Boxes {
+    /// Single rays, the nearest box first.
     fn singly(&self) -> Plan {
         Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))
     }
 
+    /// Camera rays in `tiles`, shadow rays in tiles of 64.
     fn in_tiles(&self, tiles: Arc<dyn Kernel<Closest>>) -> Plan {
         let shadow = tile::kernel::shadow_boxes(&self.tree, &self.leaves);
         (self.singly().with_tiles(Rays::Tile, tiles)).with_any(Rays::Tile, shadow)
     }
 
+    /// Nearest hits in packets of this number of rays.
     fn packets(&self, rays: usize) -> Plan {
         let packets = packet::kernel::boxes(&self.tree, &self.leaves, rays);
         self.singly().with_closest(Rays::Packet, packets)

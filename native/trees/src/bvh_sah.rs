@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The bounding volume hierarchy of today's renderers: binned surface area heuristic, wide nodes,
-//! ordered traversal. The yardstick of all other structures.
+//! The bounding volume hierarchy of today's renderers: binned surface area heuristic, wide nodes, ordered traversal.
+//! All other structures are compared with it.
 
 use crate::boxes::{self, Boxes};
 use crate::ways::{all, chosen, distinct, together, traversal};
@@ -125,7 +125,8 @@ struct Ordered<'a> {
 }
 
 impl Ordered<'_> {
-    /// Lays the tree out with `W` boxes a node, writes its leaves and makes its plan.
+    /// Lays the tree out with `W` boxes per node, puts the boxes of each node in the order of `place`, writes the
+    /// leaves and makes the plan.
     fn lay_out<const W: usize>(
         &self,
         place: impl FnOnce(BoxTree<W>) -> BoxTree<W>,

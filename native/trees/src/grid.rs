@@ -39,7 +39,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "Equal cells in rows and columns, traversed from wall to wall.",
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
-    // Not a tree: no beam of shadow rays goes down in it.
+    // A grid has no tree for beams of shadow rays to descend, so `beam` is not a choice.
     params: &[DENSITY, TRAVERSAL, params::ROBUST, SHADOW],
     ways: &WAYS,
     no_groups: "",
@@ -62,7 +62,7 @@ const DENSITY: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// Levels above a cell as the overlay shows them: slices, rows, cells.
+/// Depth of a cell in the overlay: below slices and rows.
 const DEPTH: usize = 3;
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
@@ -76,11 +76,12 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     };
     let grid = grid::build(framed, cells, &mut blocks, monitor)?;
     let shape = shape(&grid, &frame);
+    // Report fewer cells than the density implies, and axes along which there is only one.
     let mut left_out = Vec::new();
-    let (made, asked) = (grid.number(), grid::cell_count(&frame.bounds(), cells));
-    if made < asked {
+    let (made, wanted) = (grid.number(), grid::cell_count(&frame.bounds(), cells));
+    if made < wanted {
         left_out.push(format!(
-            "cells: {made} of {asked}, large triangles would be in too many of them"
+            "cells: {made} of {wanted}, large triangles would be in too many of them"
         ));
     }
     let one: Vec<_> = (0..3).filter(|&k| grid.count(k) == 1).collect();
@@ -112,7 +113,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     })
 }
 
-/// Measures a grid. Its cost is that of the cells that a random ray meets, a step each.
+/// Measures a grid. Its cost is that of the cells that a random ray crosses, one step each.
 fn shape(grid: &Grid, frame: &Frame) -> Shape {
     let mut measure = Measure::default();
     let whole = frame.bounds().area();

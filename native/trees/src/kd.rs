@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kd-tree: axis-aligned planes where the surface area heuristic wants them, triangles cut to
-//! their cells (Wald and Havran 2006).
+//! The kd-tree: axis-aligned planes where the surface area heuristic is lowest, triangles cut to their cells (Wald and
+//! Havran 2006).
 
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
 use crate::ways::PLANE_NODES;
@@ -46,7 +46,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     build,
 };
 
-/// The three axes, everywhere, for pieces of this kind.
+/// The policy of a kd-tree: the three axes at every node, for pieces of this type.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes<P>(pub PhantomData<P>);
 

@@ -58,13 +58,15 @@ enum Halves {
     Objects,
 }
 
-/// So many splits in a row may leave one side with all triangles of the cell: all axes have had their turn.
+/// A cell becomes a leaf after this number of consecutive splits that left one side with all its triangles. Derived:
+/// one split along each axis where cells are halved.
 const IN_VAIN: u32 = 3;
 
-/// References per triangle that no tree exceeds; a node's share of them goes to its children in proportion.
+/// Largest number of references per triangle of the scene. A node's budget goes to its children in proportion to their
+/// references.
 const BUDGET: usize = 64;
 
-/// What the recursion needs everywhere.
+/// Arguments that are the same at all nodes.
 struct Builder<'a> {
     boxes: &'a [Aabb],
     halves: Halves,
@@ -79,14 +81,16 @@ struct OpenNode {
     cell: BoxCell,
     share: f32,
     depth: usize,
-    /// Splits on the path, the last ones, that left one side with everything.
+    /// Number of consecutive splits, up to the parent's, that left one side with all triangles.
     vain: u32,
     budget: usize,
     work: f64,
 }
 
 impl Builder<'_> {
+    /// Appends a node and all below it to `out`. `gathered` sums the bytes of the leaves.
     fn node(&self, node: OpenNode, out: &mut Preorder, gathered: &mut usize) -> Result<()> {
+        // Make a leaf if no plane splits the node.
         self.monitor.check()?;
         let count = node.ids.len();
         let Some((plane, below, above)) = self.split(&node) else {
@@ -96,6 +100,7 @@ impl Builder<'_> {
             out.leaf(node.ids, node.share);
             return Ok(());
         };
+        // Write the inner node, then build its children.
         let references = below.len() + above.len();
         let _held = self.monitor.hold(footprint::unsplit::<u32>(references))?;
         let vain = if below.len().max(above.len()) == count {
@@ -141,6 +146,7 @@ impl Builder<'_> {
         {
             return None;
         }
+        // Choose the plane: through the middle of the cell, or through the median triangle.
         let cell = &node.cell.0;
         let (axis, at) = match self.halves {
             Halves::Space => (0..3)
@@ -153,7 +159,7 @@ impl Builder<'_> {
             }
         };
         let bounds = |id: &u32| &self.boxes[*id as usize];
-        // What only touches the plane belongs to the side on which it lies; what lies in it, below.
+        // Put a triangle that only touches the plane on its own side, and one inside the plane below it.
         let above: Vec<_> = node
             .ids
             .iter()
@@ -176,7 +182,7 @@ impl Builder<'_> {
         Some((plane, below, above))
     }
 
-    /// The middle one of the triangles' middles inside the cell along an axis, unless all are on its walls.
+    /// The median along an axis of the middles of the triangles' boxes, cut to the cell; `None` if all lie on its walls.
     fn middle(&self, ids: &[u32], cell: &Aabb, axis: usize) -> Option<f32> {
         let mut middles: Vec<f32> = ids
             .iter()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! kd- and BSP trees whose lower parts are built when the first ray needs them.
+//! Trees of split planes whose lower parts are built when the first ray needs them.
 
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -17,7 +17,7 @@ use halfspace_trace::single::planes::dir;
 use halfspace_trace::tile;
 use std::sync::Arc;
 
-/// Builds the upper part of the tree; its plan builds the rest where rays reach.
+/// Builds the upper part of the tree; the kernels of its plan build the rest where rays arrive.
 ///
 /// # Errors
 /// As [`lazy::build`].
@@ -43,7 +43,7 @@ pub fn build<P: PlanePolicy + Send + 'static>(
         leaves,
         derived: Vec::new(),
         plan: plan.with_shadow(config.choice("shadow"), None),
-        // The shape of what is built at the time is that of `growing`.
+        // `growing` returns the shape of the part that is built so far.
         shape: Shape::default(),
         left_out: Vec::new(),
         growing: Some(Arc::new(Lazy(tree))),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What hierarchies over triangles share once their nodes are made.
+//! The last step of all hierarchies over triangles: from nodes, leaves and plan to a built structure.
 
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::Tree;

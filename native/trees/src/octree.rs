@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Octrees: one build, and one row for each way from a cell to the next.
+//! Octrees: one build, and one row for each way in which rays find the next cell.
 
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
 use halfspace_base::Monitor;
@@ -48,7 +48,7 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-/// Budget.
+/// Largest number of references per triangle.
 pub const REFERENCES: ParamSpec = ParamSpec {
     name: "references",
     label: "References",
@@ -71,22 +71,23 @@ fn default_depth(triangles: usize) -> u32 {
     (5.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
 }
 
-/// How rays traverse an octree, which decides what the build provides.
+/// How rays traverse an octree. All traversals but the first step from leaf to leaf, so the build widens their leaves
+/// by the rounding of the steps; links are built only where rays follow them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Traversal {
     /// From the root down.
     FromRoot,
-    /// From leaf to leaf by the common ancestor: leaves allow for the rounding of the steps.
+    /// From leaf to leaf by the common ancestor.
     Ascent,
-    /// The same, each leaf located from the root.
+    /// From leaf to leaf, each located from the root.
     Location,
     /// From leaf to leaf by stored links.
     Links,
-    /// The same, and tiles of camera rays as beams.
+    /// By links too, and tiles of camera rays as beams.
     Beams,
 }
 
-/// The threshold of the paper, which gives no number.
+/// The paper has this threshold, but gives no number.
 const BEAM_LEAST: ParamSpec = ParamSpec {
     name: "beam_least",
     label: "Smallest Beam",
@@ -111,7 +112,7 @@ const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(&FROM_ROOT_OPTIONS);
 
 const SINGLY: [Way; 1] = only_singly("octants");
 
-/// Rays of T.Haces: beams, or the single rays with which beams end.
+/// Ways of the octree with beams (T.Haces, for Trazado de haces): beams, or the single rays with which beams end.
 const BEAM_WAYS: [Way; 2] = [
     way(
         "octants",
@@ -157,7 +158,7 @@ pub const ARVO: StructureSpec = StructureSpec {
     ..PARAM
 };
 
-/// The registry's row: Samet-Net.
+/// The registry's row: neighbours by stored links (Samet-Net in the paper).
 pub const NET: StructureSpec = StructureSpec {
     id: "octree-net",
     code: 62,
@@ -171,7 +172,7 @@ pub const NET: StructureSpec = StructureSpec {
     ..PARAM
 };
 
-/// The registry's row: T.Haces.
+/// The registry's row: beams on the octree with links.
 pub const BEAM: StructureSpec = StructureSpec {
     id: "octree-beam",
     code: 65,
@@ -191,7 +192,7 @@ pub const BEAM: StructureSpec = StructureSpec {
     ..PARAM
 };
 
-/// The registry's row: Samet-Standard.
+/// The registry's row: neighbours by the common ancestor.
 pub const SAMET: StructureSpec = StructureSpec {
     id: "octree-samet",
     code: 63,

@@ -122,7 +122,7 @@ pub const fn empty_factor(costs: Costs) -> ParamSpec {
     }
 }
 
-/// Whether rays have the tree built.
+/// Whether rays build the lower parts of the tree.
 pub const LAZY: ParamSpec = ParamSpec {
     name: "lazy",
     label: "Lazy Build",
@@ -150,7 +150,7 @@ pub const LAZY: ParamSpec = ParamSpec {
     ],
 };
 
-/// When a cell is too small to be split.
+/// Threshold of surface and triangles below which a cell is not split.
 pub const AREA_STOP: ParamSpec = ParamSpec {
     name: "area_stop",
     label: "Area Stop",

@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(parse("kd:traversal=auto").unwrap().canonical(), "kd");
     }
 
-    /// Packets, tiles and streams go through each kind of nodes, or the row has the reason why they do not.
+    /// Packets, tiles and streams go through each kind of nodes, or the row gives the reason why they do not.
     #[test]
     fn groups_go_through_all_nodes_or_a_reason_is_given() {
         let mut alone = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Tables of traversals: one per kind of nodes. A row has a way of tracing and the function that makes its plan. The
+//! Tables of traversals: one per kind of nodes. A row has a way to send rays and the function that makes its plan. The
 //! parameters `nodes` and `traversal`, their documentation and the contract tests read the rows, so a traversal that is
 //! not in a table does not exist.
 
@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub struct Traversal<F> {
     /// The nodes and the traversal.
     pub way: Way,
-    /// Makes the kernels. May derive further nodes from the tree.
+    /// Makes the plan. May derive further nodes from the tree.
     pub plan: F,
 }
 
@@ -42,8 +42,8 @@ pub const fn only_singly(nodes: &'static str) -> [Way; 1] {
     [way(nodes, "", "One by One", Rays::Single, "one by one")]
 }
 
-/// All ways through nodes that one traversal of single rays and groups of rays of every kind go through. `single` is the
-/// name of the traversal of single rays.
+/// The ways through nodes that have one traversal of single rays, named `single`, and kernels for tiles, packets and
+/// streams.
 pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
     [
         way(
@@ -142,7 +142,7 @@ macro_rules! together {
 pub(crate) use together;
 
 impl Together {
-    /// The plan of one of the ways of [`every_way`]; `single` is that of single rays.
+    /// Adds to the plan of single rays the kernels for one of the ways of [`every_way`].
     pub fn plan(self, single: Plan, rays: Rays) -> Plan {
         let Self {
             tiles,
@@ -161,7 +161,7 @@ impl Together {
     }
 }
 
-/// The ways of the rows whose traversals these are, in this order.
+/// The ways of the rows with the traversals `names`, in their order.
 ///
 /// # Panics
 /// At compile time, for a name that the table does not have.

@@ -16,8 +16,8 @@ use halfspace_ray::query::{Any, Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, Ray, RayRef};
 use halfspace_scene::Triangles;
 
-/// Runs the block with the instruction set that every build has: for traversals that count or record, whose speed is
-/// not reported. Compiling them for every set takes most of the build time of this crate.
+/// Runs the block with the instruction set that every build has, for traversals that count, record or replay. Compiling
+/// them for every set takes most of the build time of this crate. Only replays are timed, and only against each other.
 macro_rules! baseline {
     ($simd:ident => $block:expr) => {{
         #[cfg(target_arch = "x86_64")]
@@ -115,7 +115,7 @@ impl<'a> Launch<'a> {
         (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
     }
 
-    /// The hit with the triangle that last blocked this ray's light, if it blocks the ray.
+    /// The hit with the triangle that last blocked this ray's light, if it blocks this ray too.
     #[inline(always)]
     pub fn cached<C: Counters>(
         &self,

@@ -33,7 +33,7 @@ pub trait SingleTraversal: Sync {
 }
 
 impl<'a> Launch<'a> {
-    /// The rays from `first` on in the frame of the structure, until `frames` is full.
+    /// Fills `frames` with the rays from `first` on, in the frame of the structure.
     #[inline(always)]
     fn frame_ahead(&self, first: usize, frames: &mut [Option<FrameRay<'a>>; AHEAD]) {
         let left = self.rays.len() - first;
@@ -120,8 +120,8 @@ impl<'a> Launch<'a> {
         (nearest, path)
     }
 
-    /// Traces the rays one by one; `count` returns the counters of each. Out of line, and its callers differ in values
-    /// only, so one compiled traversal serves them all.
+    /// Traces the rays one by one; `count` returns the counters of each. It is out of line and its callers differ in
+    /// values only, so one compiled traversal serves them all.
     #[inline(never)]
     pub fn counted<'c, T: SingleTraversal, Q: Query>(
         &self,
@@ -157,6 +157,7 @@ impl<'a> Launch<'a> {
         let mut scratch = traversal.scratch();
         let mut framed = Vec::with_capacity(CHUNK);
         let mut strayed = 0;
+        // Transform each chunk into the frame before its time starts.
         for (chunk, rays) in self.rays.chunks(CHUNK).enumerate() {
             framed.clear();
             framed.extend(rays.iter().map(|ray| self.frame.ray(ray)));

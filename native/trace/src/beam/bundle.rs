@@ -41,8 +41,8 @@ pub fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &from[row..row + LANES])
 }
 
-/// Loads the eight values of three rows from index `row` on. Written out, because a closure would not inherit
-/// the instruction set of its caller.
+/// Loads the eight values of three rows from index `row` on. There is no loop over a closure, because a closure would
+/// not inherit the instruction set of its caller.
 #[inline(always)]
 pub fn all<S: Simd>(simd: S, from: &[Row; 3], row: usize) -> [f32x8<S>; 3] {
     [
@@ -75,8 +75,8 @@ pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Returns whether the rays are taken as parallel, because the first two differ in their origins, and the mask
-/// of the rays that share the first one's direction if so, or else its origin.
+/// Returns whether the rays count as parallel, and the mask of the rays that share the first ray's half: its direction
+/// if they are parallel, otherwise its origin. They count as parallel if the first two have different origins.
 ///
 /// # Panics
 /// If there are no rays.
@@ -112,7 +112,7 @@ pub trait Bundle {
     /// The directions of the eight rays from index `row` on.
     fn directions<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3];
 
-    /// The mask of the rays, of the eight from index `row` on, that may hit the triangle no farther than `reach`.
+    /// The mask of those of the eight rays from index `row` on that may hit the triangle within `reach`.
     fn candidates<S: Simd>(
         &self,
         simd: S,

@@ -151,7 +151,7 @@ impl FrameRows {
             let back = splat(1.0).copysign(d[k]).simd_lt(splat(0.0));
             let enter = back.select(high, low) - slack;
             let leave = back.select(low, high) + slack;
-            // NaN bounds nothing.
+            // Ignore a distance that is NaN.
             near = enter.simd_gt(near).select(enter, near);
             exit = leave.simd_lt(exit).select(leave, exit);
             self.negative[k] |= (back.to_bitmask() & 0xff) << row;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kernels of beams: tiles of camera rays that descend a tree as one, and shadow rays of one light.
+//! The kernels of beams: tiles of camera rays, and shadow rays of one light.
 
 use super::octants::OctantBeams;
 use super::planes::PlaneBeams;
@@ -90,7 +90,8 @@ pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dy
     })
 }
 
-/// Defines a function that makes the kernel of shadow beams through a tree whose remaining rays are traced singly.
+/// Defines a function that makes the kernel of shadow beams through a tree; the traversal `$single` takes the rays that
+/// beams leave.
 macro_rules! shadow_beams {
     ($(#[$doc:meta])* fn $constructor:ident($tree:ty) { |$kernel:ident| $single:expr }) => {
         $(#[$doc])*

@@ -10,7 +10,7 @@ use halfspace_ray::Ray;
 /// Bits of a position on a face, per axis.
 const POSITION_BITS: u32 = 10;
 
-/// Bits of the ray's index, below the position in a key.
+/// Bits of the ray's index, below the position in a key. The bits above hold the face (3) and the light (6).
 const NUMBER_BITS: u32 = 32;
 
 /// The sort keys of the rays, ascending; the low 32 bits of a key are the ray's index. `bounds` are the

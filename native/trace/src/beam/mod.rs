@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Beams: tiles of camera rays that go down a tree as one, and shadow rays of one light.
+//! Beams: tiles of camera rays that traverse a tree as one convex region, and shadow rays of one light.
 
 pub mod bundle;
 pub mod frame_rows;

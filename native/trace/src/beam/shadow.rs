@@ -3,10 +3,10 @@
 //! do not build.
 //!
 //! Seen from the light, the ends of its shadow rays are pixels on the six faces of a cube (on one plane, for a
-//! sun). Sorted by face and position they form beams of at most 64 rays that are narrow at both ends. A beam's
-//! shaft meets few cells; there, triangles are rejected that the shaft misses, and those whose plane has the
-//! whole beam on one side, as the receivers' own have. Mostly no triangle is left: the beam is empty, and one
-//! traversal decides all its rays.
+//! sun). Sorted by face and position they form beams of at most 64 rays that are narrow at both ends. The shaft of a
+//! beam meets few cells. In these, it rejects the triangles that the shaft misses and those with the whole beam on one
+//! side of their plane, such as the receivers' own. Mostly no triangle is left: the beam is empty, and one traversal
+//! decides all its rays.
 //!
 //! A remaining triangle is tested against the rays, eight at a time, then by the exact verdict; the last
 //! blocker is tested first. The rays of a beam that meets many cells or triangles are traced singly. No result
@@ -27,7 +27,7 @@ use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 /// Fewest rays for which a beam is traced.
 const LEAST: u32 = 4;
 
-/// Rays per triangle that a beam may test; beyond it, its rays are traced singly.
+/// A beam may test one triangle for each of this number of its rays; beyond it, its rays are traced singly.
 const RAYS_PER_TRIANGLE: u32 = 4;
 
 /// The rays of a beam.
@@ -267,9 +267,9 @@ impl Beam {
         }
     }
 
-    /// Takes the rays of some sorted keys; rays that miss the scene are written at once.
+    /// Takes the rays of some sorted keys; writes the answers of those that miss the scene.
     #[inline(always)]
-    fn fill(&mut self, batch: &Launch<'_>, keys: &[u64], write: &mut impl FnMut(usize, Hit)) {
+    fn fill(&mut self, launch: &Launch<'_>, keys: &[u64], write: &mut impl FnMut(usize, Hit)) {
         self.ids.clear();
         self.framed.clear();
         self.pad = 0.0;
@@ -277,7 +277,7 @@ impl Beam {
         for key in keys {
             #[expect(clippy::cast_possible_truncation, reason = "the low half")]
             let id = *key as u32 as usize;
-            let Some(ray) = batch.frame.ray(&batch.rays[id]) else {
+            let Some(ray) = launch.frame.ray(&launch.rays[id]) else {
                 write(id, Hit::MISS);
                 continue;
             };
@@ -323,7 +323,7 @@ impl Beam {
             from.add([self.start[0][i], self.start[1][i], self.start[2][i]]);
             to.add([self.end[0][i], self.end[1][i], self.end[2][i]]);
         }
-        // No cell extends beyond the root cell, which is at most twice the scene and one cell wide.
+        // No cell extends beyond the root cell, which is at most twice as wide as the scene and one cell.
         Shaft::new(&from, &to, self.pad, 8.0 * magnitude)
     }
 

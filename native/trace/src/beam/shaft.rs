@@ -16,7 +16,8 @@ use halfspace_ray::frame::U;
 struct Wall {
     base: f32,
     inv: f32,
-    /// Whether the box test fails after that passing, which bounds `s` from above; otherwise from below.
+    /// Whether that passing ends the overlap with the box, which bounds `s` from above; otherwise it begins the
+    /// overlap.
     closes: bool,
 }
 
@@ -57,8 +58,9 @@ impl Shaft {
     /// The shaft from one box to another, whose coordinates may be off by `pad`, against boxes whose
     /// coordinates are at most `magnitude`.
     ///
-    /// A difference, a reciprocal and a product put `s` off by 3 u of itself, which moves the face by
-    /// `3 u |c - base|`; two of these are compared.
+    /// Two differences, a reciprocal and a product put `s` off by 4 u of itself. That moves the face by
+    /// `4 u |c - base|`, at most 8 u of the largest coordinate. Two of these are compared: 32 u cover both, and the
+    /// rounding of the faces.
     #[inline(always)]
     pub fn new(from: &Extent, to: &Extent, pad: f32, magnitude: f32) -> Self {
         let mut largest = magnitude;

@@ -23,7 +23,8 @@ use halfspace_ray::{FrameRay, Interval, RayRef};
 /// Children per node.
 const CHILDREN: usize = 8;
 
-/// Stack entries. Each node of a path leaves all children but one behind; vector loads and stores take eight.
+/// Length of the stack. Derived: each node on a path leaves at most seven children on it, and vector loads and stores
+/// take eight entries.
 const STACK: usize = (MAX_DEPTH + 1) * (CHILDREN - 1) + 2 * CHILDREN;
 
 /// Marks, in place of a count, the end of the traversal.

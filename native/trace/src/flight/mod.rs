@@ -27,7 +27,7 @@ use halfspace_ray::{FrameRay, Hit, RayRef};
 /// five scenes: 24 rays are within 2 %.
 const FLIGHT: usize = 16;
 
-/// Leaves are tested once more rays than this wait at one or have ended; until then the others step on.
+/// Once more rays than this wait at a leaf or have ended, all leaves are tested; until then the others step on.
 const LEAVES: usize = 8;
 
 /// Nodes of trees up to this size in bytes are not prefetched, because they come from a near cache. Measured:

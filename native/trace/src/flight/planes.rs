@@ -88,7 +88,7 @@ const fn spread(first: u8, children: u8) -> [u8; 32] {
     places
 }
 
-/// These indices for the three levels.
+/// [`spread`] for the three levels.
 static SPREAD: [[u8; 32]; 3] = [spread(0, 8), spread(1, 4), spread(3, 2)];
 
 /// The state of one ray's traversal.
@@ -220,7 +220,7 @@ impl Steps for PlaneSteps<'_> {
 struct Crossings<S: Simd> {
     /// Bit `i` is set if the ray descends through plane `i`.
     signs: u32,
-    /// Mask of the children that exist.
+    /// Mask of the children that contain triangles.
     used: u32,
     /// Bounds of the distances where the ray crosses the planes.
     low: f32x8<S>,
@@ -282,7 +282,7 @@ fn push<S: Simd>(simd: S, line: &Line, crossings: &Crossings<S>, state: &mut Sta
     let splat = |x: f32| f32x8::splat(simd, x);
     let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
     let table = &SIGNS[crossings.signs as usize & 0x7f];
-    // Start with the node's interval; missing children get an empty one, whatever the planes' bounds are.
+    // Start with the node's interval; children without triangles get an empty one, whatever the planes' bounds are.
     let Interval { enter, leave } = state.next.interval;
     let used = mask(crossings.used);
     let mut enters: f32x8<S> = used.select(splat(enter), splat(f32::INFINITY));

@@ -157,7 +157,7 @@ impl<const W: usize> Hits<W> {
             let (mut enter, mut leave) = (inside, reach);
             for (k, &[inv, before, behind]) in slabs.iter().enumerate() {
                 let (soon, late) = (near[k][child], far[k][child]);
-                // NaN bounds nothing.
+                // Ignore a distance that is NaN.
                 enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
                 leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
             }
@@ -192,7 +192,7 @@ impl<const W: usize> Hits<W> {
 }
 
 /// The coefficients of the slab tests, per axis: the factor of a plane's coordinate, and the terms added for
-/// entry and for exit planes. These are [`box_tree::Slabs`] with one ray per lane.
+/// entry and for exit planes. These are [`crate::slabs::Slabs`] with one ray per lane.
 #[inline(always)]
 pub fn slabs<S: Simd, L: Width>(simd: S, packet: &Packet) -> [[L::Vector<S>; 3]; 3] {
     [

@@ -49,6 +49,7 @@ impl Packet {
         )
     }
 
+    /// [`Self::fill`] in the instruction set of the caller.
     #[inline(always)]
     fn filled<S: Simd>(
         &mut self,

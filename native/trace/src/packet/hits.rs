@@ -138,6 +138,7 @@ impl Packet {
         );
     }
 
+    /// [`Self::decide_all`] in the instruction set of the caller.
     #[inline(always)]
     fn decide_lanes<S: Simd, Q: Query, C: Counters>(
         &mut self,
@@ -148,8 +149,7 @@ impl Packet {
         let lanes = self.deferred.lanes[0];
         let corners = gathered(input.job(), &self.deferred, 0);
         let to_scene = self.to_frame.map(|x| 1.0 / f64::from(x));
-        // Compute all distances and weights in f64 lanes, with a mask of those that are certainly rounded
-        // right.
+        // Compute all distances and weights in f64 lanes, with a mask of those that are certainly rounded correctly.
         let (certain, [t, u, v]) = apart(simd, &self.o, &self.d, &to_scene, &corners);
         let mut left = lanes;
         while left != 0 {

@@ -14,7 +14,7 @@ use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// Packets of the rays of `L`.
+/// Packets of `L::RAYS` rays.
 #[derive(Debug)]
 struct InPackets<T, L> {
     tree: Arc<T>,

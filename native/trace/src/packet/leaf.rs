@@ -45,8 +45,8 @@ pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
     );
 }
 
-/// Starts within this distance of the origin are moved to this distance before it. Most rays start at their
-/// origin but for rounding; their products with a determinant would be subnormal, which costs some processors a
+/// A start closer to the origin than this is moved to this distance before the origin. Most rays start at their origin
+/// up to rounding; the product of such a start with a determinant would be subnormal, which costs some processors a
 /// hundred cycles. Derived: the product with any determinant above 1.2e-20 is a normal number.
 const BEFORE: f32 = 1e-18;
 
@@ -167,6 +167,7 @@ impl<S: Simd, L: Width> Tested<S, L> {
     }
 }
 
+/// [`test`] in the instruction set of the caller.
 #[inline(always)]
 fn each<S: Simd, Q: Query, C: Counters, L: Width>(
     simd: S,

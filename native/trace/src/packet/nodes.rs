@@ -39,7 +39,7 @@ fn stack<T: Nodes>(tree: &T) -> Vec<NodeEntry<T::Node>> {
         enter: [0.0; MOST],
         leave: [0.0; MOST],
     };
-    // Each level leaves at most all children but one on the stack, and the lowest level writes beyond all of them.
+    // Each level leaves at most all children but one on the stack, and the lowest level writes all of its own above.
     vec![blank; (MAX_DEPTH + 3) * T::CHILDREN]
 }
 
@@ -156,6 +156,7 @@ impl<P: Copy> Visitor<P> for Visit<'_, P> {
                 live[child] |= part.enter.simd_le(part.leave).to_bitmask() << first;
             }
         }
+        // Keep the children that some ray meets, without gaps.
         for (child, node) in children.into_iter().enumerate() {
             let met = live[child] & self.group.lanes != 0;
             if let (Some(node), true) = (node, met) {

@@ -25,6 +25,7 @@ pub struct PlaneEntry<A> {
     leave: Row,
 }
 
+/// Implements packets for a binary tree of planes.
 macro_rules! packets_of_planes {
     ($tree:ty) => {
         impl PacketTree for $tree {
@@ -93,7 +94,7 @@ struct Part<S: Simd, L: Width> {
 }
 
 impl<S: Simd, L: Width> Part<S, L> {
-    /// Whether the child holds something and some ray meets it.
+    /// Whether the child is not an empty leaf and some ray meets it.
     #[inline(always)]
     fn is_met(&self, empty: u32) -> bool {
         empty >> (self.child & 1) & 1 == 0 && self.inside.live() != 0

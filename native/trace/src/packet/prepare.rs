@@ -19,7 +19,7 @@ pub struct Prepared {
     pub e2: [[f32; WIDE]; 3],
     pub normal: [[f32; WIDE]; 3],
     pub det_error: [f32; WIDE],
-    /// Three times `det_error`.
+    /// Three times `det_error`: the error per unit of reach in the comparison of distances.
     pub doubt: [f32; WIDE],
     pub uv_error: [f32; WIDE],
     pub t_error: [f32; WIDE],
@@ -68,6 +68,7 @@ pub fn prepare<S: Simd>(
     );
     let t_error = (size * size).mul_add(span * splat(T_ERROR), floor);
 
+    // Reject the triangles that the whole fan misses.
     let mut kept = (1 << n) - 1;
     if let Some(fan) = packet.fan {
         let sides = Sides { e1, e2, normal };
@@ -119,8 +120,8 @@ struct Errors<S: Simd> {
 /// Mask of the triangles that all rays of a fan miss. The rays start at offset `s` from the first corners, have
 /// directions in the box `(d, turn)` (centre, half extent) and end at `farthest`.
 ///
-/// A product with any direction of the box lies within its product with `turn` of that with `d`; if all rays
-/// see the triangle from one side, the sign of the determinant is known.
+/// The dot product of a vector with any direction of the box differs from that with `d` by at most the dot product of
+/// its absolute value with `turn`. If all rays see the triangle from one side, the sign of the determinant is known.
 #[inline(always)]
 fn missed<S: Simd>(
     simd: S,

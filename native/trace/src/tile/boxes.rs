@@ -103,6 +103,7 @@ fn push_children<const W: usize, const R: usize>(
 ) {
     let (mut enter, mut leave) = ([0.0; W], [0.0; W]);
     intersect(tile, node, &mut enter, &mut leave);
+    // Find the boxes that the tile hits, then insert them by their entry distances.
     let base = *size;
     let mut met = 0_u32;
     for lane in 0..W {

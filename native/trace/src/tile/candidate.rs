@@ -64,9 +64,9 @@ pub struct Quotient<S: Simd> {
 /// Limits on the distances of proven hits, in the frame, rounded inwards.
 #[derive(Clone, Copy)]
 pub struct Limits<S: Simd> {
-    /// Largest lower limit.
+    /// Lower limits, rounded up.
     pub soonest: f32x16<S>,
-    /// Smallest upper limit.
+    /// Upper limits, rounded down.
     pub latest: f32x16<S>,
     /// Error bound of subnormal distances.
     pub last_place: f32x16<S>,

@@ -80,9 +80,10 @@ impl<const R: usize> Deferred<R> {
         } = limits;
         let inverse = splat(simd, 1.0) / det;
         let distance = t * inverse;
-        // If the denominator exceeds its error this far, the quotient is off by at most the sum of both
-        // relative errors and 2^-9 of it; the roundings of quotient and ends come on top, and two error bounds
-        // of subnormal distances, so that intervals that do not meet stay different in the scene.
+        // Bound the distance. If the denominator exceeds its error 1024 times, as checked below, the quotient is off by
+        // at most the sum of both relative errors and 2^-9 of that sum. The roundings of the quotient and of both ends
+        // come on top, and the error bound of subnormal distances, so that intervals that do not meet stay apart in the
+        // scene.
         let error = distance.mul_add(det_error, t_error) * inverse * splat(simd, 1.01)
             + distance * splat(simd, 16.0 * U)
             + last_place;

@@ -85,8 +85,8 @@ impl<const R: usize> Tile<R> {
         }
     }
 
-    /// A tile of directions from a common origin that end at their points, at distance 1. `longest` is their
-    /// largest component; of the rays `there` those in `active` take part.
+    /// A tile of rays from a common origin to points, which they reach at distance 1. `longest`: largest component of
+    /// the directions `d`; `there`: masks of the rays that exist; `active`: masks of those that take part.
     #[inline(always)]
     pub fn to_points(
         o: [f32; 3],
@@ -104,8 +104,8 @@ impl<const R: usize> Tile<R> {
         tile
     }
 
-    /// Scales such a tile into the frame; returns the largest difference of its directions relative to the
-    /// longest. `None` if they differ too much or are irregular.
+    /// Scales a tile of [`Self::to_points`] into the frame; returns the largest difference of its directions relative
+    /// to the longest. `None` if they differ too much or are irregular.
     #[inline(always)]
     pub fn scale_into<S: Simd>(&mut self, simd: S, frame: &Frame) -> Option<f32> {
         if !self.is_ordinary(frame) {
@@ -142,7 +142,7 @@ impl<const R: usize> Tile<R> {
             *pad += 1.01 * blur;
         }
         self.oblique_pad += 2.0 * blur;
-        // Scale the directions; rays that are irregular are left to others.
+        // Scale the directions, and leave irregular rays in `rest`.
         let ranges = self.scale(simd, self.to_frame);
         for row in 0..R {
             self.rest[row] &= !self.active[row];

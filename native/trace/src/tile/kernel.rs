@@ -48,7 +48,7 @@ impl<T: TileTree + Debug + Send + 'static, const R: usize> Kernel<Closest> for C
     }
 }
 
-/// Shadow rays in tiles of 64, turned round: from their light.
+/// Shadow rays in tiles of 64, reversed: they start at their light.
 #[derive(Debug)]
 struct LightTiles<T> {
     tree: Arc<T>,
@@ -122,7 +122,7 @@ pub fn large_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kern
     Arc::new(camera::<_, 16>(tree, leaves))
 }
 
-/// Camera rays in tiles of 64 through a tree that rays have built.
+/// Camera rays in tiles of 64 through a tree whose lower parts are built when rays need them.
 pub fn lazy(tree: &Arc<LazyTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
     Arc::new(camera::<_, 4>(tree, leaves))
 }
@@ -142,7 +142,7 @@ pub fn shadow_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Ker
     Arc::new(light(tree, leaves))
 }
 
-/// Shadow rays in tiles of 64 through a tree that rays have built.
+/// Shadow rays in tiles of 64 through a tree whose lower parts are built when rays need them.
 pub fn shadow_lazy(tree: &Arc<LazyTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
     Arc::new(light(tree, leaves))
 }

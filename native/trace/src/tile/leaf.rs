@@ -51,7 +51,7 @@ pub trait Resolver<const R: usize> {
         counters: &mut [C],
     );
 
-    /// Called before the traversal changes to other blocks: decides all that refers to positions in these.
+    /// Decides everything that refers to positions in the current blocks, before the traversal changes to others.
     #[inline(always)]
     fn change_blocks<S: Simd, C: Counters>(
         &mut self,
@@ -95,6 +95,8 @@ struct One<'a> {
 
 // No closures with vectors in these functions: unless inlined, a closure is not compiled for the caller's
 // instruction set and is slow.
+
+/// [`test`] in the instruction set of the caller.
 #[inline(always)]
 fn each<S: Simd, C: Counters, const R: usize>(
     simd: S,
@@ -230,6 +232,7 @@ fn test_rays<S: Simd, C: Counters, const R: usize>(
     if left == 0 {
         return;
     }
+    // Copy the triangle's quantities to all lanes.
     let &One {
         eight,
         lane,

@@ -96,6 +96,7 @@ pub fn decide_deferred<S: Simd, C: Counters, const R: usize>(
     );
 }
 
+/// [`decide_deferred`] in the instruction set of the caller.
 #[inline(always)]
 fn decide_rows<S: Simd, C: Counters, const R: usize>(
     simd: S,

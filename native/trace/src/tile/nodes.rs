@@ -45,7 +45,7 @@ impl<P: Copy> Entry for NodeEntry<P> {
 pub struct Stack<P> {
     entries: Vec<NodeEntry<P>>,
     size: usize,
-    /// The first entry of the node that is visited.
+    /// Index of the first child of the node that is visited.
     base: usize,
 }
 
@@ -63,8 +63,8 @@ impl<P: Copy> Stack<P> {
         }
     }
 
-    /// Pushes a child, if it exists and the tile meets it. Children pushed later come first where intervals begin
-    /// together.
+    /// Pushes a child, if it exists and the tile meets it. Of children that the tile enters at the same distance, the
+    /// one pushed last is visited first.
     #[inline(always)]
     fn push(&mut self, child: Option<P>, inside: Interval) {
         let Some(node) = child.filter(|_| inside.enter <= inside.leave) else {
@@ -157,6 +157,7 @@ impl TileNodes for WideTree {
         own: &NodeEntry<u32>,
         stack: &mut Stack<u32>,
     ) {
+        // Compute where the tile crosses the seven planes.
         let mut cuts = [Cut::NONE; PLANES];
         let line = if Next::of(own.node) == Next::GENERAL {
             let lines = self.lines(own.node);

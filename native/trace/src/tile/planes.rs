@@ -23,10 +23,11 @@ use halfspace_ray::Interval;
 use halfspace_ray::frame::U;
 use halfspace_ray::query::Counters;
 
-/// Error bound of `n . d` for `|n| <= 1` and components of `d` below 2. Derived: 3 roundings of at most
-/// `sqrt(3) 2` each, and room.
+/// Error bound of `n . d` for `|n| <= 1` and components of `d` below 2. Derived: 3 roundings of values of at most
+/// `2 sqrt(3)` make less than 11 u.
 const SPEED_ERROR: f32 = 16.0 * U;
 
+/// Implements tiles for a binary tree of planes.
 macro_rules! tiles_of_planes {
     ($tree:ty) => {
         impl TileTree for $tree {
@@ -71,7 +72,7 @@ impl<A: Copy> Stack<A> {
     }
 }
 
-/// A plane as a tile meets it.
+/// A plane relative to the origin of a tile.
 #[derive(Clone, Copy)]
 pub(super) struct Cut {
     /// The child that holds the origin.
@@ -211,14 +212,14 @@ fn step<T: Planes>(
     (near, Interval::new(enter, leave.min(crossing.leave)))
 }
 
-/// The distances at which rays of unknown position cross a plane.
+/// The interval of crossings of which nothing is known.
 const ANYWHERE: Interval = Interval {
     enter: f32::NEG_INFINITY,
     leave: f32::INFINITY,
 };
 
-/// The cut of a tile by an axis plane: the crossings are bounded by those of the fastest and the slowest ray;
-/// near the plane, by nothing.
+/// The cut of a tile by an axis plane. The crossings lie between those of the fastest and the slowest ray; if the
+/// origin is within its error bound of the plane, nothing is known of them.
 #[inline(always)]
 pub(super) fn across<const R: usize>(
     tile: &Tile<R>,

@@ -57,7 +57,7 @@ impl Prepared {
     };
 }
 
-/// Factor between the error bound of the single test and that for rows; derived above.
+/// Factor between the error bound of the single test and that for rows; derived in [`crate::tile::leaf`].
 const ROW_ERROR: f32 = 8.0;
 
 /// Error bounds of eight triangles.
@@ -146,8 +146,8 @@ fn splat8<S: Simd>(simd: S, x: f32) -> f32x8<S> {
     f32x8::splat(simd, x)
 }
 
-/// Tests `n` triangles of a block against the pyramid, up to the distance `leave`, and computes what the tests of
-/// rows and rays need of them.
+/// Tests `n` triangles of a block against the pyramid, up to the distance `leave`, and prepares them for the tests of
+/// rows and rays.
 #[inline(always)]
 pub fn prepare<S: Simd, const R: usize>(
     simd: S,

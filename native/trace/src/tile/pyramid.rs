@@ -81,8 +81,8 @@ struct Sides {
 }
 
 impl Sides {
-    /// The sides of a full tile; unit sides for a partial tile, and for one whose own sides are too short or
-    /// too parallel.
+    /// The sides of a full tile; unit sides for a partial tile, and for one whose own sides are too unequal or too
+    /// parallel. `None` if no ray is active.
     #[inline(always)]
     fn new<const R: usize>(tile: &Tile<R>, axis: usize) -> Option<Self> {
         let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -95,7 +95,7 @@ impl Sides {
         let (mut e1, mut e2) = ([1.0, 0.0], [0.0, 1.0]);
         let mut area: f32 = 1.0;
         if tile.active.iter().all(|&row| row == u16::MAX) {
-            // Use the ends of the first row of pixels and of the first column.
+            // Use two distant rays: in a tile of 64, the ends of the first row of pixels and of the first column.
             let right = less(slopes(tile, axes, R * LANES - 57), origin);
             let down = less(slopes(tile, axes, 56), origin);
             let (w, h) = (length(right), length(down));
@@ -213,7 +213,7 @@ impl<const R: usize> Rows<R> {
         rows
     }
 
-    /// The range of fractions of one side that contains all rays, and the margin for rounding included in it.
+    /// The range of fractions of side `n` that contains all rays, and the margin for rounding that it includes.
     #[inline(always)]
     fn range(&self, n: usize, sides: &Sides) -> (f32, f32, f32) {
         // Derived: the roundings of slopes, fractions and corners move the sides by less than 2^-18 in all, and

@@ -150,14 +150,14 @@ impl<const R: usize> Tile<R> {
         self.inside.enter <= self.inside.leave
     }
 
-    /// Leaves all active rays to other traversals, which need to search only up to the tile's hits.
+    /// Leaves all active rays in `rest`. The traversals that continue them need to search only up to the tile's hits.
     pub fn give_up(&mut self) {
         for row in 0..R {
             self.rest[row] |= self.active[row];
         }
     }
 
-    /// Largest `reach` below `leave`, in units of the directions that end on the pyramid's base.
+    /// Largest `reach`, cut at `leave`, in units of the directions that end on the pyramid's base.
     #[inline(always)]
     pub fn stretched(&self, pyramid: &Pyramid<R>, leave: f32) -> f32 {
         let mut far = f32::NEG_INFINITY;

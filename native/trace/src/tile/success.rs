@@ -103,7 +103,7 @@ mod tests {
         let mut alone = Backoff::new(12, None);
         assert!(
             tried(&mut alone, 8, |_| true) == 8,
-            "knows nothing of others"
+            "depends on other batches"
         );
     }
 }

@@ -16,8 +16,7 @@ const HALF: usize = 8;
 
 type Vector<S> = [f64x8<S>; 3];
 
-/// Applies the verdict on one triangle to some rays of a row; returns the mask of those of which f64 is not
-/// certain.
+/// Applies the verdict on one triangle to some rays of a row; returns the mask of those that f64 cannot decide.
 #[inline(always)]
 pub fn shared<S: Simd, const R: usize>(
     simd: S,
@@ -42,9 +41,8 @@ pub fn shared<S: Simd, const R: usize>(
     take(simd, tile, row, open, [from, from], ids)
 }
 
-/// Applies the verdict on their deferred triangles to the rays of a row; returns the mask of those of which f64
-/// is not certain. `last` caches the last triangle that all rays of a row shared, by its position in the
-/// blocks.
+/// Applies to each ray of a row the verdict on its deferred triangle; returns the mask of those that f64 cannot decide.
+/// `last` caches the last triangle that all rays of a row shared, by its position in the blocks.
 #[inline(always)]
 pub fn each<S: Simd, const R: usize>(
     simd: S,
@@ -111,7 +109,7 @@ pub struct Segments<'a> {
     pub t_max: &'a Row,
 }
 
-/// Masks of the rays of a row that hit a triangle inside their limits, and of those of which f64 is not certain.
+/// Masks of the rays of a row that hit a triangle inside their limits, and of those that f64 cannot decide.
 #[inline(always)]
 pub fn any<S: Simd>(simd: S, rays: &Segments<'_>, corners: [[f32; 3]; 3], open: u16) -> (u16, u16) {
     let [a, b, c] = corners;
@@ -270,8 +268,8 @@ fn keep<S: Simd>(simd: S, lanes: mask32x16<S>, new: f32x16<S>, row: &mut Row) {
     kept.store_slice(row);
 }
 
-/// Takes the hits of the `open` rays of a row that f64 proves nearer than the best ones; returns the mask of
-/// the rays of which it is not certain.
+/// Takes the hits of the `open` rays of a row that f64 proves nearer than the best ones; returns the mask of the rays
+/// that it cannot decide.
 #[inline(always)]
 fn take<S: Simd, const R: usize>(
     simd: S,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Uniform grids as implicit trees: a node is a range of cells, which the middle wall across its longest side halves.
-//! Several rays find their cells together that way, and in the order of their octant; a ray alone steps from cell to
-//! cell ([`crate::single::grid`]). The outer faces of the grid bound nothing, as there.
+//! Uniform grids as implicit trees: a node is a range of cells, and the middle wall across its longest side halves it.
+//! Several rays thus find their cells together, in the order of their octant; a ray alone steps from cell to cell
+//! ([`crate::single::grid`]). As for single rays, the outer faces of the grid bound nothing.
 
 use crate::visits::{Gap, Nodes, Visitor};
 use fearless_simd::Simd;
@@ -28,6 +28,7 @@ pub struct Wall {
 }
 
 impl Range {
+    /// The first cell.
     fn cell(&self) -> [usize; 3] {
         self.first.map(|x| x as usize)
     }

@@ -18,6 +18,7 @@ pub struct Child {
     count: u32,
 }
 
+/// Implements visits for nodes of this number of boxes.
 macro_rules! few_boxes {
     ($children:literal) => {
         impl Nodes for BoxTree<$children> {
@@ -88,6 +89,7 @@ fn order<const W: usize>(node: &Wide<W>, octant: usize) -> [usize; W] {
         };
         along(0) + along(1) + along(2)
     });
+    // Sort the few children by insertion.
     for last in 1..W {
         for i in (0..last).rev() {
             if far[order[i + 1]] > far[order[i]] {
@@ -119,7 +121,7 @@ impl<S: Simd, const W: usize> Cut<S, W> for Boxes<'_, W> {
                     let back = self.octant >> k & 1;
                     let near = f32x8::splat(simd, bounds[k + 3 * back][child]);
                     let far = f32x8::splat(simd, bounds[k + 3 * (1 - back)][child]);
-                    // NaN bounds nothing.
+                    // Ignore a distance that is NaN.
                     part.enter = keep_max_each(near.mul_add(rows[INV], rows[NEAR]), part.enter);
                     part.leave = keep_min_each(far.mul_add(rows[INV], rows[FAR]), part.leave);
                 }

@@ -105,7 +105,7 @@ pub trait Lanes<S: Simd> {
     /// The intervals in the node, as they were when its parent was visited.
     fn inside(&self) -> Inside<S>;
 
-    /// What planes across an axis need of the rays, one vector per column.
+    /// The coefficients of the rays for planes across an axis, one vector per column ([`INV`] to [`REACH`]).
     fn axis(&self, axis: usize) -> [f32x8<S>; 4];
 
     /// The origins, and the error bounds of their heights over oblique planes.
@@ -153,7 +153,7 @@ pub trait Visitor<P> {
         cut: &impl Cut<S, N>,
     );
 
-    /// The same for the far and the near child of a node that a plane, or two parallel ones, separate.
+    /// [`Self::distribute`] for the far and the near child of a node, in this order, which `gap` separates.
     #[inline(always)]
     fn halve<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], gap: &Gap) {
         self.distribute(simd, children, gap);
@@ -180,7 +180,7 @@ pub trait Nodes: Sync {
     /// The leaf at a node, `None` for an inner node.
     fn leaf(&self, node: &Self::Node) -> Option<Leaf>;
 
-    /// Prefetches what a visit reads.
+    /// Prefetches the memory that a visit reads.
     fn fetch_ahead(&self, node: &Self::Node, blocks: &Blocks);
 
     /// Counts the visit to an inner node.
@@ -193,8 +193,8 @@ pub trait Nodes: Sync {
     fn bytes(&self) -> usize;
 }
 
-/// A slab between two planes across an axis, or one plane where both are equal: the near child of a node ends at the
-/// one, and the far child begins at the other.
+/// Two planes across an axis, which may be equal: the near child of a node ends at the plane `ends`, and the far child
+/// begins at the plane `begins`.
 #[derive(Clone, Copy)]
 pub struct Gap {
     pub axis: usize,

@@ -28,7 +28,7 @@ impl Cell {
         map(self.low, |x| x + half)
     }
 
-    /// An octant of an inner node, `None` if it holds nothing: it lies above the mid planes of the axes in `octant`.
+    /// The octant of an inner node that lies above the mid planes of the axes in `octant`; `None` for an empty leaf.
     #[inline(always)]
     pub fn child(&self, tree: &Octree, octant: usize, mid: [f32; 3]) -> Option<Self> {
         let octant = octant % CHILDREN;
@@ -115,7 +115,7 @@ impl<S: Simd> Cut<S, CHILDREN> for Planes {
             let soon = mid.mul_add(rows[INV], rows[NEAR]);
             let step = 1 << k;
             for first in (0..CHILDREN).step_by(2 * step) {
-                // NaN bounds nothing.
+                // Ignore a distance that is NaN.
                 let Inside { enter, leave } = parts[first];
                 parts[first].enter = keep_max_each(soon, enter);
                 parts[first + step] = Inside {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Binary trees of split planes: the steps of [`crate::single::planes::dir`] with one ray per lane. The rays of a visit
-//! may disagree about the near side of an oblique plane; the first ray decides the order, and
-//! each ray keeps its own interval in both children.
+//! may disagree about the near side of an oblique plane; the first ray decides the order, and each ray keeps its own
+//! interval in both children.
 
 use crate::visits::{Cut, Gap, Inside, Lanes, Nodes, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};

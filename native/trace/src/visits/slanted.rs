@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Interval hierarchies along thirteen directions: the steps of [`crate::single::objects::slanted`] with one ray per
-//! lane. The first ray decides the order of the children, and each ray keeps its own
-//! interval in both.
+//! lane. The first ray decides the order of the children, and each ray keeps its own interval in both.
 
 use crate::visits::{Cut, Inside, Lanes, Nodes, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8, mask32x8};
@@ -125,7 +124,7 @@ impl<S: Simd> Cut<S, 2> for Apart {
     }
 }
 
-/// What eight rays need to cross planes of one normal.
+/// Quantities of eight rays for crossings of planes with one normal.
 struct Crossing<S: Simd> {
     /// Reciprocal speeds along the normal.
     inv: f32x8<S>,
@@ -151,7 +150,7 @@ impl<S: Simd> Crossing<S> {
         Self {
             inv,
             height: along([o_x, o_y, o_z]),
-            // The frame's bound is 28 u for normals of unit length; these need 30 u.
+            // The frame's bound is 28 u for normals of unit length; these need 30 u (`halfspace_nodes::dop_tree`).
             slack: splat(2.0) * pad * inv.abs(),
             down: inv.simd_lt(splat(0.0)),
             reach: lanes.reach(),

@@ -103,7 +103,7 @@ fn sides(signs: usize, i: usize) -> [usize; 3] {
     [top, middle, low]
 }
 
-/// The children of a node, the farthest first, without those that hold nothing.
+/// The children of a node, the farthest first; `None` for those without triangles.
 #[inline(always)]
 fn children(line: &Row, signs: usize) -> [Option<u32>; CHILDREN] {
     std::array::from_fn(|i| {
@@ -112,7 +112,7 @@ fn children(line: &Row, signs: usize) -> [Option<u32>; CHILDREN] {
     })
 }
 
-/// A child of a node, `None` if it holds nothing.
+/// A child of a node; `None` if it contains no triangles.
 #[inline(always)]
 pub fn child(line: &Row, child: usize) -> Option<u32> {
     let used = Info(line.first[PLANES].to_bits()).used();
@@ -169,7 +169,7 @@ impl<S: Simd> Cut<S, CHILDREN> for Along<'_> {
                 let split = f32x8::splat(simd, line.first[i]);
                 let late = split.mul_add(rows[INV], rows[FAR]);
                 let soon = split.mul_add(rows[INV], rows[NEAR]);
-                // NaN bounds nothing.
+                // Ignore a distance that is NaN.
                 [
                     Inside {
                         enter: keep_max_each(soon, enter),

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Interval hierarchies with an interval per child: the steps of
-//! [`crate::single::objects::wide_slabs`] with one ray per lane. The children of a node are visited in the order of the
-//! planes of entry.
+//! Interval hierarchies with an interval per child: the steps of [`crate::single::objects::wide_slabs`] with one ray
+//! per lane. The children of a node are visited in the order of the planes of entry.
 
 use crate::visits::{Cut, FAR, INV, Inside, Lanes, NEAR, Nodes, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
@@ -68,7 +67,7 @@ impl<const W: usize> Nodes for WideSlabs<W> {
     }
 }
 
-/// A node as the rays of one octant meet it.
+/// A node, seen by the rays of one octant.
 #[derive(Clone, Copy)]
 struct Cuts<'a, const W: usize> {
     node: &'a Node<W>,
@@ -83,6 +82,7 @@ impl<const W: usize> Cuts<'_, W> {
     fn order(&self) -> [usize; W] {
         let mut order = std::array::from_fn(|child| child);
         let along = self.node.planes[self.near].map(|x| if self.near == 1 { -x } else { x });
+        // Sort the few children by insertion.
         for last in 1..W {
             for i in (0..last).rev() {
                 if along[order[i + 1]] > along[order[i]] {
@@ -111,7 +111,7 @@ impl<S: Simd, const W: usize> Cut<S, W> for Ordered<'_, W> {
             |child| {
                 let soon = f32x8::splat(simd, node.planes[near][child]);
                 let late = f32x8::splat(simd, node.planes[1 - near][child]);
-                // NaN bounds nothing.
+                // Ignore a distance that is NaN.
                 Inside {
                     enter: keep_max_each(soon.mul_add(rows[INV], rows[NEAR]), enter),
                     leave: keep_min_each(late.mul_add(rows[INV], rows[FAR]), leave),

@@ -45,7 +45,8 @@ pub const SPEC: StructureSpec = StructureSpec {
 
 const PARAMS: [ParamSpec; params::KD] = params();
 
-/// The parameters of the tree: its only nodes are planes, and beams have a threshold.
+/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, and with the threshold of
+/// beams.
 const fn params() -> [ParamSpec; params::KD] {
     let mut all = params::kd(params::k(3, 6));
     let [nodes, traversal, _] = params::PLACES_KD;

@@ -109,7 +109,7 @@ const K_SMALL: ParamSpec = ParamSpec {
     ..params::K_SMALL
 };
 
-/// The set in place of the seed.
+/// The parameters of [`params::usual`] with the set of directions in place of the seed.
 const fn plain_params() -> [ParamSpec; params::USUAL] {
     let mut all = params::usual(K);
     let [seed, axes_depth] = params::PLACES_USUAL;
@@ -119,7 +119,7 @@ const fn plain_params() -> [ParamSpec; params::USUAL] {
     all
 }
 
-/// The same with cheap axis nodes.
+/// The parameters of [`params::kd`] with the set of directions in place of the seed.
 const fn kd_params() -> [ParamSpec; params::KD] {
     let mut all = params::kd(K);
     let [_, _, seed] = params::PLACES_KD;

@@ -25,7 +25,7 @@ use std::sync::Arc;
 /// Builds a tree along a source's directions, and lays it out.
 ///
 /// # Errors
-/// Those of [`space::build`] and [`PlaneTree::new`].
+/// Those of [`space::build`] and [`planes::lay_out`].
 pub fn build<S: Source>(
     scene: &Triangles,
     config: &Config,
@@ -69,7 +69,8 @@ pub fn build<S: Source>(
     Ok(built)
 }
 
-/// Returns K at small nodes: a share of K, but at least one direction in addition to the axes.
+/// Returns K at small nodes: a share of K, but at least one direction in addition to the axes. With the costs of the
+/// thesis it is K.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -85,11 +86,11 @@ fn at_small_nodes(config: &Config, variant: Variant, k: usize) -> usize {
     share.max(axes + 1).min(k)
 }
 
-/// Builds a tree and lays it out. If oblique planes are useless, this is the kd-tree or a tree grown without them;
-/// otherwise the result of `grow`, which receives the frame, the normals, and whether oblique planes are useful.
+/// Builds a tree with `grow` and lays it out. `grow` receives the frame, the normals, and whether oblique planes are
+/// useful. If they are not, the variant with cheap axis nodes becomes the kd-tree instead.
 ///
 /// # Errors
-/// Those of `grow` and [`PlaneTree::new`].
+/// Those of `grow` and [`planes::lay_out`].
 pub fn build_with(
     scene: &Triangles,
     config: &Config,
@@ -170,7 +171,7 @@ fn axes_only(
     clip: bool,
     monitor: &Monitor,
 ) -> Result<Preorder> {
-    // For planar triangles, planes in the walls of boxes replace slabs; and the costs alone limit the leaves of a
+    // Planes in the walls of boxes replace slabs around flat triangles, and the costs alone limit the leaves of a
     // kd-tree.
     let params = &Params {
         slab: 0.0,
@@ -194,7 +195,7 @@ fn axes_only(
 /// Lays out a tree that may hold oblique planes.
 ///
 /// # Errors
-/// Those of [`PlaneTree::new`].
+/// Those of [`planes::lay_out`].
 pub fn lay_out(
     scene: &Triangles,
     config: &Config,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The general BSP tree of Ize, Wald and Parker 2008: sweeps along the axes, and for each triangle of a node
-//! its own plane and the three planes through an edge perpendicular to it.
+//! The general BSP tree of Ize, Wald and Parker 2008: sweeps along the axes, and for each triangle of a node its own
+//! plane and, perpendicular to it, one plane through each edge.
 
 use crate::bsp::normals::{Normals, oriented};
 use crate::bsp::{AXES, Variant, anything, build_with, loop_params, params};
@@ -51,7 +51,7 @@ pub const KD: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
-/// A triangle lower over an edge than this share of the edge's length is a sliver.
+/// An edge gets no plane if the triangle's height over it is at most this share of the edge's length.
 const SLIVER: f64 = 1.0 / (1 << 20) as f64;
 
 const TRIED: ParamSpec = ParamSpec {
@@ -77,7 +77,7 @@ struct Policy<'a, P> {
     frame: &'a Frame,
     normals: &'a Normals,
     variant: Variant,
-    /// Triangles of a node whose planes are tried; 0 where only the axes' are.
+    /// Number of triangles of a node whose planes are tried; 0 to try the axes only.
     tried: usize,
     pieces: PhantomData<P>,
 }
@@ -112,15 +112,16 @@ impl<P: Piece> PlanePolicy for Policy<'_, P> {
 }
 
 impl<P: Piece> Policy<'_, P> {
-    /// The planes of one triangle. Rounding leaves the corners that a plane goes through a little above
-    /// and below it; each plane is put where it leaves the whole triangle on one side.
+    /// Adds the planes of one triangle. Rounding puts the corners that define a plane slightly above or below it, so
+    /// each plane is moved until the whole triangle lies on one side.
     fn planes_of(&self, id: u32, out: &mut Vec<Plane>) {
         let Some(normal) = self.normals.get(id) else {
             return;
         };
         let corners = self.scene.corners(id).map(|p| self.frame.point(p));
+        // Put one plane with normal `n` above the triangle for each `true`, below it for each `false`.
         let mut add = |n: [f32; 3], sides: &[bool]| {
-            // Planes of the axes are swept.
+            // The sweeps try planes across the axes.
             if AXES.contains(&n) {
                 return;
             }
@@ -135,6 +136,7 @@ impl<P: Piece> Policy<'_, P> {
             }
         };
         add(normal, &[false, true]);
+        // Add the planes perpendicular to the triangle through its edges.
         let points = corners.map(widen);
         let exact = cross(sub(points[1], points[0]), sub(points[2], points[0]));
         let unit = exact.map(|x| x / length(exact));
@@ -148,7 +150,7 @@ impl<P: Piece> Policy<'_, P> {
             }
             let n = inward.map(|x| x / norm);
             let turned = oriented(n);
-            // The triangle lies above its edge, seen inwards.
+            // The inward normal has the triangle above its edge; a reversed normal has it below.
             let above = dot(widen(turned), n) < 0.0;
             add(turned, &[above]);
         }

@@ -19,7 +19,7 @@ use halfspace_builders::piece::Piece;
 pub use grow::{build, build_with, loop_params};
 pub use policy::anything;
 
-/// Source of the sweeps.
+/// The paper of the sweeps.
 pub const HOOBERGS: &str =
     "Hoobergs 2019, Bomen voor binaire ruimtepartitie (master thesis, KU Leuven)";
 
@@ -66,7 +66,7 @@ macro_rules! sweep_rows {
 }
 pub(crate) use sweep_rows;
 
-/// What is done with the axes. K counts all directions of a node, the axes among them included.
+/// Treatment of the axes. K counts all directions of a node, including the axes among them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
     /// The axes are not treated specially.
@@ -96,7 +96,8 @@ impl<P: Piece> Ids for &[P] {
     }
 }
 
-/// A node as sources of directions see it, whatever its pieces: so that the loop is compiled once for all sources.
+/// A node without the type of its pieces. It keeps [`Source`] free of type parameters, so the build loop is compiled
+/// once for all sources.
 pub struct Triangulated<'a> {
     /// Key of the random choices at this node.
     pub key: u64,

@@ -195,22 +195,22 @@ const FITTED: &[Need] = &[Need {
     only: Only::Options(&["fitted"]),
 }];
 
-/// More directions than the axes.
+/// Where directions other than the axes are tried.
 pub const MORE_THAN_AXES: &[Need] = &[Need {
     key: "k",
     only: Only::Above(3.0),
 }];
 
-/// Both.
+/// Both conditions: the costs are `fitted`, and directions other than the axes are tried.
 const FITTED_MORE: &[Need] = &[FITTED[0], MORE_THAN_AXES[0]];
 
-/// A linear cost of oblique planes.
+/// Where oblique planes have a linear cost.
 const LINEAR: &[Need] = &[Need {
     key: "alpha",
     only: Only::Above(0.0),
 }];
 
-/// A linear cost, and directions that have it.
+/// Where oblique planes have a linear cost and directions other than the axes are tried.
 const LINEAR_MORE: &[Need] = &[LINEAR[0], MORE_THAN_AXES[0]];
 
 /// The costs of `costs=fitted` as parameters, without that of a step along an axis: all steps cost the same.
@@ -364,8 +364,8 @@ pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
     )
 }
 
-/// Where [`kd`] has the nodes, the traversal and the seed.
+/// Indices in [`kd`] of the nodes, the traversal and the seed.
 pub const PLACES_KD: [usize; 3] = [2, 3, 4];
 
-/// Where [`usual`] has the seed and the depth above which only the axes are tried.
+/// Indices in [`usual`] of the seed and of the depth above which only the axes are tried.
 pub const PLACES_USUAL: [usize; 2] = [3, 10];

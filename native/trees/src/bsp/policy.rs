@@ -12,7 +12,7 @@ use std::marker::PhantomData;
 pub struct Policy<'a, P> {
     /// The source of directions.
     pub source: &'a dyn Source,
-    /// What is done with the axes.
+    /// Treatment of the axes.
     pub variant: Variant,
     /// K at large nodes.
     pub k: usize,

@@ -11,9 +11,9 @@ pub const FIXED: usize = 26;
 pub fn fixed() -> Vec<Rotation> {
     let steps = || -1..=1_i8;
     let all = steps().flat_map(|i| steps().flat_map(move |j| steps().map(move |k| [i, j, k])));
-    let turned = |v: &[i8; 3]| v.iter().filter(|x| **x != 0).count();
-    let mut vectors: Vec<_> = all.filter(|v| turned(v) > 0).collect();
-    vectors.sort_by_key(turned);
+    let nonzero = |v: &[i8; 3]| v.iter().filter(|x| **x != 0).count();
+    let mut vectors: Vec<_> = all.filter(|v| nonzero(v) > 0).collect();
+    vectors.sort_by_key(nonzero);
     vectors.into_iter().map(by_quaternion).collect()
 }
 
@@ -40,8 +40,8 @@ fn by_quaternion(v: [i8; 3]) -> Rotation {
     ])
 }
 
-/// The rotation to a triangle: its longest edge, the direction across that in its plane, and its normal. `None` for one
-/// so small or so narrow that f64 finds no normal.
+/// The rotation to a triangle: its longest edge, the perpendicular direction in its plane, and its normal. `None` if
+/// the triangle is so small or so narrow that f64 finds no normal.
 pub fn to_triangle([a, b, c]: [Vec3; 3]) -> Option<Rotation> {
     let edges = [sub(b, a), sub(c, b), sub(a, c)];
     let longest = edges
@@ -66,7 +66,7 @@ fn rounded(rows: [Vec3; 3]) -> Rotation {
     Rotation::new(rows.map(|row| row.map(|x| x as f32)))
 }
 
-/// The rows of some rotations, component by component, for vectors of several heights.
+/// The rows of some rotations, stored component by component, so that one loop computes all heights of a point.
 pub struct Rows {
     /// The rotations.
     pub rotations: Vec<Rotation>,

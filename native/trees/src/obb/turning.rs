@@ -38,7 +38,7 @@ impl Largest {
     }
 }
 
-/// What a subtree hands up to its parent.
+/// Quantities of a subtree that its parent needs.
 struct Below {
     /// Its triangles.
     ids: Vec<u32>,
@@ -51,7 +51,7 @@ struct Below {
     turns: Vec<Turn>,
 }
 
-/// A rotation for a node, the intervals of its children along the rows, and the cost: price times surface.
+/// A rotation for a node, the intervals of its children along the rows, and the cost of the node.
 struct Choice {
     rotation: Rotation,
     extents: Vec<[[f64; 2]; 3]>,
@@ -122,7 +122,9 @@ impl Turning<'_> {
         }
     }
 
+    /// Chooses the rotations of a node and of all nodes below it.
     fn node(&self, place: u32, depth: usize) -> Result<Below> {
+        // Visit the children, in parallel near the root.
         self.monitor.check()?;
         let node = &self.boxes.nodes[place as usize];
         let lanes: Vec<_> = (0..WIDTH).filter(|&lane| node.count[lane] != 0).collect();
@@ -138,7 +140,7 @@ impl Turning<'_> {
         let bounds: Vec<_> = lanes.iter().map(|&lane| self.box_of(place, lane)).collect();
         let (choice, price) = self.choose(&bounds, &children);
 
-        // Hand up what the children have together.
+        // Join the quantities of the children for the parent.
         let mut whole = Below {
             ids: Vec::with_capacity(children.iter().map(|child| child.ids.len()).sum()),
             heights: self.fixed.nothing(),
@@ -168,6 +170,7 @@ impl Turning<'_> {
 
     /// The rotation that makes a node cheaper than the axes do, if there is one, and the price of a step through it.
     fn choose(&self, bounds: &[Aabb], children: &[Below]) -> (Option<Choice>, f64) {
+        // Compute the cost with the axes; `turned` computes that with a rotation.
         let whole = bounds
             .iter()
             .fold(Aabb::EMPTY, |all, b| all.union(b))

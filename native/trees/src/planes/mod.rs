@@ -35,7 +35,7 @@ pub struct Planes<'a> {
     tree: Arc<PlaneTree>,
     leaves: Arc<Blocks>,
     config: &'a Config,
-    /// Without the choice of `robust`.
+    /// The frame of the tree.
     frame: &'a Frame,
     /// Whether traversals use error bounds, rather than being as published.
     robust: bool,
@@ -44,7 +44,7 @@ pub struct Planes<'a> {
     derived: Vec<Derived>,
 }
 
-/// Share of the build time that progress gives to the boxes. It is less where planes are expensive.
+/// Share of the progress of a build that the boxes get. Their share of the time is smaller where planes are expensive.
 const BOXES: f64 = 0.35;
 
 /// Makes the kernel of single rays over a tree of planes.
@@ -131,11 +131,13 @@ impl Planes<'_> {
         if rays != Rays::Auto {
             return Ok(groups.plan(single, rays));
         }
-        // Tiles of shadow rays are slow where nodes have oblique planes: each of the seven is compared with all rays.
+        // Tiles of shadow rays are slow where nodes have oblique planes, because each of the seven planes is compared
+        // with all rays; streams take them instead.
         let plan = groups.streams.take_all(single, Rays::Stream);
         Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
     }
 
+    /// Single rays from leaf to leaf by links of this kind, which are derived from the tree.
     fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
         let ropes = Ropes::new(&self.tree, self.frame.bounds(), kind, self.monitor)?;
         self.shape.links = ropes.count();

@@ -16,10 +16,10 @@ use halfspace_trace::single::planes::{
 };
 use halfspace_trace::{beam, stream, tile};
 
-/// Makes the kernels for a tree of split planes. May derive further nodes from it.
+/// Makes the plan for a tree of split planes. May derive further nodes from it.
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
 
-/// All traversals of split planes, one to a node.
+/// All traversals of nodes of one split plane.
 pub const BINARY: [Traversal<MakePlan>; 16] = [
     Traversal {
         way: way(
@@ -202,7 +202,7 @@ pub const BINARY: [Traversal<MakePlan>; 16] = [
     },
 ];
 
-/// All traversals of split planes, seven of three levels to a node.
+/// All traversals of nodes of seven split planes, which are three levels of the binary tree.
 pub const WIDE: [Traversal<MakePlan>; 5] = [
     Traversal {
         way: way(

@@ -2,10 +2,10 @@
 //! Beam traversal of octrees: up to 64 rays of a common origin or direction go from leaf to leaf together
 //! (González López and Gisbert Cantó, Trazado de haces, section 2).
 //!
-//! As there, a beam in an empty leaf continues to the neighbours behind the faces through which its rays leave,
-//! split if there are several; in a leaf with triangles its rays are tested one by one, those that are decided
-//! end, and the others continue as a beam, or singly if fewer than a threshold are left. There a beam is a
-//! pyramid, and the pixels inside are found by scan conversion; here it is the set of its rays.
+//! As in the paper, a beam in an empty leaf continues to the neighbours behind the faces through which its rays leave,
+//! split if there are several. In a leaf with triangles its rays are tested one by one, those that are decided end, and
+//! the others continue as a beam, or singly if fewer than a threshold are left. In the paper a beam is a pyramid, and
+//! scan conversion finds the pixels inside; here it is the set of its rays.
 //!
 //! Each ray keeps its own cell: it belongs to a leaf if and only if its own traversal ([`crate::single::octants::step`])
 //! visits that leaf, with the same floats. So no ray is lost or doubled at the edge of a cell, whatever the
@@ -38,7 +38,7 @@ pub struct OctantBeams<'a> {
 /// The rays of a tile, one row per quantity.
 struct Beam {
     rows: FrameRows,
-    /// The smallest cell that each ray is in, counted along its direction, per axis.
+    /// Per axis the number of the smallest cell that each ray is in, counted along its direction.
     at: [Row; 3],
     /// Distance at which each ray leaves its leaf.
     leave: Row,
@@ -66,7 +66,7 @@ struct Group<B> {
     rays: u64,
 }
 
-/// What the beams of a tile have in common.
+/// Arguments that all beams of a tile share.
 struct Tile<'a> {
     tree: &'a Octree,
     /// Rays continue singly when fewer than this are left together.
@@ -106,7 +106,7 @@ impl TileTraversal for OctantBeams<'_> {
         beam.rows.fill(simd, frame, rays);
         beam.best.clear();
         beam.best.resize_with(rays.len(), Best::blank);
-        // Rays without the common half go singly, and all of them do if the origins are far away.
+        // Trace singly the rays without the common half, and all rays if an origin is far away.
         let (parallel, mut alike) = bundle::alike(rays);
         for i in lanes(if parallel { alike } else { 1 }) {
             if !self.tree.is_near(frame.point(rays[i].o)) {

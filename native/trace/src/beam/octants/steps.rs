@@ -129,7 +129,7 @@ pub(super) fn leave<S: Simd, B: Bundle>(
     by_axis
 }
 
-/// Moves each ray to the smallest cell behind its exit face; returns the mask of rays that do not end before.
+/// Moves each ray to the smallest cell behind its exit face; returns the mask of rays that do not end before that face.
 #[inline(always)]
 pub(super) fn advance<S: Simd, B: Bundle>(
     simd: S,

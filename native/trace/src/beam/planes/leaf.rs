@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Leaves as beams meet them: tests of the pixels' rays, and splits along the outlines of the triangles hit.
+//! Leaves of plane trees visited by beams: tests of the pixels' rays, and splits along the outlines of the triangles
+//! hit.
 
 use crate::beam::bundle::{Bundle as _, Common, LANES, RAYS, lanes, load};
 use crate::beam::frame_rows::Candidate;

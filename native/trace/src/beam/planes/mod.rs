@@ -36,19 +36,19 @@ const VISIT: usize = 0;
 const CUT: usize = 1;
 const SINGLE: usize = 2;
 
-/// Largest average number of nodes that the beams of a tile visit per ray; beyond it the remaining rays are
-/// traced singly. Chosen at the order of a single ray's visits, which are some tens.
+/// Largest average number of nodes that the beams of a tile visit per ray; beyond it the remaining rays are traced
+/// singly. Not measured: it has the order of a single ray's visits, some tens.
 const VISITS: usize = 16;
 
-/// Smallest speed along the tile's axis for a ray to join the beam: half the largest component's lower bound of
-/// 1.
+/// Smallest speed along the tile's axis for a ray to join the beam. Derived: the largest component of a direction in
+/// the frame is at least 1; rays of half that are steep enough.
 const STEEP: f32 = 0.5;
 
 /// The beam traversal of one tree.
 pub struct PlaneBeams<'a> {
     /// The tree.
     pub tree: &'a PlaneTree,
-    /// Beams with fewer rays than this are given up for single rays.
+    /// Fewer rays than this, or fewer without a hit, are traced singly.
     pub least: u32,
 }
 
@@ -63,7 +63,7 @@ struct Beam {
 /// State shared by the beams of a tile.
 struct Tile<'a> {
     tree: &'a PlaneTree,
-    /// Beams with fewer rays without a hit trace those singly.
+    /// The rays without a hit of a beam are traced singly if they are fewer than this.
     least: u32,
     job: Job<'a>,
     slice: RaySlice<'a>,
@@ -256,8 +256,8 @@ impl Tile<'_> {
         self.follow(simd, root, beam, depths, &mut Vec::new(), counters);
     }
 
-    /// Traces a beam through a subtree between two depths, and appends to `left` the pieces with pixels that
-    /// are not finished. Recursive: at most [`halfspace_nodes::plane_tree::MAX_DEPTH`] levels.
+    /// Traces a beam through a subtree between two depths, and appends to `left` the pieces into which it was split,
+    /// without the rays to trace singly. Recursive: at most [`halfspace_nodes::plane_tree::MAX_DEPTH`] levels.
     fn follow<S: Simd, C: Counters>(
         &mut self,
         simd: S,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Split planes as beams from an eye meet them.
+//! Split planes relative to the eye of a beam, and the depths at which beams cross them.
 
 use crate::beam::bundle::lanes;
 use crate::beam::planes::Tile;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Tiles of shadow rays: rays that end near one point, the light, are traced from there as a tile. Mostly
-//! nothing is in the way, and one traversal then decides them all.
+//! Tiles of shadow rays: rays that end near one point, the light, are traced from there as a tile. Mostly nothing
+//! blocks any of them, and one traversal decides them all.
 //!
 //! The light is not given. It is estimated as the point where two of the rays pass each other; the distance at
 //! which the other rays' lines pass that point is their blur, and every plane and triangle is compared with
@@ -51,6 +51,7 @@ impl<const R: usize> Shadows<R> {
         )
     }
 
+    /// [`Self::new`] in the instruction set of the caller.
     #[inline(always)]
     fn form<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
         let first = &rays[0];
@@ -180,8 +181,8 @@ impl<const R: usize> Shadows<R> {
     }
 }
 
-/// Estimate of the light: the point of the first ray nearest to that of four others which differs most in
-/// direction; the first ray's end if all are parallel.
+/// Estimate of the light. Of four sample rays, the one whose direction differs most from the first ray's is chosen; the
+/// light is the point of the first ray nearest to it, or the first ray's end if all are parallel.
 #[inline(always)]
 fn light(rays: &[Ray]) -> [f32; 3] {
     let first = &rays[0];
@@ -204,7 +205,7 @@ fn light(rays: &[Ray]) -> [f32; 3] {
     [at[0] as f32, at[1] as f32, at[2] as f32]
 }
 
-/// What a shadow tile has decided.
+/// The rays that a shadow tile has decided, and the others.
 pub struct Decided<const R: usize> {
     /// Masks of the occluded rays.
     pub blocked: [u16; R],
@@ -212,8 +213,7 @@ pub struct Decided<const R: usize> {
     pub left: [u16; R],
 }
 
-/// Traces those rays of a shadow tile that go together. `trace` is the traversal and returns whether it
-/// finished.
+/// Traces the rays of a slice that form a shadow tile. `trace` is the traversal and returns whether it finished.
 #[inline(always)]
 pub fn cast<S: Simd, C: Counters, const R: usize>(
     simd: S,
