@@ -24,7 +24,7 @@ from ...core.structures.settings import RenderSettings, memory_limit
 from ..measure import comparing, workloads
 from ..read import camera, extract, passes, remarks
 from ..session import reports, trees
-from ..settings import properties
+from ..settings import properties, quality
 from . import denoising, running
 from .requested import render_settings
 from .viewport import Viewport
@@ -173,10 +173,12 @@ class _Picture:
     def _read(self, settings: RenderSettings) -> _Read:
         """The scene and its camera. Raises the exceptions of extraction."""
         start, moment = time.perf_counter(), trees.moment(self.scene)
+        quality.remark_unknown(self.group, self.notes)
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
         # Only flattened triangles carry UVs.
-        layout = found.layout("flatten" if uvs else self.group.instancing, integrator=self.group.integrator)
+        instancing = "flatten" if uvs else quality.instancing(self.group)
+        layout = found.layout(instancing, integrator=quality.integrator(self.group))
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         view = self._camera(scene.geometry.origin)
         return _Read(scene, view, layout, moment, time.perf_counter() - start)

@@ -61,10 +61,13 @@ class Viewport:
             notes = Notes()
             group = depsgraph.scene.halfspace
             properties.remark_unknown(group, notes)  # first: the status line has room for one note
+            quality.remark_unknown(group, notes)
             # The view's own visibility: local view, its collections, the kinds of objects that it hides.
             space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
             found = extract.find(depsgraph, notes, space=space)
-            two_level = found.layout(group.instancing, integrator=group.integrator, interactive=True).two_level
+            two_level = found.layout(
+                quality.instancing(group), integrator=quality.integrator(group), interactive=True
+            ).two_level
             scene = found.instanced() if two_level else found.flattened()
             if self._preview is None:
                 self._preview = Preview(native.load(), STOCK)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ...core.base import native
 from ...core.measure import costmap
 from ...core.structures import catalogue, relevance, settings
-from . import quality, signals
+from . import earlier, quality, signals
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
@@ -42,9 +41,10 @@ def structure(group: Any) -> Structure:
 
 
 def remark_unknown(group: Any, notes: Notes) -> None:
-    """Note if the structure of a `scene.halfspace` group replaces an unknown one of its file."""
+    """Note if the structure of a `scene.halfspace` group, or a value of its parameters, replaces one of its file."""
     if not group.structure:
         notes.add(UNKNOWN, structure(group).label)
+    earlier.remark_parameters(group, structure(group), values(group), notes)
 
 
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:
@@ -55,8 +55,7 @@ def structure_parameters(group: Any) -> tuple[Parameter, ...]:
 def values(group: Any) -> dict[str, Value]:
     """The values in a `scene.halfspace` group of the parameters of its structure, made valid together."""
     chosen = structure(group)
-    stored = {parameter.name: getattr(group, parameter.name) for parameter in chosen.parameters}
-    return relevance.effective(chosen, stored)
+    return relevance.effective(chosen, earlier.parameters(group, chosen))
 
 
 def shown(group: Any) -> dict[str, list[Parameter]]:
@@ -166,8 +165,7 @@ def _parameter_property(parameter: Parameter) -> Any:
         "update": _rebuild,
     }
     if parameter.kind == "choice":
-        # A number derived from the name stays valid in saved files when the list of options changes.
-        items = [(o, parameter.label_of(o), "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
+        items = [(o, parameter.label_of(o), "", earlier.number_of(o)) for o in parameter.options]
         return EnumProperty(items=items, **common)
     bounds = {
         key: value for key, value in (("min", parameter.minimum), ("max", parameter.maximum)) if value is not None

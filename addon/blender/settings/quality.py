@@ -7,9 +7,14 @@ Names, ranges and defaults are those of Cycles where Cycles has the setting.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from . import earlier
+
+if TYPE_CHECKING:
+    from ...core.base.notes import Notes
 
 FILTERS = {"BLACKMAN_HARRIS": "blackman_harris", "BOX": "box"}
 """Native names of the pixel filters."""
@@ -153,11 +158,31 @@ PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_FILM}
 """Annotations of the property group."""
 
 
+CHOICES = ("integrator", "pixel_filter_type", "instancing")
+"""Choices of `scene.halfspace` that every final render and viewport reads."""
+
+
+def integrator(group: Any) -> str:
+    """The native name of the integrator; the default for one that is unknown to this version."""
+    return earlier.choice(group, "integrator")
+
+
+def instancing(group: Any) -> str:
+    """How instances are stored; the default for a way that is unknown to this version."""
+    return earlier.choice(group, "instancing")
+
+
+def remark_unknown(group: Any, notes: Notes) -> None:
+    """Note if a choice of a `scene.halfspace` group replaces an unknown one of its file."""
+    earlier.remark_choices(group, CHOICES, notes)
+
+
 def settings(scene: Any) -> dict[str, Any]:
     """The arguments of `RenderSettings` that final renders and the viewport share."""
     group, render = scene.halfspace, scene.render
+    pixels = earlier.choice(group, "pixel_filter_type")
     return {
-        "integrator": group.integrator,
+        "integrator": integrator(group),
         "ambient_distance": group.ambient_distance or math.inf,
         "max_bounces": group.max_bounces,
         "clamp_direct": group.clamp_direct,
@@ -166,9 +191,9 @@ def settings(scene: Any) -> dict[str, Any]:
         "caustics_reflective": group.caustics_reflective,
         "caustics_refractive": group.caustics_refractive,
         "exposure": group.film_exposure,
-        "filter": FILTERS[group.pixel_filter_type],
+        "filter": FILTERS[pixels],
         # As in Cycles, whose box is always one pixel wide.
-        "filter_width": 1.0 if group.pixel_filter_type == "BOX" else group.filter_width,
+        "filter_width": 1.0 if pixels == "BOX" else group.filter_width,
         "seed": group.render_seed,
         "film_transparent": render.film_transparent,
         "threads": render.threads if render.threads_mode == "FIXED" else 0,
