@@ -8,11 +8,12 @@
 //! coordinates of very different size meet. Otherwise, signs come from sums in fixed point (`wide`) and values
 //! from integers of any size.
 
+mod determinant;
 mod wide;
 
 use crate::vec3::{Vec3, sub};
+use determinant::{Factor, determinant, sign, weights};
 use num_bigint::{BigInt, Sign};
-use std::ops::{Add, Sub};
 
 /// Largest number of binary places of numbers whose difference fits into 64 bits.
 const WORD: i32 = 60;
@@ -99,74 +100,6 @@ fn hit<F: Factor>(
         weights: [round(&wb, &sum, false), round(&wc, &sum, false)],
         zeros: signs.iter().filter(|&&s| s == 0).count(),
     })
-}
-
-/// Operations on sums of products that determinants need.
-trait Number: Clone + Default + PartialOrd + Add<Output = Self> + Sub<Output = Self> {}
-
-impl Number for i128 {}
-impl Number for BigInt {}
-
-/// Integers whose products determinants add up.
-trait Factor {
-    /// Sums of products of three factors.
-    type Sum: Number;
-
-    /// Returns the product of two factors.
-    fn times(&self, other: &Self) -> Self::Sum;
-
-    /// Returns the product of this factor and a sum of products of two.
-    fn scale(&self, sum: &Self::Sum) -> Self::Sum;
-}
-
-impl Factor for i64 {
-    type Sum = i128;
-
-    /// One multiplication of the processor, which cannot overflow.
-    #[inline(always)]
-    fn times(&self, other: &Self) -> i128 {
-        i128::from(*self) * i128::from(*other)
-    }
-
-    #[inline(always)]
-    fn scale(&self, sum: &i128) -> i128 {
-        i128::from(*self) * *sum
-    }
-}
-
-impl Factor for BigInt {
-    type Sum = Self;
-
-    fn times(&self, other: &Self) -> Self {
-        self * other
-    }
-
-    fn scale(&self, sum: &Self) -> Self {
-        self * sum
-    }
-}
-
-/// Returns the sign of a number: -1, 0 or 1.
-fn sign<T: Number>(x: &T) -> i32 {
-    let zero = T::default();
-    i32::from(*x > zero) - i32::from(*x < zero)
-}
-
-/// Returns the three edge functions.
-#[inline(always)]
-fn weights<F: Factor>(d: &[F; 3], [a, b, c]: &[[F; 3]; 3]) -> [F::Sum; 3] {
-    [
-        determinant(d, b, c),
-        determinant(d, c, a),
-        determinant(d, a, b),
-    ]
-}
-
-/// Returns the determinant of three rows.
-#[inline(always)]
-fn determinant<F: Factor>(a: &[F; 3], b: &[F; 3], c: &[F; 3]) -> F::Sum {
-    let minor = |i: usize, j: usize| b[i].times(&c[j]) - b[j].times(&c[i]);
-    a[0].scale(&minor(1, 2)) + a[1].scale(&minor(2, 0)) + a[2].scale(&minor(0, 1))
 }
 
 /// Binary places of the integers that represent the points (vertices and origin) and the direction. The ratio of

@@ -86,7 +86,8 @@ impl Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exact::{Units, sign, weights};
+    use crate::exact::Units;
+    use crate::exact::determinant::{sign, weights};
     use proptest::prelude::*;
 
     fn coordinate() -> impl Strategy<Value = f32> {

@@ -112,8 +112,8 @@ impl SingleTraversal for HeightTraversal<'_> {
                 } => {
                     counters.step_axis();
                     Heights {
-                        entry: segment.entry[axis] - split,
-                        exit: segment.exit[axis] - split,
+                        entry: along(segment.entry, axis) - split,
+                        exit: along(segment.exit, axis) - split,
                         pad: pads[axis],
                         children,
                         empty,
@@ -207,6 +207,16 @@ fn step(
     segment.exit = point(frame, leave);
     segment.leave = leave;
     near
+}
+
+/// A coordinate of a point, selected without an index, which would force the segment into memory.
+#[inline(always)]
+fn along([x, y, z]: [f32; 3], axis: usize) -> f32 {
+    match axis {
+        0 => x,
+        1 => y,
+        _ => z,
+    }
 }
 
 /// The ray's point at `t`.
