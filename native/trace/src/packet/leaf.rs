@@ -167,7 +167,7 @@ impl<S: Simd, L: Width> Tested<S, L> {
     }
 }
 
-/// [`test`] in the instruction set of the caller.
+/// [`test()`] in the instruction set of the caller.
 #[inline(always)]
 fn each<S: Simd, Q: Query, C: Counters, L: Width>(
     simd: S,

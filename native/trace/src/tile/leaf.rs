@@ -96,7 +96,7 @@ struct One<'a> {
 // No closures with vectors in these functions: unless inlined, a closure is not compiled for the caller's
 // instruction set and is slow.
 
-/// [`test`] in the instruction set of the caller.
+/// [`test()`] in the instruction set of the caller.
 #[inline(always)]
 fn each<S: Simd, C: Counters, const R: usize>(
     simd: S,
