@@ -29,7 +29,13 @@ if TYPE_CHECKING:
     from .yardstick import Traced
 
 STEP = 4
-"""Divisor of a ray set for slow structures: a quarter, a sixteenth, ..., so that most share their rays."""
+"""Divisor of a ray set where all its rays take too long: a quarter, a sixteenth, ... are timed."""
+
+USUAL_RAYS_S = 4e6
+"""Rays per second of a usual structure on a usual scene, which give the number of timed rays."""
+
+SLOW = 16.0
+"""A structure is slow if a pass over the usual rays takes more than this multiple of the limit of a pass."""
 
 VIEW_SECONDS = 0.1
 """Smallest limit on a pass over one of the smaller views, in seconds."""
@@ -92,9 +98,13 @@ class Candidate:
 
 
 def affordable(whole: RaySet, mrays_s: float, seconds: float, seed: int) -> RaySet:
-    """The part of a set that this speed traces in about `seconds`: all, a quarter, a sixteenth, ..."""
+    """The part of a set that is timed: all, a quarter, a sixteenth, ..., the same for all structures that are not slow.
+
+    It is what the usual speed traces in about `seconds`: rays that go together are faster in larger batches, so only
+    times of equal batches are comparable. mrays_s: the structure's speed, which shortens the batch of a slow one.
+    """
     count = len(whole)
-    while count > LEAST_RAYS and count > mrays_s * 1e6 * seconds:
+    while count > LEAST_RAYS and (count > USUAL_RAYS_S * seconds or count > SLOW * mrays_s * 1e6 * seconds):
         count //= STEP
     return whole.take(rays.blocks(len(whole), max(count, min(LEAST_RAYS, len(whole))), seed))
 

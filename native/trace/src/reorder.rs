@@ -8,7 +8,7 @@
 use halfspace_geom::Aabb;
 
 /// Smallest number of rays that are reordered; fewer rarely share cells.
-const LEAST: usize = 1 << 16;
+const LEAST: usize = 1 << 14;
 
 /// Largest number of rays that are reordered at once. More need more memory, and each cell already has many.
 const WINDOW: usize = 1 << 20;
