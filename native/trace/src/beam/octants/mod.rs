@@ -108,6 +108,7 @@ impl TileTraversal for OctantBeams<'_> {
         beam.best.resize_with(rays.len(), Best::blank);
         // Rays without the common half go singly, and all of them do if the origins are far away.
         let (parallel, mut alike) = bundle::alike(rays);
+        alike &= !beam.rows.blurred;
         for i in lanes(if parallel { alike } else { 1 }) {
             if !self.tree.is_near(frame.point(rays[i].o)) {
                 alike = 0;
