@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from addon.core.report import results
 from addon.core.scene import grid, workload
 from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
-from lab.stability import agreement, leaks, stability, trials
+from lab.stability import agreement, leaks, slowdown, slowdown_page, stability, trials
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
@@ -45,6 +45,7 @@ MEANINGLESS = {
     "long": ("scenes", "leaks_only", "leak_rays", "size"),
     "scenes": ("leaks_only", "leak_rays", "size"),
     "leaks_only": ("out",),
+    "slowdown": ("long", "scenes", "leaks_only", "leak_rays"),
 }
 """For each option, the options that have no meaning together with it."""
 
@@ -62,11 +63,13 @@ def parser() -> argparse.ArgumentParser:
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
     add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, {workload.NAMED}grid")
     add("--rays", type=int, metavar="N", help="with --scenes: rays of each set (default: 100000)")
+    add("--slowdown", type=int, metavar="N", help="slowdown by offset, scale and shape; N timings each, 0 = work only")
+    add("--copies", type=int, metavar="N", help="with --slowdown: coincident triangles (default: 1000, large 10^6)")
     add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
     add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
     add("--leak-rays", type=int, metavar="N", help="rays from inside each closed surface (default: 10^4, large 10^6)")
-    add("--out", type=output, metavar="DIR", help="write stability.json, stability.csv and stability.html")
+    add("--out", type=output, metavar="DIR", help="write stability.json, .csv and .html, or slowdown.*")
     return made
 
 
@@ -83,11 +86,11 @@ def run(asked: argparse.Namespace) -> int:
     module = native.load()
     expanded = specs.expand(asked.structures, module.structures(), {})
     chosen = specs.prove(module, stability.configurations(module.structures(), expanded))
-    if asked.long is not None or asked.scenes is not None or asked.leaks_only:
+    if any(mode not in (None, False) for mode in (asked.long, asked.scenes, asked.slowdown, asked.leaks_only)):
         chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec)]
     if asked.long is not None:
         chosen = [spec for spec in chosen if not is_brute(spec) or stability.only_shadows(spec)]
-    elif asked.scenes is not None:
+    elif asked.scenes is not None or asked.slowdown is not None:
         chosen = [spec for spec in chosen if not is_brute(spec)]
     if not chosen:
         raise UsageError("--structures: nothing to compare with brute force")
@@ -96,6 +99,8 @@ def run(asked: argparse.Namespace) -> int:
     scenes = [workload.find(name, built_in=("grid",)) for name in asked.scenes or ()]
     if asked.out is not None:
         results.prepare_folder(asked.out)
+    if asked.slowdown is not None:
+        return run_slowdown(module, chosen, asked)
     if asked.long is not None:
         return run_long(module, chosen, asked)
     if asked.scenes is not None:
@@ -138,11 +143,13 @@ def check(asked: argparse.Namespace) -> None:
         ("seed", 0, 1 << 62),
         ("rays", 1, 1 << 30),
         ("leak_rays", int(asked.leaks_only), 1 << 40),
+        ("slowdown", 0, 1000),
+        ("copies", 1, 1 << 24),
     ):
         given = getattr(asked, name)
         if given is not None and not least <= given <= most:
             raise UsageError(f"--{name.replace('_', '-')}: expected {least} to {most}, got {given}")
-    for name, needed in (("seconds", "long"), ("rays", "scenes")):
+    for name, needed in (("seconds", "long"), ("rays", "scenes"), ("copies", "slowdown")):
         if getattr(asked, name) is not None and getattr(asked, needed) is None:
             raise UsageError(f"--{name}: expected --{needed}, whose runs it is about")
     for mode, meaningless in MEANINGLESS.items():
@@ -282,6 +289,39 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
     return int(any(wrong(row) for row in rows))
 
 
+def run_slowdown(module: Native, chosen: list[str], asked: argparse.Namespace) -> int:
+    """Measure the ratios of time and work of extreme scenes to ordinary ones. Returns the exit status."""
+    journal = results.Journal(asked.out) if asked.out is not None else None
+    machine = results.machine(module)
+    rings, rays, copies = slowdown.SIZES[asked.size]
+    copies = asked.copies or copies
+    program = [module.__version__, results.native_fingerprint(module), slowdown.VERSION]
+    fixed = [*program, asked.size, copies, asked.seed, asked.slowdown]
+    rows: list[slowdown.Row] = []
+    # Reuse or measure the rows of each case.
+    for place, case in enumerate(slowdown.cases(rings, rays, copies, asked.seed)):
+        key = results.key(*fixed, case.name, chosen)
+        found = journal.entries.get(key) if journal is not None else None
+        kept = None if found is None else found.row
+        if kept is None or not all(map(slowdown.is_whole, kept.get("rows", [{}]))):
+            kept = {"rows": list(slowdown.measure(module, case, chosen, repeats=asked.slowdown))}
+            if journal is not None:
+                journal.add(results.Entry(key, (0, place), kept), machine)
+        rows += kept["rows"]
+        most = {kind: max(row[kind] for row in kept["rows"]) for kind in slowdown_page.kinds(kept["rows"])}
+        shown = ", ".join(f"{slowdown_page.KINDS[kind]} up to {value:.2f} times" for kind, value in most.items())
+        say(f"{case.name}: {shown}")
+    # Print the tables, and write the page.
+    for kind in slowdown_page.kinds(rows):
+        print(slowdown_page.table(rows, kind), "\n")
+    verdict = slowdown_page.verdict(rows)
+    say(f"{verdict}; seed {asked.seed}")
+    if asked.out is not None:
+        document = {**results.document(module, rows, {"size": asked.size, "seed": asked.seed}), "verdict": verdict}
+        save(asked.out, document, "slowdown", slowdown_page.as_html)
+    return int(any(row["wrong"] or slowdown.slowed(row) for row in rows))
+
+
 def wrong(row: stability.Row) -> bool:
     """Whether answers on a scene differ, or an invariant of the structure is violated."""
     return stability.differs(row) or bool(row["broken"])
@@ -314,17 +354,22 @@ def find_leaks(module: Native, chosen: list[str], asked: argparse.Namespace) -> 
     return any(found[spec].total() for spec in ours)
 
 
-def save(folder: Path, document: dict[str, Any]) -> None:
+def save(
+    folder: Path,
+    document: dict[str, Any],
+    name: str = "stability",
+    page: Callable[[dict[str, Any]], str] = stability.as_html,
+) -> None:
     """Write the files atomically. Raises FolderError."""
     with results.writing(folder):
         results.write_all(
             {
-                folder / "stability.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
-                folder / "stability.csv": stability.as_csv(document["rows"]),
-                folder / "stability.html": stability.as_html(document),
+                folder / f"{name}.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+                folder / f"{name}.csv": stability.as_csv(document["rows"]),
+                folder / f"{name}.html": page(document),
             }
         )
-    say(f"wrote {folder / 'stability.html'}, stability.json and stability.csv")
+    say(f"wrote {folder / name}.html, {name}.json and {name}.csv")
 
 
 def say(text: str) -> None:

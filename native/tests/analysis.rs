@@ -311,7 +311,7 @@ fn an_exported_tree_is_in_the_frame_of_the_scene() {
         ],
     ]);
     let structure = build(&scene, "bsp-wn-plus-kd:costs=thesis,k=3,max_depth=1");
-    assert!(!structure.frame().is_scene());
+    assert!(!structure.frame().is_unscaled());
     let (tree, far) = (export(&structure), f64::from(far));
     assert_eq!(tree.bounds[0], [0.0, 0.0, 0.0, 8.0 * far, far, far]);
     let [x, y, z, height] = tree.planes.entries[0];

@@ -2,6 +2,8 @@
 //! The contract of every structure, for every row of the registry and every traversal: the hits of brute force bit
 //! for bit, valid trees, the same tree on any number of threads.
 
+mod far_scenes;
+
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
 use halfspace::inspect::validate::validate;

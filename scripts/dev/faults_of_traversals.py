@@ -108,8 +108,8 @@ TRAVERSALS = (
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
         f"{_STREAM}/prepare.rs",
-        "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
-        "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
+        "map(own.d, |d| f32::from(u8::from(d != 0.0)))",
+        "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44)))",
         ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),
     Fault(

@@ -2,7 +2,9 @@
 //! A whole tree as flat arrays, for programs that do not depend on its layout.
 
 use halfspace_geom::region::Region;
+use halfspace_geom::vec3::{Vec3, dot, widen};
 use halfspace_nodes::cells::{BOX, NodeCell, SLAB, each_node};
+use halfspace_ray::frame::Frame;
 use halfspace_structure::Structure;
 
 /// Kind of a leaf; inner nodes have the kind of their first plane, see [`halfspace_nodes::cells`].
@@ -59,23 +61,51 @@ impl<T> Lists<T> {
     }
 }
 
+/// The map from frame to scene coordinates in f64.
+struct ToScene {
+    /// Point of the scene at the frame's origin.
+    origin: Vec3,
+    /// Factor from scene to frame coordinates.
+    scale: f64,
+}
+
+impl ToScene {
+    /// Makes the map of a frame.
+    fn new(frame: &Frame) -> Self {
+        Self {
+            origin: widen(frame.map().origin()),
+            scale: f64::from(frame.scale()),
+        }
+    }
+
+    /// Converts a point.
+    fn point(&self, p: Vec3) -> Vec3 {
+        std::array::from_fn(|k| p[k] / self.scale + self.origin[k])
+    }
+
+    /// Converts the offset of a plane with this normal.
+    fn offset(&self, normal: Vec3, offset: f64) -> f64 {
+        offset / self.scale + dot(normal, self.origin)
+    }
+}
+
 /// Exports the tree of a structure, not its derived layouts. Without a tree, the scene's box is the only node, a leaf.
 pub fn export(structure: &Structure) -> Export {
     let built = structure.built();
     let (frame, bounds) = (&built.frame, built.frame.bounds());
-    let scale = f64::from(frame.scale());
+    let to_scene = ToScene::new(frame);
     let mut out = Export::default();
     let ids = |first, count| built.leaves.ids(first, count);
     let cells = built.tree.as_ref().and_then(|tree| tree.cells());
     match cells.filter(|_| !bounds.is_empty()) {
         Some(cells) => each_node(cells, bounds, |node| {
             let triangles = node.view.leaf.map(|(first, count)| ids(first, count));
-            out.node(&node, triangles.unwrap_or_default(), scale);
+            out.node(&node, triangles.unwrap_or_default(), &to_scene);
         }),
         None => {
             out.head(LEAF, None, 0);
             out.planes.push([]);
-            out.region(&Region::of_scene(bounds), scale);
+            out.region(&Region::of_scene(bounds), &to_scene);
             out.triangles.push(ids(0, built.shape.references));
         }
     }
@@ -94,8 +124,8 @@ impl Export {
             .push(u32::try_from(depth).expect("bounded by the depth limits"));
     }
 
-    /// Appends a node, and the triangles if it is a leaf; `scale` is the factor from scene to frame coordinates.
-    fn node(&mut self, node: &NodeCell<'_>, triangles: Vec<u32>, scale: f64) {
+    /// Appends a node, and the triangles if it is a leaf.
+    fn node(&mut self, node: &NodeCell<'_>, triangles: Vec<u32>, to_scene: &ToScene) {
         let view = node.view;
         let kind = match view.planes.first() {
             _ if view.leaf.is_some() => LEAF,
@@ -105,18 +135,19 @@ impl Export {
         };
         self.head(kind, node.parent, node.depth);
         self.planes.push(view.planes.iter().map(|(plane, _)| {
-            let [x, y, z] = plane.direction.vector().map(f64::from);
-            [x, y, z, f64::from(plane.offset) / scale]
+            let normal = plane.direction.vector().map(f64::from);
+            let [x, y, z] = normal;
+            [x, y, z, to_scene.offset(normal, f64::from(plane.offset))]
         }));
         self.plane_kinds
             .extend(view.planes.iter().map(|&(_, kind)| kind));
-        self.region(node.region, scale);
+        self.region(node.region, to_scene);
         self.triangles.push(triangles);
     }
 
     /// Appends the region of a node.
-    fn region(&mut self, region: &Region, scale: f64) {
-        let [low, high] = region.extent().map(|corner| corner.map(|x| x / scale));
+    fn region(&mut self, region: &Region, to_scene: &ToScene) {
+        let [low, high] = region.extent().map(|corner| to_scene.point(corner));
         self.bounds
             .push([low[0], low[1], low[2], high[0], high[1], high[2]]);
         let mut walls = Vec::new();
@@ -125,7 +156,7 @@ impl Export {
         }
         self.walls.push(walls.into_iter().map(|wall| {
             let [x, y, z] = wall.normal;
-            [x, y, z, wall.offset / scale]
+            [x, y, z, to_scene.offset(wall.normal, wall.offset)]
         }));
     }
 

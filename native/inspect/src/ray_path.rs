@@ -62,11 +62,12 @@ pub struct RayPath {
 pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
     let (hit, path) = structure.path(ray);
     let built = structure.built();
-    let scale = built.frame.point([1.0; 3]).map(f64::from);
-    // Scale the ray to the structure's frame, where the regions are.
+    let scale = f64::from(built.frame.scale());
+    let middle = built.frame.map().origin();
+    // Convert the ray to the structure's frame, where the regions are.
     let line = Line {
-        origin: std::array::from_fn(|k| f64::from(ray.o[k]) * scale[k]),
-        direction: std::array::from_fn(|k| f64::from(ray.d[k]) * scale[k]),
+        origin: std::array::from_fn(|k| (f64::from(ray.o[k]) - f64::from(middle[k])) * scale),
+        direction: std::array::from_fn(|k| f64::from(ray.d[k]) * scale),
     };
     let follow = Follow {
         bounds: built.frame.bounds(),

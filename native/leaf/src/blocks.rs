@@ -13,7 +13,7 @@ use crate::{Block, Job, Leaf};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_ray::frame::Frame;
+use halfspace_ray::frame::{Frame, ToFrame};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{BoundedRay, RayRef};
 use halfspace_scene::Triangles;
@@ -36,9 +36,8 @@ const LINE: usize = 16;
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
-    /// Scale of the frame in which the vertices are stored: 1 if its coordinates are the scene's, 0 while there are no
-    /// blocks.
-    scale: f32,
+    /// The map to the frame in which the vertices are stored.
+    to_frame: ToFrame,
     keep: Keep,
 }
 
@@ -60,7 +59,7 @@ impl Blocks {
     pub fn filled(frame: &Frame, keep: Keep, words: usize, fill: impl FnOnce(&mut [f32])) -> Self {
         let mut blocks = Self {
             words: vec![0.0; words + SPAN],
-            scale: frame.scale(),
+            to_frame: *frame.map(),
             keep,
         };
         fill(&mut blocks.words[..words]);
@@ -72,7 +71,7 @@ impl Blocks {
     /// # Panics
     /// If the array exceeds 2^32 words, which the builders' budgets exclude.
     pub fn push_leaf(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> u32 {
-        self.scale = frame.scale();
+        self.to_frame = *frame.map();
         let at = self.words.len();
         self.words.resize(at + Keep::Corners.words(ids.len()), 0.0);
         Keep::Corners.write(&mut self.words[at..], scene, frame, ids);
@@ -92,10 +91,10 @@ impl Blocks {
         (index / LANES * (1 + WORDS * LANES)) as u32
     }
 
-    /// Returns whether vertices are stored in a frame other than the scene's.
+    /// Returns the map to the frame in which the vertices are stored.
     #[inline(always)]
-    fn scaled(&self) -> bool {
-        self.scale != 1.0
+    pub fn to_frame(&self) -> &ToFrame {
+        &self.to_frame
     }
 
     /// Returns the size of the words in bytes.
@@ -234,10 +233,10 @@ impl Blocks {
         id: u32,
         corners: [[f32; 3]; 3],
     ) -> [[f32; 3]; 3] {
-        if self.scaled() {
-            scene.corners(id)
+        if self.to_frame.is_unscaled() {
+            map(corners, |p| self.to_frame.vertex_to_scene(p))
         } else {
-            corners
+            scene.corners(id)
         }
     }
 
@@ -246,13 +245,13 @@ impl Blocks {
     fn gather(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
         let vertices = scene.vertices();
         let n = words.len() / 4;
-        // Scale the vertices of each triangle to the frame, and write them to its lane.
+        // Convert the vertices of each triangle to the frame, and write them to its lane.
         let mut size = 0.0;
         for lane in 0..n.min(LANES) {
             let triangle = &words[4 * lane..4 * lane + 4];
             let corners = map([0, 1, 2], |i| {
-                let p = vertices[triangle[i].to_bits() as usize];
-                map(p, |x| x * self.scale)
+                self.to_frame
+                    .point(vertices[triangle[i].to_bits() as usize])
             });
             let own = write_lane(block, lane, n, triangle[3].to_bits(), corners);
             size = keep_max(own, size);

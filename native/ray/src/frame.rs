@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The frame in which traversals run in f32, and the conversion of rays to it with their error bounds.
 //!
-//! A scene whose largest coordinate is far from 1 is scaled by a power of two, which changes no bit of a
-//! mantissa; a ray's direction is scaled so that its largest component lies in [1, 2). In this frame products
+//! A scene far from the origin is translated to it by an exact subtraction ([`ToFrame`]). A scene whose largest
+//! coordinate is then far from 1 is scaled by a power of two, which changes no bit of a mantissa; a ray's direction is scaled so that its largest component lies in [1, 2). In this frame products
 //! of three coordinates neither overflow nor underflow, and the bounds below hold. `u` is the unit roundoff of
 //! f32, 2^-24.
 
 pub use crate::frame_ray::FrameRay;
 use crate::ray::{Hit, Ray};
+pub use crate::to_frame::ToFrame;
+use crate::to_frame::{self, power_of_two};
 use fearless_simd::{Simd, SimdFloat};
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::{Vec3, dot, map, widen};
@@ -53,11 +55,11 @@ pub fn last_places<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, to_frame: V
     lifted * V::splat(simd, SECOND)
 }
 
-/// The coordinates of a tree: those of the scene multiplied by a power of two.
+/// The coordinates of a tree: those of the scene, translated and multiplied by a power of two where that is needed.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
-    /// Factor from scene to frame coordinates, a power of two.
-    scale: f32,
+    /// The map from scene coordinates.
+    to_frame: ToFrame,
     /// Box of the scene, in this frame.
     bounds: Aabb,
     /// Largest absolute coordinate of `bounds`.
@@ -67,30 +69,12 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Makes the frame of a scene with these bounds. The scale is 1 for empty scenes and for magnitudes from 2^-30 to
-    /// 2^40.
+    /// Makes the frame of a scene with these bounds.
     pub fn new(bounds: Aabb) -> Self {
-        let magnitude = bounds.magnitude();
-        // Scale only scenes whose products of three coordinates may overflow or underflow.
-        let ordinary =
-            magnitude == 0.0 || (2.0_f32.powi(-30)..=2.0_f32.powi(40)).contains(&magnitude);
-        let scale = if ordinary {
-            1.0
-        } else {
-            (1.0 / power_of_two(magnitude)).min(2.0_f32.powi(126))
-        };
-        // Scale the box.
-        let scaled = |p: [f32; 3]| p.map(|x| x * scale);
-        let bounds = if bounds.is_empty() {
-            bounds
-        } else {
-            Aabb {
-                min: scaled(bounds.min),
-                max: scaled(bounds.max),
-            }
-        };
+        let to_frame = ToFrame::new(&bounds);
+        let bounds = to_frame.bounds(&bounds);
         Self {
-            scale,
+            to_frame,
             bounds,
             magnitude: bounds.magnitude(),
             robust: 1.0,
@@ -110,27 +94,33 @@ impl Frame {
         self.robust
     }
 
-    /// Converts a point of the scene to this frame.
+    /// Returns the map from scene coordinates.
+    #[inline(always)]
+    pub fn map(&self) -> &ToFrame {
+        &self.to_frame
+    }
+
+    /// Converts a point of the scene to this frame; vertices are not rounded.
     #[inline(always)]
     pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
-        [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
+        self.to_frame.point(p)
     }
 
     /// Returns the power of two by which coordinates are scaled.
     #[inline(always)]
     pub fn scale(&self) -> f32 {
-        self.scale
+        self.to_frame.scale()
     }
 
-    /// Returns whether frame coordinates equal scene coordinates bit for bit.
+    /// Returns whether distances in the frame are those of the scene.
     #[inline(always)]
-    pub fn is_scene(&self) -> bool {
-        self.scale == 1.0
+    pub fn is_unscaled(&self) -> bool {
+        self.to_frame.is_unscaled()
     }
 
     /// Converts a point of this frame to the scene.
     pub fn to_scene(&self, p: [f32; 3]) -> [f32; 3] {
-        p.map(|x| x / self.scale)
+        self.to_frame.to_scene(p)
     }
 
     /// Returns the scene's box in this frame.
@@ -138,9 +128,9 @@ impl Frame {
         self.bounds
     }
 
-    /// Returns [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame whose
-    /// coordinates are the scene's ([`Self::is_scene`]): per axis the distance beyond which a plane provably lies on
-    /// one side of the origin, and the error bound of the origin's height over an oblique plane that meets the scene.
+    /// Returns [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o` of this
+    /// frame, which must be exact ([`ToFrame::is_exact`]): per axis the distance beyond which a plane provably lies on one
+    /// side of the origin, and the error bound of the origin's height over an oblique plane that meets the scene.
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let pad = map(o, |x| self.robust * AXIS_PAD * (x.abs() + self.magnitude));
@@ -148,7 +138,8 @@ impl Frame {
     }
 
     /// Returns the power of two by which a ray's direction is divided, or `None` if the ray needs the slow path: a
-    /// scaled frame, a component that is not finite, a direction near the ends of the range.
+    /// scaled frame, an origin that the frame rounds, a component that is not finite, a direction near the ends of the
+    /// range.
     #[inline(always)]
     pub fn unit_of(&self, ray: &Ray) -> Option<f32> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
@@ -161,7 +152,7 @@ impl Frame {
         let finite = zeros[0] + zeros[1] + zeros[2] == 0.0;
         let plain = longest > 2.0 * f32::MIN_POSITIVE && longest < 1e38;
         // Clear sign and mantissa: what is left is the power of two.
-        (finite && plain && self.is_scene())
+        (finite && plain && self.is_unscaled() && self.to_frame.is_exact(self.point(ray.o)))
             .then(|| f32::from_bits(longest.to_bits() & 0x7f80_0000))
     }
 
@@ -185,7 +176,7 @@ impl Frame {
     #[inline(always)]
     fn limits(&self, unit: f32) -> FrameRay<'static> {
         let mut out = FrameRay {
-            to_frame: f64::from(unit) * f64::from(self.scale),
+            to_frame: f64::from(unit) * f64::from(self.scale()),
             ..FrameRay::NOTHING
         };
         out.last_place = last_place(out.to_frame);
@@ -214,14 +205,17 @@ impl Frame {
         let mut out = FrameRay {
             o: self.point(ray.o),
             d,
-            to_frame: f64::from(unit) * f64::from(self.scale),
+            to_frame: f64::from(unit) * f64::from(self.scale()),
             ..FrameRay::NOTHING
         };
+        // An origin far outside the scene may be rounded by the translation: this blurs the ray.
+        let blur = to_frame::rounding(&self.to_frame, ray.o, out.o);
+        out.blur = blur[0].max(blur[1]).max(blur[2]);
         // Equal coordinates prove coplanarity only if the frame does not round them.
-        if self.is_scene() {
+        if self.is_unscaled() && out.blur == 0.0 {
             out.still = map(ray.d, |d| f32::from(u8::from(d != 0.0)));
         }
-        self.complete(ray, out, [0.0; 3])
+        self.complete(ray, out, blur)
     }
 
     /// Converts a ray of the scene to the space of an instance of this frame's mesh; `known` is the ray's best hit so
@@ -235,7 +229,8 @@ impl Frame {
     #[inline]
     pub fn placed<'a>(&self, ray: &Ray, instance: &'a MeshInstance, known: Hit) -> Placed<'a> {
         // Transform origin and direction to the mesh with error bounds, and scale the direction by a power of two.
-        let scale = f64::from(self.scale);
+        let scale = f64::from(self.scale());
+        let origin = widen(self.to_frame.origin());
         let back = |x: f32, k: usize| f64::from(x) - instance.to_scene.transform.offset[k];
         let from = [back(ray.o[0], 0), back(ray.o[1], 1), back(ray.o[2], 2)];
         let (o, o_error) = instance.inverse.vector(from);
@@ -253,7 +248,7 @@ impl Frame {
         let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
         let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
         let size = |v: Vec3| dot(v, v).sqrt();
-        let to_middle = map([0, 1, 2], |k: usize| middle(k) - o[k] * scale);
+        let to_middle = map([0, 1, 2], |k: usize| middle(k) - (o[k] - origin[k]) * scale);
         let ahead =
             dot(to_middle, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
         let shift = if ahead > 0.0 { ahead } else { 0.0 };
@@ -270,7 +265,7 @@ impl Frame {
         let (mut origin_error, mut direction_error) = ([0.0; 3], [0.0; 3]);
         let (mut far, mut drift) = (0.0_f64, 0.0_f64);
         for k in 0..3 {
-            let start = o[k] * scale;
+            let start = (o[k] - origin[k]) * scale;
             let moved = start + shift * d[k];
             out.o[k] = moved as f32;
             out.d[k] = d[k] as f32;
@@ -383,15 +378,4 @@ pub enum Placed<'a> {
 #[expect(clippy::cast_possible_truncation, reason = "rounded upwards")]
 fn up(x: f64) -> f32 {
     (x * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
-}
-
-/// Returns the largest power of two not above `x`, which is positive and finite.
-#[inline(always)]
-fn power_of_two(x: f32) -> f32 {
-    if x.is_normal() {
-        f32::from_bits(x.to_bits() & 0x7f80_0000)
-    } else {
-        // Keep the highest set bit of a subnormal number.
-        f32::from_bits(1 << (31 - x.to_bits().leading_zeros()))
-    }
 }

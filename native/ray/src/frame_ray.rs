@@ -37,7 +37,7 @@ pub struct FrameRay<'a> {
     /// 8 sqrt(3) 2 u multiplied by the span.
     pub oblique_pad: f32,
     /// Bound on the joint error of a triangle's vertices and the origin, per coordinate, that comes from the
-    /// transform to an instance's space; 0 for rays of the scene.
+    /// transform to an instance's space, or from rounding a far origin in the frame; 0 if the origin is exact.
     pub blur: f32,
     /// Error bound of the direction that comes from the transform to an instance's space.
     pub drift: f32,
@@ -89,8 +89,15 @@ impl<'a> FrameRay<'a> {
             first: instance.first,
             known,
             instance: Some(&instance.to_scene),
+            blur: f32::INFINITY,
             ..FrameRay::NOTHING
         }
+    }
+
+    /// Returns whether origin or direction have errors of their own: all rays in an instance's space have.
+    #[inline(always)]
+    pub fn is_blurred(&self) -> bool {
+        self.blur != 0.0
     }
 
     /// Returns an upper bound, rounding included, on the frame distance of anything at scene distance `t` or nearer.
@@ -106,10 +113,10 @@ impl<'a> FrameRay<'a> {
     }
 
     /// Returns the open interval of frame distances in which a hit provably lies in the ray's own interval and has a
-    /// finite `t`. Both ends are NaN if nothing can be proven, as for rays in an instance's space.
+    /// finite `t`. Both ends are NaN if nothing can be proven, as for blurred rays.
     #[inline(always)]
     pub fn certain(&self, ray: &Ray) -> [f32; 2] {
-        if self.instance.is_some() {
+        if self.is_blurred() {
             return [f32::NAN; 2];
         }
         // Written as comparisons, because `min` and `max` would drop NaN.

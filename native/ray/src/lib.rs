@@ -13,6 +13,7 @@ pub mod ray_ref;
 pub mod rays;
 pub mod replay;
 pub mod selection;
+pub mod to_frame;
 
 pub use frame_ray::FrameRay;
 pub use interval::Interval;

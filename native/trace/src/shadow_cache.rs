@@ -7,7 +7,7 @@
 //! starts with an empty cache. An unblocked ray clears its entry, which avoids useless tests in lit regions.
 //! Any blocker proves occlusion, so no result changes.
 
-use halfspace_geom::Aabb;
+use halfspace_ray::frame::Frame;
 use halfspace_ray::{Hit, Ray};
 
 /// Number of entries. Lights that share an entry replace each other's blocker.
@@ -19,18 +19,22 @@ const CELLS: f32 = 16.0;
 /// The last blocker of each light.
 pub struct ShadowCache {
     blockers: [u32; ENTRIES],
+    /// Point of the scene at the frame's origin.
+    origin: [f32; 3],
     per_cell: f32,
 }
 
 impl ShadowCache {
-    /// An empty cache for a scene with these bounds.
-    pub fn new(bounds: Aabb) -> Self {
+    /// An empty cache for the scene of a frame.
+    pub fn new(frame: &Frame) -> Self {
+        let bounds = frame.bounds();
         let size = (0..3)
             .map(|k| bounds.max[k] - bounds.min[k])
             .fold(f32::MIN_POSITIVE, f32::max);
         Self {
             blockers: [Hit::NONE; ENTRIES],
-            per_cell: CELLS / size,
+            origin: frame.map().origin(),
+            per_cell: CELLS / size * frame.scale(),
         }
     }
 
@@ -46,7 +50,7 @@ impl ShadowCache {
         let mut hash = 0_u32;
         for k in 0..3 {
             let place = if ray.t_max.is_finite() {
-                (ray.o[k] + ray.t_max * ray.d[k]) * self.per_cell
+                (ray.o[k] - self.origin[k] + ray.t_max * ray.d[k]) * self.per_cell
             } else {
                 ray.d[k] * CELLS
             };

@@ -53,7 +53,7 @@ impl Errors {
         let farthest = keep_max(-ray.t_min, reach);
         // Compute the bounds. The first branch is the second without blur and drift, in fewer operations, because these
         // cost as much as those on all triangles of the block.
-        let (det, uv, t, floor) = if ray.instance.is_none() {
+        let (det, uv, t, floor) = if !ray.is_blurred() {
             // 0, or NaN if some product may have overflowed: NaN bounds reject nothing.
             let zero_or_nan = 0.0 * ((ray.span + size) * edges.overflow);
             let offset = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
@@ -61,7 +61,7 @@ impl Errors {
             let t = offset * edges.t[0] + edges.t[1];
             (edges.det, uv, t, zero_or_nan + UNDERFLOW)
         } else {
-            // In an instance's space offsets and edges have the blur as an error, directions the drift. The errors of
+            // Offsets and edges have the blur as an error, directions the drift. The errors of
             // the rows of a determinant add up, each multiplied by 6 for its products and by the size of the other
             // rows.
             let (blur, drift) = (ray.blur, 6.0 * ray.drift);
@@ -258,7 +258,7 @@ impl<S: Simd> Candidates<S> {
         // Recompute the bound of a weight with the size and the offset of each triangle; the terms are those of
         // [`Errors::new`].
         let (size, span) = (edges.sizes, largest(s));
-        let uv_error = if ray.instance.is_none() {
+        let uv_error = if !ray.is_blurred() {
             let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
             span.mul_add(size * splat(2.0 * UV_ERROR) + splat(UNDERFLOW), sides)
         } else {
@@ -292,7 +292,7 @@ impl<S: Simd> Candidates<S> {
         }
         // Mark proven hits, if the query can use them.
         let mut proven = ProvenHits::NOTHING;
-        if (C::LATE || C::QUICK && Q::ANY) && ray.instance.is_none() {
+        if (C::LATE || C::QUICK && Q::ANY) && !ray.is_blurred() {
             let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
             let sides = size * (size * splat(T_ERROR)) + splat(UNDERFLOW);
             let t_error = span.mul_add(sides, floor);

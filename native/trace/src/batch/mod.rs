@@ -112,7 +112,7 @@ impl<'a> Launch<'a> {
 
     /// An empty shadow cache, if the query and the batch use one.
     pub fn cache<Q: Query>(&self) -> Option<ShadowCache> {
-        (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
+        (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.frame))
     }
 
     /// The hit with the triangle that last blocked this ray's light, if it blocks this ray too.

@@ -32,6 +32,8 @@ pub struct FrameRows {
     pub reach: Row,
     /// Mask of the rays that may hit the scene.
     pub live: u64,
+    /// Mask of the rays whose origin the frame rounds: bounds for common origins do not hold for them.
+    pub blurred: u64,
     /// Mask of the rays whose direction has its sign bit set, per axis.
     pub negative: [u64; 3],
 }
@@ -45,6 +47,7 @@ impl FrameRows {
             enter: [0.0; RAYS],
             reach: [0.0; RAYS],
             live: 0,
+            blurred: 0,
             negative: [0; 3],
         }
     }
@@ -58,8 +61,9 @@ impl FrameRows {
             match frame.unit_of(ray) {
                 Some(unit) => {
                     let inverse = 1.0 / unit;
-                    for k in 0..3 {
-                        self.rays.o[k][i] = ray.o[k];
+                    let o = frame.point(ray.o);
+                    for (k, o) in o.into_iter().enumerate() {
+                        self.rays.o[k][i] = o;
                         self.rays.d[k][i] = ray.d[k] * inverse;
                     }
                     let ends = frame.interval(ray, unit);
@@ -71,6 +75,7 @@ impl FrameRows {
             }
         }
         self.live = 0;
+        self.blurred = 0;
         self.negative = [0; 3];
         // Clip all rays, eight at a time. Rows of odd rays hold old values and are overwritten below.
         for row in (0..rays.len()).step_by(LANES) {
@@ -95,6 +100,7 @@ impl FrameRows {
             self.enter[i] = ray.t_min;
             self.reach[i] = ray.t_max;
             self.live |= 1 << i;
+            self.blurred |= u64::from(ray.is_blurred()) << i;
         }
     }
 

@@ -3,9 +3,9 @@
 //! position on that face, so that neighbours in the list are neighbours for the light.
 
 use crate::shadow_cache::ShadowCache;
-use halfspace_geom::Aabb;
 use halfspace_geom::vec3::map;
 use halfspace_ray::Ray;
+use halfspace_ray::frame::Frame;
 
 /// Bits of a position on a face, per axis.
 const POSITION_BITS: u32 = 10;
@@ -13,17 +13,16 @@ const POSITION_BITS: u32 = 10;
 /// Bits of the ray's index, below the position in a key. The bits above hold the face (3) and the light (6).
 const NUMBER_BITS: u32 = 32;
 
-/// The sort keys of the rays, ascending; the low 32 bits of a key are the ray's index. `bounds` are the
-/// scene's.
-pub fn sorted(rays: &[Ray], bounds: Aabb) -> Vec<u64> {
-    let lights = ShadowCache::new(bounds);
-    let size = bounds.magnitude().max(f32::MIN_POSITIVE);
+/// The sort keys of the rays, ascending; the low 32 bits of a key are the ray's index.
+pub fn sorted(rays: &[Ray], frame: &Frame) -> Vec<u64> {
+    let lights = ShadowCache::new(frame);
+    let size = frame.bounds().magnitude().max(f32::MIN_POSITIVE);
     let mut keys: Vec<_> = (0_u64..)
         .zip(rays)
         .map(|(i, ray)| {
             let light = lights.entry(ray) as u64;
             let face = (light << 3 | face(ray)) << (2 * POSITION_BITS + NUMBER_BITS);
-            face | position(ray, size) << NUMBER_BITS | i
+            face | position(frame.point(ray.o), ray, size) << NUMBER_BITS | i
         })
         .collect();
     radsort::sort(&mut keys);
@@ -55,8 +54,9 @@ fn dominant(d: [f32; 3]) -> usize {
 }
 
 /// The Morton code (Morton 1966) of the position on that face. For a ray that does not end, the face is a plane
-/// across the direction, as large as the scene.
-fn position(ray: &Ray, size: f32) -> u64 {
+/// across the direction, as large as the scene. `o` is the ray's origin in the frame, in which the scene has this
+/// size.
+fn position(o: [f32; 3], ray: &Ray, size: f32) -> u64 {
     let k = dominant(ray.d);
     let slope = 1.0 / ray.d[k];
     let [u, v] = [(k + 1) % 3, (k + 2) % 3].map(|a| {
@@ -65,7 +65,7 @@ fn position(ray: &Ray, size: f32) -> u64 {
         let x = if ray.t_max.is_finite() {
             tangent
         } else {
-            0.5 * (ray.o[a] - tangent * ray.o[k]) / size
+            0.5 * (o[a] - tangent * o[k]) / size
         };
         let cells = (1_u32 << POSITION_BITS) as f32;
         #[expect(
@@ -82,6 +82,7 @@ fn position(ray: &Ray, size: f32) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use halfspace_geom::Aabb;
 
     #[test]
     fn neighbours_for_the_light_are_neighbours_in_the_list() {
@@ -102,7 +103,7 @@ mod tests {
             min: [0.0; 3],
             max: [2.0; 3],
         };
-        let keys = sorted(&rays, bounds);
+        let keys = sorted(&rays, &Frame::new(bounds));
         let mut ids: Vec<_> = keys
             .iter()
             .map(|key| (key & 0xffff_ffff) as usize)

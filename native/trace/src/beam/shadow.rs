@@ -44,6 +44,8 @@ struct Beam {
     open: u64,
     /// Error bound of the start and end points.
     pad: f32,
+    /// Whether the frame rounds the origin of some ray: the tests of a beam do not allow for that.
+    blurred: bool,
     /// The hit of the ray that was blocked last.
     blocker: Hit,
 }
@@ -57,7 +59,7 @@ impl Launch<'_> {
         mut write: impl FnMut(usize, Hit),
         counters: Option<&mut [RayCounters]>,
     ) {
-        let sorted = light_cube::sorted(self.rays, self.scene.bounds());
+        let sorted = light_cube::sorted(self.rays, self.frame);
         match counters {
             None => {
                 let mut none = vec![NoCount; self.rays.len()];
@@ -88,7 +90,7 @@ impl Launch<'_> {
         let mut scratch = single.scratch();
         let mut beam = Beam::new();
         let mut stack = Vec::with_capacity(64);
-        let mut cache = ShadowCache::new(self.scene.bounds());
+        let mut cache = ShadowCache::new(self.frame);
         for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
             for keys in run.chunks(RAYS) {
                 beam.fill(self, keys, write);
@@ -97,7 +99,7 @@ impl Launch<'_> {
                 };
                 let entry = cache.entry(&self.rays[first]);
                 // Test the last blocker of this light first, then trace the beam.
-                if beam.open.count_ones() >= LEAST {
+                if beam.open.count_ones() >= LEAST && !beam.blurred {
                     let id = cache.blocker(entry);
                     if id != Hit::NONE {
                         let corners = self.scene.corners(id).map(|p| self.frame.point(p));
@@ -263,6 +265,7 @@ impl Beam {
             reach: [0.0; RAYS],
             open: 0,
             pad: 0.0,
+            blurred: false,
             blocker: Hit::MISS,
         }
     }
@@ -273,6 +276,7 @@ impl Beam {
         self.ids.clear();
         self.framed.clear();
         self.pad = 0.0;
+        self.blurred = false;
         self.blocker = Hit::MISS;
         for key in keys {
             #[expect(clippy::cast_possible_truncation, reason = "the low half")]
@@ -290,6 +294,7 @@ impl Beam {
                 self.end[k][i] = ray.o[k] + ray.t_max * ray.d[k];
                 self.pad = self.pad.max(ray.pad[k]);
             }
+            self.blurred |= ray.is_blurred();
             self.reach[i] = ray.t_max;
             self.ids.push(id);
             self.framed.push(ray);

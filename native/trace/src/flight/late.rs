@@ -38,8 +38,8 @@ impl Default for Late {
 }
 
 impl Late {
-    /// Adds ray `index` of the batch `rays`; answers all if every lane is taken. The ray must be in the scene's own
-    /// frame, and `held` must be the only triangle that it is known to hit.
+    /// Adds ray `index` of the batch `rays`; answers all if every lane is taken. The frame must
+    /// be unscaled, and `held` must be the only triangle that it is known to hit.
     #[inline(always)]
     pub fn push<S: Simd>(
         &mut self,
@@ -53,7 +53,7 @@ impl Late {
         // Copy the ray and the triangle's vertices to the next free lane.
         let lane = self.used;
         for k in 0..3 {
-            self.o[k][lane] = frame.o[k];
+            self.o[k][lane] = rays[index].o[k];
             self.d[k][lane] = frame.d[k];
             for corner in 0..3 {
                 self.corners[corner][k][lane] = held.corners[corner][k];
@@ -137,7 +137,7 @@ mod tests {
             let scene = Triangles::new(corners, indices).unwrap();
             let frame = Frame::new(scene.bounds());
             // Traversals in scaled frames defer nothing.
-            prop_assume!(frame.is_scene());
+            prop_assume!(frame.is_unscaled());
             let (mut rays, mut framed, mut held, mut expected) = (vec![], vec![], vec![], vec![]);
             for (triangle, (corners, o, [s, t])) in (0..).zip(&shots) {
                 let [a, b, c] = corners;

@@ -331,7 +331,7 @@ impl<'a> Launch<'a> {
         };
         // Batch the exact tests of proven hits; answer all other rays at once.
         match flight.best.held() {
-            Some(held) if self.frame.is_scene() => {
+            Some(held) if self.frame.is_unscaled() => {
                 late.push(simd, flight.index, self.rays, &flight.frame, held, write);
             }
             _ => {

@@ -7,7 +7,7 @@ use fearless_simd::{
     Bytes, Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16, u32x16,
 };
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_ray::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, U, last_places};
+use halfspace_ray::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, ToFrame, U, last_places};
 use halfspace_ray::{Hit, Ray};
 
 /// Centre and half extent of a box of directions. The half extent includes 8 u for the rounding of both:
@@ -60,9 +60,9 @@ impl Packet {
     ) -> u64 {
         self.blocked = 0;
         self.deferred = Deferred::none();
-        let mut there = self.load_rays(simd, rays);
-        // A scaled frame rounds origins: all rays are then traced one by one.
-        if !frame.is_scene() {
+        let mut there = self.load_rays(simd, frame.map(), rays);
+        // In a scaled frame all rays are traced one by one.
+        if !frame.is_unscaled() {
             self.odd |= there;
             there = 0;
         }
@@ -76,22 +76,25 @@ impl Packet {
         self.odd | self.clip(simd, frame) & there
     }
 
-    /// Loads the regular rays, one per lane, and returns their mask. The other lanes get a ray that meets
-    /// nothing.
+    /// Loads the regular rays, one per lane, in an unscaled frame, and returns their mask. The other lanes get a ray
+    /// that meets nothing.
     #[inline(always)]
-    fn load_rays<S: Simd>(&mut self, simd: S, rays: &[Ray]) -> u64 {
+    fn load_rays<S: Simd>(&mut self, simd: S, to_frame: &ToFrame, rays: &[Ray]) -> u64 {
         let splat = |x: f32| f32x16::splat(simd, x);
         let count = self.count.min(MOST);
         let filled = (1_u64 << count) - 1;
         let mut places = [self.places[0]; MOST];
         places[..count].copy_from_slice(&self.places[..count]);
-        let Numbers { o, d, t_min, t_max } = Numbers::at(simd, rays, &places);
+        let mut own = Numbers::at(simd, rays, &places);
+        let exact = own.translate(simd, to_frame);
+        let Numbers { o, d, t_min, t_max } = own;
 
         // Find the regular rays: finite, with direction and origin in the range where f32 products neither
-        // overflow nor vanish. The sum detects NaN, which a maximum may drop.
+        // overflow nor vanish, and with an exact origin. The sum detects NaN, which a maximum may drop.
         let sums = (o[0] + o[1] + o[2]) + (d[0] + d[1] + d[2]);
         let longest = d[0].abs().max(d[1].abs()).max(d[2].abs());
-        let ordinary = sums.abs().simd_lt(splat(f32::INFINITY))
+        let ordinary = exact
+            & sums.abs().simd_lt(splat(f32::INFINITY))
             & longest.simd_ge(splat(ORDINARY.start))
             & longest.simd_lt(splat(ORDINARY.end))
             & (o[0].abs().max(o[1].abs()).max(o[2].abs())).simd_lt(splat(ORDINARY.end))

@@ -87,7 +87,7 @@ impl Packet {
     #[inline(never)]
     fn verdict<Q: Query>(&mut self, ray: &Ray, i: usize, triangle: StoredTriangle, job: Job<'_>) {
         let (best, id) = (self.t[i], triangle.id);
-        let corners = triangle.corners(job);
+        let corners = triangle.scene_corners(job);
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };

@@ -26,7 +26,6 @@ impl Launch<'_> {
         for stream in &mut *streams {
             stream.forget();
         }
-        let scene = self.frame.is_scene();
         let mut packet = Packet::default();
         // Fill a packet with sixteen rays, and compute their slab coefficients.
         for (chunk, rays) in self.rays.chunks(MOST).enumerate() {
@@ -45,7 +44,7 @@ impl Launch<'_> {
             // Store the state of each ray; irregular ones are framed by themselves.
             for (lane, own) in rays.iter().enumerate().take(MOST) {
                 let index = first + lane;
-                let still = map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
+                let still = map(own.d, |d| f32::from(u8::from(d != 0.0)));
                 let state = match packet.framed(lane) {
                     Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
@@ -61,7 +60,7 @@ impl Launch<'_> {
                         let line = Line::new(&ray, inv, near, far);
                         (
                             ray.signs,
-                            RayState::new(&ray, line, ray.certain(own), still),
+                            RayState::new(&ray, line, ray.certain(own), ray.still),
                         )
                     }),
                 };

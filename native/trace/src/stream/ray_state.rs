@@ -105,7 +105,12 @@ impl RayState {
     pub fn new(ray: &FrameRay, line: Line, certain: [f32; 2], still: [f32; 3]) -> Self {
         Self {
             line,
-            span: ray.span,
+            // The test of triangles rejects nothing at an infinite span: it does not allow for blur here.
+            span: if ray.is_blurred() {
+                f32::INFINITY
+            } else {
+                ray.span
+            },
             last_place: ray.last_place,
             still_x: still[0],
             origin: [ray.o[0], ray.o[1], ray.o[2], ray.oblique_pad],

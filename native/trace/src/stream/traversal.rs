@@ -133,7 +133,7 @@ impl Launch<'_> {
                 for (index, state) in states.iter_mut().enumerate() {
                     let (ray, frame) = (&self.rays[index], state.ray());
                     match state.best.held() {
-                        Some(held) if self.frame.is_scene() => {
+                        Some(held) if self.frame.is_unscaled() => {
                             late.push(simd, index, self.rays, &frame, held, &mut &mut *write);
                         }
                         _ => write(index, state.best.answer(RayRef { ray, frame: &frame })),

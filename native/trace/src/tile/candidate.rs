@@ -2,6 +2,7 @@
 //! Candidates: triangles that the f32 tests of a leaf could not rule out for some rays of a row.
 
 use fearless_simd::{Simd, f32x16};
+use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::{Blocks, SPAN};
 
@@ -36,13 +37,28 @@ impl StoredTriangle {
         }
     }
 
-    /// The three vertices, for rays in the scene's own frame.
+    /// The three vertices in the frame, which must be unscaled. They are exact, so that the verdict on a ray with an
+    /// exact origin in the frame is that on the ray in the scene.
     #[inline(always)]
     pub fn corners(self, job: Job<'_>) -> [[f32; 3]; 3] {
         if self.stride == 0 {
-            job.scene.corners(self.id)
+            let to_frame = job.blocks.to_frame();
+            map(job.scene.corners(self.id), |p| to_frame.point(p))
         } else {
             job.blocks.corners_at(self.at, self.stride)
+        }
+    }
+
+    /// The three vertices in the scene, of an unscaled frame.
+    #[inline(always)]
+    pub fn scene_corners(self, job: Job<'_>) -> [[f32; 3]; 3] {
+        if self.stride == 0 {
+            job.scene.corners(self.id)
+        } else {
+            let to_frame = job.blocks.to_frame();
+            map(job.blocks.corners_at(self.at, self.stride), |p| {
+                to_frame.vertex_to_scene(p)
+            })
         }
     }
 }

@@ -20,7 +20,7 @@ impl<const R: usize> Tile<R> {
         );
     }
 
-    /// Sets origin and scale for directions whose largest component is about `longest`.
+    /// Sets origin, in the frame, and scale for directions whose largest component is about `longest`.
     #[inline(always)]
     fn set_origin(&mut self, o: [f32; 3], longest: f32) {
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
@@ -50,7 +50,7 @@ impl<const R: usize> Tile<R> {
     fn load_rays<S: Simd>(&mut self, simd: S, frame: &Frame, rays: &[Ray]) {
         let first = &rays[0];
         self.clear();
-        self.set_origin(first.o, largest(first.d));
+        self.set_origin(frame.point(first.o), largest(first.d));
         if rays.len() == R * LANES {
             for row in 0..R {
                 let own = Numbers::of_row(simd, rays, row);
@@ -78,14 +78,15 @@ impl<const R: usize> Tile<R> {
                 self.t[row][lane] = ray.t_max;
             }
         }
-        if self.is_ordinary(frame) && self.is_half_active(rays.len()) {
+        let exact = frame.map().is_exact(self.o);
+        if exact && self.is_ordinary(frame) && self.is_half_active(rays.len()) {
             self.set_up(simd, frame);
         } else {
             self.active = [0; R];
         }
     }
 
-    /// A tile of rays from a common origin to points, which they reach at distance 1. `longest`: largest component of
+    /// A tile of rays from a common origin in the frame to points, which they reach at distance 1. `longest`: largest component of
     /// the directions `d`; `there`: masks of the rays that exist; `active`: masks of those that take part.
     #[inline(always)]
     pub fn to_points(
@@ -127,7 +128,7 @@ impl<const R: usize> Tile<R> {
     /// Whether origin and scale are in the range where nothing overflows.
     #[inline(always)]
     fn is_ordinary(&self, frame: &Frame) -> bool {
-        frame.is_scene()
+        frame.is_unscaled()
             && self.o.iter().all(|x| x.abs() < ORDINARY.end)
             && ORDINARY.contains(&self.to_frame)
     }

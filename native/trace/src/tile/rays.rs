@@ -19,7 +19,7 @@ pub struct Pace {
 
 /// A tile of up to `16 R` rays and their best hits so far.
 pub struct Tile<const R: usize> {
-    /// The common origin.
+    /// The common origin, in the frame.
     pub o: [f32; 3],
     /// Directions in the frame, per row and axis.
     pub d: [[Row; 3]; R],
@@ -127,7 +127,7 @@ impl<const R: usize> Tile<R> {
         job: Job<'_>,
     ) {
         let (best, id) = (self.t[row][lane], triangle.id);
-        let corners = triangle.corners(job);
+        let corners = triangle.scene_corners(job);
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };

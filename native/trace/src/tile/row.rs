@@ -4,6 +4,7 @@
 use crate::tile::ray_index;
 use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
 use halfspace_ray::Ray;
+use halfspace_ray::frame::ToFrame;
 
 /// Number of rays of a row.
 pub const LANES: usize = 16;
@@ -81,6 +82,20 @@ impl<S: Simd> Numbers<S> {
             t_min,
             t_max,
         }
+    }
+
+    /// Converts the origins to a frame, which must be unscaled; returns the mask of those that it does not round.
+    #[inline(always)]
+    pub fn translate(&mut self, simd: S, to_frame: &ToFrame) -> mask32x16<S> {
+        let (origin, exact) = (to_frame.origin(), to_frame.exact());
+        self.o = [
+            self.o[0] - splat(simd, origin[0]),
+            self.o[1] - splat(simd, origin[1]),
+            self.o[2] - splat(simd, origin[2]),
+        ];
+        self.o[0].abs().simd_le(splat(simd, exact[0]))
+            & self.o[1].abs().simd_le(splat(simd, exact[1]))
+            & self.o[2].abs().simd_le(splat(simd, exact[2]))
     }
 }
 

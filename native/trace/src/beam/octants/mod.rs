@@ -108,6 +108,7 @@ impl TileTraversal for OctantBeams<'_> {
         beam.best.resize_with(rays.len(), Best::blank);
         // Trace singly the rays without the common half, and all rays if an origin is far away.
         let (parallel, mut alike) = bundle::alike(rays);
+        alike &= !beam.rows.blurred;
         for i in lanes(if parallel { alike } else { 1 }) {
             if !self.tree.is_near(frame.point(rays[i].o)) {
                 alike = 0;

@@ -119,7 +119,7 @@ impl TileTraversal for PlaneBeams<'_> {
         best.resize_with(rays.len(), Best::blank);
         // Trace as a beam the rays that share an origin and a dominant direction.
         let (parallel, alike) = bundle::alike(rays);
-        let live = rows.live;
+        let (live, alike) = (rows.live, alike & !rows.blurred);
         let forward = mask_of(lanes(live & alike).filter(|&i| rays[i].t_min >= 0.0));
         let together = if parallel { 0 } else { forward };
         let mut singles = live;

@@ -199,7 +199,7 @@ impl<N: Neighbours> SingleTraversal for NeighbourTraversal<'_, N> {
         let (tree, frame) = (self.0, ray.frame);
         // The leaves are inflated for the rounding of the scene's own rays from near origins; other rays go top
         // down.
-        if !tree.is_near(frame.o) || frame.instance.is_some() {
+        if !tree.is_near(frame.o) || frame.is_blurred() {
             return OctreeTraversal(tree).cast::<S, Q, C>(simd, job, ray, entries, counters);
         }
         let grid = Grid::new(tree, frame.signs);

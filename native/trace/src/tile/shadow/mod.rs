@@ -18,18 +18,21 @@ use crate::tile::{
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_geom::vec3::{add_scaled, dot as dot64, sub as sub64, widen};
 use halfspace_geom::verdict::verdict_within;
-use halfspace_ray::frame::Frame;
+use halfspace_ray::frame::{Frame, ToFrame};
 use halfspace_ray::query::Counters;
 use halfspace_ray::{Ray, RaySlice};
 
-/// The shadow rays of a tile, as given.
+/// The shadow rays of a tile.
 pub struct Shadows<const R: usize> {
+    /// Origins in the frame; the frame does not round those of the tile.
     o: [[Row; 3]; R],
     /// Directions divided by a power of two, the reciprocal of `to_scene`.
     d: [[Row; 3]; R],
     to_scene: f64,
     t_min: [Row; R],
     t_max: [Row; R],
+    /// Masks of the rays whose origins the frame does not round; the others are traced outside the tile.
+    exact: [u16; R],
     /// Masks of the occluded rays.
     pub blocked: [u16; R],
 }
@@ -61,19 +64,22 @@ impl<const R: usize> Shadows<R> {
         if rays.len() < LANES || !ORDINARY.contains(&unit) || !ORDINARY.contains(&first.t_max) {
             return None;
         }
+        let to_frame = frame.map();
         let mut shadows = Self {
             o: [[[0.0; LANES]; 3]; R],
             d: [[[0.0; LANES]; 3]; R],
             to_scene: 1.0 / f64::from(unit),
             t_min: [[0.0; LANES]; R],
             t_max: [[f32::NEG_INFINITY; LANES]; R],
+            exact: [0; R],
             blocked: [0; R],
         };
         // Load the rays: rows of a full tile as vectors, others ray by ray.
         let mut there = [0; R];
         if rays.len() == R * LANES {
             for (row, there) in there.iter_mut().enumerate() {
-                let own = Numbers::of_row(simd, rays, row);
+                let mut own = Numbers::of_row(simd, rays, row);
+                shadows.exact[row] = bits(own.translate(simd, to_frame));
                 for k in 0..3 {
                     own.o[k].store_slice(&mut shadows.o[row][k]);
                     own.d[k].store_slice(&mut shadows.d[row][k]);
@@ -85,8 +91,10 @@ impl<const R: usize> Shadows<R> {
         } else {
             for (i, ray) in rays.iter().enumerate() {
                 let (row, lane) = row_and_lane(i);
-                for k in 0..3 {
-                    shadows.o[row][k][lane] = ray.o[k];
+                let o = to_frame.point(ray.o);
+                shadows.exact[row] |= u16::from(to_frame.is_exact(o)) << lane;
+                for (k, o) in o.into_iter().enumerate() {
+                    shadows.o[row][k][lane] = o;
                     shadows.d[row][k][lane] = ray.d[k];
                 }
                 shadows.t_min[row][lane] = ray.t_min;
@@ -96,7 +104,7 @@ impl<const R: usize> Shadows<R> {
         }
         shadows.scale(simd, unit);
         // Estimate the light and reverse the rays; give up if they do not meet there closely enough.
-        let light = light(rays);
+        let light = light(to_frame, rays);
         let (mut tile, blur) = shadows.seen_from(simd, light, unit, there)?;
         if !tile.is_half_active(rays.len()) {
             return None;
@@ -161,7 +169,7 @@ impl<const R: usize> Shadows<R> {
                 & own.simd_lt(size * splat(simd, BLUR))
                 & t_min.simd_ge(splat(simd, 0.0))
                 & largest(d).simd_lt(splat(simd, 2.0));
-            active[row] = bits(fine) & there[row];
+            active[row] = bits(fine) & there[row] & self.exact[row];
             let fine = mask32x16::from_bitmask(simd, u64::from(active[row]));
             let own: f32x16<S> = fine.select(own, splat(simd, 0.0));
             let size: f32x16<S> = fine.select(size, splat(simd, 0.0));
@@ -181,18 +189,18 @@ impl<const R: usize> Shadows<R> {
     }
 }
 
-/// Estimate of the light. Of four sample rays, the one whose direction differs most from the first ray's is chosen; the
+/// Estimate of the light in the frame. Of four sample rays, the one whose direction differs most from the first ray's is chosen; the
 /// light is the point of the first ray nearest to it, or the first ray's end if all are parallel.
 #[inline(always)]
-fn light(rays: &[Ray]) -> [f32; 3] {
+fn light(to_frame: &ToFrame, rays: &[Ray]) -> [f32; 3] {
     let first = &rays[0];
-    let (o, d) = (widen(first.o), widen(first.d));
+    let (o, d) = (widen(to_frame.point(first.o)), widen(first.d));
     let square = dot64(d, d);
     let mut best = (1e-12 * square * square, f64::from(first.t_max));
     // Intersect with the sample ray of the largest angle, by the closest points of two lines.
     for i in [7, 15, rays.len() - 8, rays.len() - 1] {
         let other = &rays[i];
-        let (p, e) = (widen(other.o), widen(other.d));
+        let (p, e) = (widen(to_frame.point(other.o)), widen(other.d));
         let (both, own) = (dot64(d, e), dot64(e, e));
         let sine = square * own - both * both;
         if sine > best.0 {
@@ -293,6 +301,7 @@ impl<const R: usize> Resolver<R> for Shadows<R> {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
             let ray = &input.rays[ray_index(row, lane)];
+            let corners = candidate.triangle.scene_corners(input.job());
             let found = verdict_within(ray.o, ray.d, corners, [ray.t_min, ray.t_max]);
             let hit = found.is_some_and(|at| ray.reaches(at.t));
             blocked |= u16::from(hit) << lane;
