@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Scenes far from the origin: every structure and traversal gives the exact answers, for rays that start in the scene,
-//! near it, at the origin and beyond, where the frame rounds their origins.
+//! near it, at the origin and beyond, where the frame rounds their origins; and far scenes take no more work than near
+//! ones.
 
 use super::build;
 use halfspace::oracle::cases::{Random, aimed, grid, ray, soup};
 use halfspace::oracle::exact_closest;
-use halfspace::ray::{Hit, Order, Ray, Tracer};
+use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
 use rayon::prelude::*;
@@ -128,4 +129,46 @@ fn far_scenes_get_exact_answers() {
             }
         }
     });
+}
+
+/// The frames of a far scene and of its twin differ by the middle of the scene, so that planes are rounded otherwise and
+/// small trees may differ. Bounds that grow with the offset take many times as many tests.
+#[test]
+fn far_scenes_take_no_more_work() {
+    let work = |offset: [f32; 3]| {
+        let scene = scene(offset, 1.0);
+        // The twin at the origin has the vertices that were rounded at the offset.
+        let back = |p: [f32; 3]| -> [f32; 3] { std::array::from_fn(|k| p[k] - offset[k]) };
+        let near = Arc::new(
+            Triangles::new(
+                scene.vertices().iter().map(|p| back(*p)).collect(),
+                scene.indices().to_vec(),
+            )
+            .expect("as many vertices"),
+        );
+        let from = |o: [f32; 3]| -> Vec<Ray> {
+            let mut random = Random(3);
+            (0..512).map(|_| ray(o, random.point(-1.0, 1.0))).collect()
+        };
+        let inside = [offset[0] + 1.0, offset[1] + 1.0, offset[2] + 1.0];
+        (scene, from(inside), near, from(back(inside)))
+    };
+    let (far, far_rays, near, near_rays) = work(OFFSETS[0].0);
+    let count = |scene: &Arc<Triangles>, rays: &[Ray], spec: &str| {
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        let mut hits = vec![Hit::MISS; rays.len()];
+        build(scene, spec, 1).closest(rays, &mut hits, Some(&mut counters));
+        let sum =
+            |of: fn(&RayCounters) -> u32| counters.iter().map(|c| f64::from(of(c))).sum::<f64>();
+        [sum(RayCounters::visits), sum(|c| c.tests)]
+    };
+    for spec in specs() {
+        let (far, near) = (
+            count(&far, &far_rays, &spec),
+            count(&near, &near_rays, &spec),
+        );
+        for (far, near) in far.into_iter().zip(near) {
+            assert!(far <= 1.5 * near, "{spec}: {far} instead of {near}");
+        }
+    }
 }
