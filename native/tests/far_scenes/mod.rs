@@ -9,6 +9,7 @@ use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
+use halfspace::structure::row::Kind;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -27,8 +28,10 @@ fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
         specs.extend(tree.spelled_ways());
-        if tree.params.iter().any(|p| p.name == "shadow") {
-            specs.extend(["cache", "beam"].map(|way| format!("{}:shadow={way}", tree.id)));
+        let shadow = tree.params.iter().find(|p| p.name == "shadow");
+        if let Some(Kind::Choice(ways)) = shadow.map(|p| &p.kind) {
+            let others = ways.iter().filter(|way| way.name != "none");
+            specs.extend(others.map(|way| format!("{}:shadow={}", tree.id, way.name)));
         }
     }
     specs
