@@ -2,9 +2,9 @@
 //! The frame in which traversals run in f32, and the conversion of rays to it with their error bounds.
 //!
 //! A scene far from the origin is translated to it by an exact subtraction ([`ToFrame`]). A scene whose largest
-//! coordinate is then far from 1 is scaled by a power of two, which changes no bit of a mantissa; a ray's direction is scaled so that its largest component lies in [1, 2). In this frame products
-//! of three coordinates neither overflow nor underflow, and the bounds below hold. `u` is the unit roundoff of
-//! f32, 2^-24.
+//! coordinate is then far from 1 is scaled by a power of two, which changes no bit of a mantissa; a ray's direction is
+//! scaled so that its largest component lies in [1, 2). In this frame products of three coordinates neither overflow
+//! nor underflow, and the bounds below hold. `u` is the unit roundoff of f32, 2^-24.
 
 pub use crate::frame_ray::FrameRay;
 use crate::ray::{Hit, Ray};

@@ -86,8 +86,9 @@ impl<const R: usize> Tile<R> {
         }
     }
 
-    /// A tile of rays from a common origin in the frame to points, which they reach at distance 1. `longest`: largest component of
-    /// the directions `d`; `there`: masks of the rays that exist; `active`: masks of those that take part.
+    /// A tile of rays from a common origin in the frame to points, which they reach at distance 1. `longest`: largest
+    /// component of the directions `d`; `there`: masks of the rays that exist; `active`: masks of those that take
+    /// part.
     #[inline(always)]
     pub fn to_points(
         o: [f32; 3],

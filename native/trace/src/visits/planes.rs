@@ -108,8 +108,8 @@ pub struct Crossing {
 }
 
 impl Crossing {
-    /// The intervals of one ray in the far and the near child of the first ray: those of [`oblique`], for an origin with
-    /// the error bound of its height, and a direction.
+    /// The intervals of one ray in the far and the near child of the first ray: those of [`oblique`], for an origin
+    /// with the error bound of its height, and a direction.
     #[inline(always)]
     pub fn cut_one(
         &self,

@@ -189,8 +189,8 @@ impl<const R: usize> Shadows<R> {
     }
 }
 
-/// Estimate of the light in the frame. Of four sample rays, the one whose direction differs most from the first ray's is chosen; the
-/// light is the point of the first ray nearest to it, or the first ray's end if all are parallel.
+/// Estimate of the light in the frame. Of four sample rays, the one whose direction differs most from the first ray's
+/// is chosen; the light is the point of the first ray nearest to it, or the first ray's end if all are parallel.
 #[inline(always)]
 fn light(to_frame: &ToFrame, rays: &[Ray]) -> [f32; 3] {
     let first = &rays[0];
