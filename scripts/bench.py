@@ -20,6 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("bench")
+
 from addon.core.base import command, native
 from addon.core.base.native import first_line
 from addon.core.measure import benchmark, curve, offsets, preparation, ranking, thesis, yardstick

@@ -17,6 +17,11 @@ from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("choose")
+
 from addon.core.base import command, native, room
 from addon.core.choose import auto, choice
 from addon.core.measure import check

@@ -18,6 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("claims")
+
 from addon.core.base import command, native
 from addon.core.report import results
 from addon.core.scene import workload

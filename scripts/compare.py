@@ -35,6 +35,11 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("compare")
+
 from addon.core.base import command, native
 from addon.core.base.native import first_line
 from addon.core.report import results
@@ -304,13 +309,14 @@ def _start(asked: argparse.Namespace) -> Any:
     """Check the options and start Blender with the extension. Returns bpy. Raises FolderError."""
     results.prepare_folder(asked.out)
 
-    import bpy
+    with interrupt.guarded():
+        import bpy
 
-    import addon
+        import addon
 
-    native.load()
-    if not hasattr(bpy.context.scene, "halfspace"):
-        addon.register()
+        native.load()
+        if not hasattr(bpy.context.scene, "halfspace"):
+            addon.register()
     return bpy
 
 

@@ -22,6 +22,11 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("render")
+
 from addon.core.base import command, native, picture_files, png
 from addon.core.choose import choice
 from addon.core.report import results
@@ -86,18 +91,19 @@ def render(asked: argparse.Namespace) -> int:
     native.load()
     if importlib.util.find_spec("bpy") is None:
         return render_bare(asked)
-    import bpy
+    with interrupt.guarded():
+        import bpy
 
-    import addon
+        import addon
 
-    if not hasattr(bpy.context.scene, "halfspace"):
-        addon.register()
-    from addon.blender.session import reports, trees
-    from addon.blender.settings import properties
-    from lab.pictures import scenes
+        if not hasattr(bpy.context.scene, "halfspace"):
+            addon.register()
+        from addon.blender.session import reports, trees
+        from addon.blender.settings import properties
+        from lab.pictures import scenes
 
-    # Open the file, apply the options and render.
-    scenes.open_file(asked.file)
+        scenes.open_file(asked.file)
+    # Apply the options and render.
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
     _configure(scene, asked)

@@ -14,6 +14,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core.base import interrupt
+
+if __name__ == "__main__":
+    interrupt.guard("reported")
+
 from addon.core.base import command, native
 from addon.core.report import results
 from lab.base.usage import Parser

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from addon.core.base import native
+from addon.core.base import interrupt, native
 from addon.core.scene import grid, workload
 
 from ..base.usage import UsageError
@@ -37,7 +37,8 @@ def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callab
         path = found
         return lambda: workload.load_npz(path, memory_limit=native.load().free_memory(), published=published)
     try:
-        from addon.blender.measure import workloads
+        with interrupt.guarded():
+            from addon.blender.measure import workloads
     except ImportError as error:
         if isinstance(found, Path) and found.suffix.lower() in mesh_files.READERS:
             mesh = found

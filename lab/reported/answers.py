@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base import interrupt
 from addon.core.base.arrays import F32
 from addon.core.measure import yardstick
 
@@ -57,7 +58,8 @@ def others() -> tuple[dict[str, Tracer], list[str]]:
     else:
         missing.append(reason)
     try:
-        import bpy  # noqa: F401
+        with interrupt.guarded():
+            import bpy  # noqa: F401
     except ImportError as error:
         missing.append(f"BVHTree needs Blender as a module ({error})")
     else:

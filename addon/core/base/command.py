@@ -11,12 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from . import interrupt
+from .interrupt import STOPPED
 from .native import FAILURES, in_one_line
 
 BAD_INPUT = 2
-
-STOPPED = 130
-"""Exit status of a program interrupted from the keyboard, as shells report it."""
 
 INTERRUPTED = "interrupted"
 """Message of the render engine's error for an interrupted render; Blender wraps it in an error of its own."""
@@ -43,7 +42,7 @@ def run(
     caught: tuple[type[Exception], ...] = (*FAILURES, OSError, OutputError, *told)
     asked = None
     try:
-        with _output():
+        with interrupt.raising(), _output():
             asked = read(arguments)
             return work(asked)
     except KeyboardInterrupt:
