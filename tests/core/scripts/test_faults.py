@@ -192,12 +192,29 @@ SHORT = ["grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--che
 SHORT += ["--rays", "primary", "--only-rays", "--curve", "none"]
 
 
+SMALL = [
+    "--structures",
+    "kd",
+    "--triangles",
+    "1e4",
+    "--repeats",
+    "1",
+    "--size",
+    "64",
+    "--check-rays",
+    "64",
+    "--no-peak",
+]
+
+
 @pytest.mark.parametrize(
     ("room", "command"),
     [
         (64, ["bench.py", *SHORT]),
         (4000, ["bench.py", *SHORT]),
+        (4000, ["bench.py", *SHORT, "--export", "latex"]),
         (64, ["stability.py", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]),
+        (64, ["growth.py", *SMALL]),
     ],
 )
 def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int, command: list[str]) -> None:
@@ -209,3 +226,15 @@ def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int,
     assert "cannot be written" in done.stderr.splitlines()[-1]
     # What is there is whole.
     assert {path.name for path in tmp_path.iterdir()} <= {"rows.jsonl", "bench.json", "bench.csv"}
+
+
+def test_a_tree_on_a_full_disk_keeps_the_old_archive(tmp_path: Path) -> None:
+    pytest.importorskip("resource", reason="this system limits no file's size")
+    out = tmp_path / "tree.npz"
+    out.write_bytes(b"old")
+    done = little_room.run(64, "export.py", ["grid", "--out", str(out)])
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "cannot be written" in done.stderr.splitlines()[-1]
+    assert out.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [out]
