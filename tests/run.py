@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -48,6 +49,8 @@ class Counts:
 
 
 def main(arguments: list[str]) -> int:
+    # A shell that starts this in the background has it ignore Ctrl-C, and all processes that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     counts_file = None
     if arguments[:1] == ["--counts"]:
         counts_file, arguments = Path(arguments[1]), arguments[2:]
