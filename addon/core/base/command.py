@@ -37,9 +37,10 @@ def run(
     """Parse a command line and run its work. Returns the exit status: 2 after a failure, 130 after Ctrl-C.
 
     keeps: returns the folder whose journal holds the finished rows, for the message after an interrupt. told:
-    exceptions reported in one line, in addition to FAILURES and OSError.
+    exceptions reported in one line, in addition to FAILURES and OSError, and to ImportError, of libraries that are
+    loaded when they are needed.
     """
-    caught: tuple[type[Exception], ...] = (*FAILURES, OSError, OutputError, *told)
+    caught: tuple[type[Exception], ...] = (*FAILURES, OSError, ImportError, OutputError, *told)
     asked = None
     try:
         with interrupt.raising(), _output():

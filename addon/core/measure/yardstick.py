@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base import native
 from .accuracy import Answers
 
 if TYPE_CHECKING:
@@ -26,6 +27,12 @@ FAR = np.float32(1e30)
 """Substitute for infinite t_max, which Embree does not accept."""
 
 
+ROOM = 512_000_000
+"""Bytes of free memory that Embree needs to start. Measured: with about 350 MB below a limit of the address space it
+starts, with less it ends the process.
+"""
+
+
 def problem() -> str | None:
     """The reason why Embree cannot be used here, or None."""
     try:
@@ -33,6 +40,9 @@ def problem() -> str | None:
         import embreex.rtcore_scene  # noqa: F401
     except ImportError as error:
         return f"embreex cannot be imported ({error})"
+    free = native.load().free_memory()
+    if free < ROOM:
+        return f"it needs {ROOM // 1_000_000} MB of memory to start, of {free // 1_000_000} MB that are free"
     return None
 
 

@@ -7,9 +7,10 @@ import importlib.util
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
+from ..base.native import first_line
 from ..base.notes import few
 from ..measure import counting, yardstick
 from ..measure.rows import Row, agrees
@@ -63,9 +64,18 @@ class Picture:
     narrow: str = ""
 
 
+@cache
 def problem() -> str | None:
     """The reason why there are no plots, or None."""
-    return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
+    if not importlib.util.find_spec("matplotlib"):
+        return "matplotlib is not installed in this Python"
+    try:
+        import matplotlib.backends.backend_svg
+        import matplotlib.figure  # noqa: F401
+    except ImportError as error:
+        # As where no memory is left for its libraries.
+        return f"matplotlib cannot be loaded ({first_line(error)})"
+    return None
 
 
 def scene_figures(rows: Sequence[Row], published: Published | None = None) -> list[Picture]:
