@@ -5,6 +5,7 @@
 //! of what is computed from them.
 
 use crate::feature::{Fraction, Seen, Vector};
+use halfspace_geom::exact::parts;
 use num_bigint::{BigInt, BigUint, Sign};
 use std::cmp::Ordering;
 
@@ -80,25 +81,6 @@ impl Unit {
 /// Returns the exact order of two squared distances.
 pub fn order(a: &Fraction<BigInt>, b: &Fraction<BigInt>) -> Ordering {
     a.order(b).expect("integers are certain").cmp(&0)
-}
-
-/// Returns mantissa and exponent of a finite number: `x = m 2^e`.
-fn parts(x: f32) -> (i32, i32) {
-    let bits = x.to_bits();
-    let exponent = ((bits >> 23) & 0xff).cast_signed();
-    let fraction = (bits & 0x7f_ffff).cast_signed();
-    // Normal numbers have an implicit leading bit, subnormal ones do not.
-    let mantissa = if exponent == 0 {
-        fraction
-    } else {
-        fraction | 0x80_0000
-    };
-    let signed = if x.is_sign_negative() {
-        -mantissa
-    } else {
-        mantissa
-    };
-    (signed, exponent.max(1) - 150)
 }
 
 /// Returns the number of bits.

@@ -210,7 +210,7 @@ impl Places {
 
 /// Returns mantissa and exponent of a finite number: `x = m 2^e`.
 #[inline(always)]
-fn parts(x: f32) -> (i32, i32) {
+pub fn parts(x: f32) -> (i32, i32) {
     let bits = x.to_bits();
     let exponent = ((bits >> 23) & 0xff).cast_signed();
     let fraction = (bits & 0x7f_ffff).cast_signed();
