@@ -5,10 +5,9 @@
 use crate::stream::Steps;
 use crate::stream::lists::{Entry, Stream, small};
 use crate::stream::ray_state::RayState;
-use crate::visits::planes::Crossing;
-use crate::visits::{Cut, FAR, Gap, INV, Inside, LANES, Lanes, NEAR, Nodes, Visitor};
+use crate::visits::{Cut, CutOne, Inside, LANES, Lanes, Nodes, OneRay, Visitor};
 use fearless_simd::{Simd, SimdBase, SimdCombine, SimdMask, f32x4, f32x8, mask32x8, u32x8};
-use halfspace_geom::bound::{keep_max, keep_min};
+use halfspace_geom::bound::keep_min;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::Interval;
@@ -205,57 +204,29 @@ impl<P: Copy> Visitor<P> for Visit<'_, P> {
     }
 
     #[inline(always)]
-    fn halve<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], gap: &Gap) {
+    fn halve<S: Simd>(
+        &mut self,
+        simd: S,
+        children: [Option<P>; 2],
+        cut: &(impl Cut<S, 2> + CutOne),
+    ) {
         if self.own.rays <= FEW {
-            self.stream.halve_few(
-                self.own,
-                self.states,
-                children,
-                #[inline(always)]
-                |state, inside| {
-                    let axis = &state.line.axes[gap.axis % 3];
-                    let soon = keep_max(gap.begins * axis[INV] + axis[NEAR], inside.enter);
-                    let late = keep_min(gap.ends * axis[INV] + axis[FAR], inside.leave);
-                    [
-                        Interval::new(soon, inside.leave),
-                        Interval::new(inside.enter, late),
-                    ]
-                },
-            );
+            self.stream.halve_few(self.own, self.states, children, cut);
         } else {
-            self.distribute(simd, children, gap);
-        }
-    }
-
-    #[inline(always)]
-    fn cross<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], crossing: &Crossing) {
-        if self.own.rays <= FEW {
-            self.stream.halve_few(
-                self.own,
-                self.states,
-                children,
-                #[inline(always)]
-                |state, inside| {
-                    let [x, y, z, _] = state.direction;
-                    crossing.cut_one(state.origin, [x, y, z], inside)
-                },
-            );
-        } else {
-            self.distribute(simd, children, crossing);
+            self.distribute(simd, children, cut);
         }
     }
 }
 
 impl<P: Copy> Stream<P> {
-    /// Distributes few rays over two children one after another: eight lanes would be mostly unused. `cut` cuts the
-    /// interval of a ray into those in the far and the near child.
+    /// [`Visitor::halve`] for few rays, one after another: eight lanes would be mostly unused.
     #[inline(always)]
     fn halve_few(
         &mut self,
         own: Entry<P>,
         states: &[RayState],
         [far, near]: [Option<P>; 2],
-        cut: impl Fn(&RayState, Interval) -> [Interval; 2],
+        cut: &impl CutOne,
     ) {
         let (first, rays) = (own.first as usize, own.rays as usize);
         // The list of the far child replaces the parent's, that of the near one follows.
@@ -266,7 +237,13 @@ impl<P: Copy> Stream<P> {
             let ray = self.lists[at];
             let state = &states[ray as usize];
             let leave = keep_min(self.leave[at], state.line.reach());
-            let [far, near] = cut(state, Interval::new(self.enter[at], leave));
+            let [x, y, z, _] = state.direction;
+            let one = OneRay {
+                axes: &state.line.axes,
+                origin: state.origin,
+                direction: [x, y, z],
+            };
+            let [far, near] = cut.cut_one(&one, Interval::new(self.enter[at], leave));
             // Append without a branch: an entry that is not counted is overwritten.
             (self.lists[behind], self.enter[behind], self.leave[behind]) =
                 (ray, far.enter, far.leave);

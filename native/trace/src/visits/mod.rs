@@ -5,18 +5,18 @@
 pub mod cells;
 mod few_boxes;
 mod octants;
-pub mod planes;
+mod planes;
 mod slabs;
 mod slanted;
 pub mod wide_planes;
 mod wide_slabs;
 
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
-use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
-use planes::Crossing;
 
 /// Passes each kind of nodes without kernels of its own to a macro that defines the kernels of a way of sending rays.
 macro_rules! kernels_of_all_nodes {
@@ -137,6 +137,22 @@ pub trait Cut<S: Simd, const N: usize> {
     fn cut<L: Lanes<S>>(&self, simd: S, lanes: &L) -> [Inside<S>; N];
 }
 
+/// One ray in a node: the rows whose columns are those of [`Lanes`].
+pub struct OneRay<'a> {
+    /// What planes across each axis need, see [`Lanes::axis`].
+    pub axes: &'a [[f32; 4]; 3],
+    /// The origin, and the error bound of its height over oblique planes.
+    pub origin: [f32; 4],
+    /// The direction.
+    pub direction: [f32; 3],
+}
+
+/// Cuts the interval of one ray, as a [`Cut`] with two children cuts those of eight.
+pub trait CutOne {
+    /// The intervals in the far and the near child, empty where the ray misses it. `inside` ends at the best hit.
+    fn cut_one(&self, ray: &OneRay<'_>, inside: Interval) -> [Interval; 2];
+}
+
 /// The rays that visit a node together, all of one octant, and their stack.
 pub trait Visitor<P> {
     /// The octant: bit `k` is set for rays that descend along axis `k`.
@@ -153,16 +169,15 @@ pub trait Visitor<P> {
         cut: &impl Cut<S, N>,
     );
 
-    /// [`Self::distribute`] for the far and the near child of a node, in this order, which `gap` separates.
+    /// [`Self::distribute`] for the far and the near child of a node, in this order.
     #[inline(always)]
-    fn halve<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], gap: &Gap) {
-        self.distribute(simd, children, gap);
-    }
-
-    /// The same for the children of a node that an oblique plane separates, the far one of the first ray first.
-    #[inline(always)]
-    fn cross<S: Simd>(&mut self, simd: S, children: [Option<P>; 2], crossing: &Crossing) {
-        self.distribute(simd, children, crossing);
+    fn halve<S: Simd>(
+        &mut self,
+        simd: S,
+        children: [Option<P>; 2],
+        cut: &(impl Cut<S, 2> + CutOne),
+    ) {
+        self.distribute(simd, children, cut);
     }
 }
 
@@ -211,5 +226,18 @@ impl<S: Simd> Cut<S, 2> for Gap {
         let soon = keep_max_each(begins.mul_add(rows[INV], rows[NEAR]), enter);
         let late = keep_min_each(ends.mul_add(rows[INV], rows[FAR]), leave);
         [Inside { enter: soon, leave }, Inside { enter, leave: late }]
+    }
+}
+
+impl CutOne for Gap {
+    #[inline(always)]
+    fn cut_one(&self, ray: &OneRay<'_>, inside: Interval) -> [Interval; 2] {
+        let axis = &ray.axes[self.axis % 3];
+        let soon = keep_max(self.begins * axis[INV] + axis[NEAR], inside.enter);
+        let late = keep_min(self.ends * axis[INV] + axis[FAR], inside.leave);
+        [
+            Interval::new(soon, inside.leave),
+            Interval::new(inside.enter, late),
+        ]
     }
 }

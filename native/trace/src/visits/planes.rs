@@ -3,7 +3,7 @@
 //! may disagree about the near side of an oblique plane; the first ray decides the order, and each ray keeps its own
 //! interval in both children.
 
-use crate::visits::{Cut, Gap, Inside, Lanes, Nodes, Visitor};
+use crate::visits::{Cut, CutOne, Gap, Inside, Lanes, Nodes, OneRay, Visitor};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use halfspace_leaf::Leaf;
@@ -75,7 +75,7 @@ impl Nodes for PlaneTree {
                 let near = children + u32::from(down);
                 let places = [near ^ 1, near].map(|child| self.held(child, empty));
                 let plane = Plane { normal, offset };
-                visitor.cross(simd, places, &Crossing { plane, down });
+                visitor.halve(simd, places, &Crossing { plane, down });
             }
             Node::Leaf { .. } => {}
         }
@@ -102,24 +102,19 @@ pub struct Plane {
 }
 
 /// An oblique plane, and whether the first ray descends through it.
-pub struct Crossing {
+struct Crossing {
     plane: Plane,
     down: bool,
 }
 
-impl Crossing {
-    /// The intervals of one ray in the far and the near child of the first ray: those of [`oblique`], for an origin
-    /// with the error bound of its height, and a direction.
+/// The formulas of [`oblique`].
+impl CutOne for Crossing {
     #[inline(always)]
-    pub fn cut_one(
-        &self,
-        [o_x, o_y, o_z, pad]: [f32; 4],
-        direction: [f32; 3],
-        inside: Interval,
-    ) -> [Interval; 2] {
+    fn cut_one(&self, ray: &OneRay<'_>, inside: Interval) -> [Interval; 2] {
         let Plane { normal, offset } = self.plane;
+        let [o_x, o_y, o_z, pad] = ray.origin;
         let along = |v: [f32; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
-        let speed = along(direction);
+        let speed = along(ray.direction);
         let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
         let distance = (offset - along([o_x, o_y, o_z])) * inv;
         let slack = pad * inv.abs();
