@@ -95,8 +95,8 @@ class BVHTree:
         vertex if this diagonal lies inside. all_triangles: promises that all have three. epsilon: without effect.
         Raises ValueError for indices out of range, and for other polygons than promised.
         """
-        _check(polygons, len(vertices), 3 if all_triangles else None)  # type: ignore[arg-type]
         points = np.asarray(vertices, np.float64).reshape(-1, 3)
+        _check(polygons, len(points), 3 if all_triangles else None)
         if all_triangles:
             return cls(points, np.asarray(polygons, np.int64))
         # Round the vertices first: the triangles must suit what is traced.
