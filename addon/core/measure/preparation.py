@@ -47,8 +47,8 @@ class Options:
     scaling: whether smaller views are timed. tradeoff: whether errors are measured against the time of a ray, with
     and without error bounds. peak: whether each build is repeated in its own process, to measure its memory. maps:
     whether cost maps are kept. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
-    pictures are timed once, and only one configuration of each tree, through its own nodes as fast as it goes, gets
-    pictures with more than the fewest samples and a measurement of peak memory.
+    pictures are timed once, and only the usually quickest configuration of each tree gets pictures with more than
+    the fewest samples and a measurement of peak memory.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
     """

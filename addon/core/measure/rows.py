@@ -251,6 +251,15 @@ def tables(native: Native, spec: str) -> tuple[str, ...]:
         return ("chosen",)
 
 
+def is_quickest(native: Native, spec: str) -> bool:
+    """Whether a configuration is the one of its tree that is usually the quickest."""
+    structure = catalogue.of(native.structures()).get(specs.structure_of(spec))
+    try:
+        return structure is not None and ways.is_quickest(structure, specs.canonical(native, spec))
+    except FAILURES:
+        return False
+
+
 def add_ways(row: Row, found: dict[str, Way]) -> None:
     """Record how each ray set of a row was answered. A row with rays that went together leaves the table of single
     rays.

@@ -84,6 +84,16 @@ def tables(structure: Structure, spec: str) -> tuple[Table, ...]:
     return tuple(found) or ("chosen",)
 
 
+def is_quickest(structure: Structure, spec: str) -> bool:
+    """Whether a configuration in the native spelling is the one of `fastest` that is usually the quickest: that through
+    boxes, where planes can be made into them, else that through the structure's own nodes (docs/results.md).
+    """
+    able = _fastest(structure)
+    nodes = "boxes" if any(way.nodes == "boxes" for way in able) else own_nodes(structure)
+    way = way_of(structure, spec)
+    return way in able and (len(able) == 1 or (way is not None and way.nodes == nodes))
+
+
 def label(structure: Structure, spec: str) -> str:
     """A configuration as the first column of a table shows it: only the tree, if the columns of nodes and rays name the
     rest.
