@@ -781,7 +781,9 @@ class RenderStatistics(TypedDict):
 
     seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued
     behind a transparent surface count again; rays_secondary: rays after a bounce or through a
-    transparent surface. mrays_s: all rays per second, in millions. steps, tests: inner nodes
+    transparent surface. beams: groups of secondary rays that came from one virtual eye and were traced in tiles,
+    rays_beams: rays in them, beam_deviation: largest angle between such a ray and the direction of the single ray,
+    radians; all 0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes
     visited and triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests"
     is among the passes, because an uncounted traversal is faster.
     """
@@ -790,6 +792,9 @@ class RenderStatistics(TypedDict):
     rays_primary: int
     rays_shadow: int
     rays_secondary: int
+    beams: int
+    rays_beams: int
+    beam_deviation: float
     mrays_s: float
     steps: int | None
     tests: int | None
@@ -957,7 +962,9 @@ def render(
         adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
         for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
         improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
-        lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "seed" (0);
+        lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "secondary_beams" (False), for
+        whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with
+        refraction approximate (Heckbert and Hanrahan 1984); "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
         ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours

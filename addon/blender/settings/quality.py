@@ -90,6 +90,12 @@ _LIGHT_PATHS: dict[str, Any] = {
     "max_bounces": IntProperty(
         name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
     ),
+    "secondary_beams": BoolProperty(
+        name="Beams",
+        description="Send the rays that flat mirrors and panes reflect and refract as beams from the virtual eye of "
+        "each polygon (Heckbert and Hanrahan 1984). Mirrors stay exact, refraction becomes approximate",
+        default=False,
+    ),
     "clamp_direct": FloatProperty(
         name="Clamp Direct",
         description="Largest contribution of one sample up to its first bounce. Lower values remove fireflies and "
@@ -190,6 +196,7 @@ def settings(scene: Any) -> dict[str, Any]:
         "filter_glossy": group.filter_glossy,
         "caustics_reflective": group.caustics_reflective,
         "caustics_refractive": group.caustics_refractive,
+        "secondary_beams": group.secondary_beams and integrator(group) == "whitted",
         "exposure": group.film_exposure,
         "filter": FILTERS[pixels],
         # As in Cycles, whose box is always one pixel wide.

@@ -142,7 +142,11 @@ class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
         return super().poll(context) and context.scene.halfspace.integrator != "ao"
 
     def draw(self, context: Any) -> None:
-        self.column().prop(context.scene.halfspace, "max_bounces")
+        column = self.column()
+        group = context.scene.halfspace
+        column.prop(group, "max_bounces")
+        if group.integrator == "whitted":
+            column.prop(group, "secondary_beams")
 
 
 class HALFSPACE_PT_light_paths_clamping(EnginePanel, bpy.types.Panel):

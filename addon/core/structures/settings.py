@@ -70,7 +70,8 @@ class RenderSettings:
     integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
     clamp_direct, clamp_indirect: largest contribution of a sample up to and after its first bounce, 0 = no limit.
     filter_glossy: blur of lobes met after improbable bounces, 0 = none. caustics_reflective, caustics_refractive:
-    whether lobes that reflect and refract are kept after a diffuse bounce. exposure: factor on the colours. filter:
+    whether lobes that reflect and refract are kept after a diffuse bounce. secondary_beams: whether rays that flat
+    polygons mirror and refract go as beams, for whitted. exposure: factor on the colours. filter:
     blackman_harris or box, of filter_width pixels. passes: names of the output arrays. noise_threshold: error below
     which a block of pixels gets no more samples, 0 = none is skipped. time_limit: seconds after which no samples
     begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
@@ -88,6 +89,7 @@ class RenderSettings:
     filter_glossy: float = 0.0
     caustics_reflective: bool = True
     caustics_refractive: bool = True
+    secondary_beams: bool = False
     exposure: float = 1.0
     filter: str = "blackman_harris"
     filter_width: float = 1.5
@@ -131,6 +133,7 @@ class RenderSettings:
             "filter_glossy": self.filter_glossy,
             "caustics_reflective": self.caustics_reflective,
             "caustics_refractive": self.caustics_refractive,
+            "secondary_beams": self.secondary_beams,
             "exposure": self.exposure,
             "filter": self.filter,
             "filter_width": self.filter_width,

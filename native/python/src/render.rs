@@ -232,6 +232,9 @@ impl RenderJob {
         dict.set_item("rays_primary", work.rays_primary)?;
         dict.set_item("rays_shadow", work.rays_shadow)?;
         dict.set_item("rays_secondary", work.rays_secondary)?;
+        dict.set_item("beams", work.beams)?;
+        dict.set_item("rays_beams", work.rays_beams)?;
+        dict.set_item("beam_deviation", work.beam_deviation)?;
         dict.set_item("mrays_s", rate)?;
         dict.set_item("steps", counted(work.steps))?;
         dict.set_item("tests", counted(work.tests))?;
@@ -316,7 +319,9 @@ fn pass(name: &str) -> Result<Pass> {
 ///     adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
 ///     for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
 ///     improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
-///     lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "seed" (0);
+///     lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "secondary_beams" (False), for
+///     whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with
+///     refraction approximate (Heckbert and Hanrahan 1984); "seed" (0);
 ///     "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
 ///     samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
 ///     ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours

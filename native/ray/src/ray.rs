@@ -174,6 +174,10 @@ pub trait Tracer: Sync {
     fn corners(&self, id: u32) -> [[f32; 3]; 3];
     /// Writes the nearest hit of each ray, on the calling thread. All slices have the length of `rays`.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
+    /// Whether [`Self::closest_ordered`] traces rays in tiles where they come in tiles.
+    fn takes_tiles(&self) -> bool {
+        false
+    }
     /// Like [`Self::closest`], with a hint on the order of the rays. The hits are the same, the speed may differ.
     fn closest_ordered(
         &self,

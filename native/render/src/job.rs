@@ -15,6 +15,7 @@ use crate::camera::filter::Filter;
 use crate::camera::{Camera, CameraParams};
 use crate::check::{Error, Result};
 use crate::film::{Film, Unsampled};
+use crate::path::beams::polygons::Polygons;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
@@ -37,6 +38,8 @@ struct Shared {
     filter: Filter,
     settings: Settings,
     film: Film,
+    /// The polygons that mirror and refract beams, if secondary rays go as beams.
+    polygons: Option<Polygons>,
     /// Samples done per tile; locked while a step of the tile is rendered.
     tile_samples: Vec<Mutex<u32>>,
     /// Number of steps handed out so far, over all tiles.
@@ -107,6 +110,7 @@ impl Job {
             n => n.min(1024),
         };
         let threads = threads.min(tiles).max(1);
+        let polygons = settings.secondary_beams.then(|| Polygons::of(&scene));
         let shared = Arc::new(Shared {
             tile_samples: (0..tiles).map(|_| Mutex::new(0)).collect(),
             next: AtomicUsize::new(0),
@@ -124,6 +128,7 @@ impl Job {
             filter,
             settings,
             film,
+            polygons,
         });
         let mut job = Self {
             shared: Arc::clone(&shared),
@@ -271,6 +276,7 @@ impl Shared {
             filter: &self.filter,
             settings: &self.settings,
             film: &self.film,
+            polygons: self.polygons.as_ref(),
             stop: &self.stop,
         };
         let mut active = Vec::new();

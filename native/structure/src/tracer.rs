@@ -243,6 +243,10 @@ impl Tracer for Structure {
             .closest_ordered(rays, hits, counters, order);
     }
 
+    fn takes_tiles(&self) -> bool {
+        self.built.plan.tiles.is_some()
+    }
+
     fn near_rays(&self) -> Option<Aabb> {
         let bytes = self.built.plan.closest.as_ref()?.kernel.working_set()?;
         (bytes > IN_CACHE).then(|| self.scene.bounds())

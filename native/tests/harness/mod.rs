@@ -329,6 +329,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         filter_glossy: bytes.number(),
         caustics_reflective: bytes.byte().is_multiple_of(2),
         caustics_refractive: bytes.byte().is_multiple_of(2),
+        secondary_beams: bytes.byte().is_multiple_of(2),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
         passes: Pass::ALL.to_vec(),

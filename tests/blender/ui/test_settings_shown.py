@@ -26,6 +26,7 @@ READ = {
     "CyclesVisibilitySettings": "camera diffuse glossy transmission",
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_adaptive noise_threshold time_limit "
     "render_seed max_bounces clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
+    "secondary_beams "
     "film_exposure pixel_filter_type filter_width automatic instancing memory_limit structure",
     "HalfspaceViewLayerSettings": "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
     "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
@@ -110,7 +111,7 @@ def contexts(scene: Any) -> Iterator[Context]:
         "preferences": bpy.context.preferences,
         "blend_data": bpy.data,
     }
-    for integrator in ("ao", "path"):
+    for integrator in ("ao", "whitted", "path"):
         scene.halfspace.integrator = integrator
         yield Context(**common, object=mesh, material=material, mesh=mesh.data)
     for kind in ("POINT", "SUN", "SPOT", "AREA"):
@@ -228,3 +229,5 @@ def test_light_paths_show_only_what_the_integrator_reads(scene: Any) -> None:
         scene.halfspace.integrator = integrator
         assert bool(panels.HALFSPACE_PT_light_paths.poll(context)) == paths
         assert bool(panels.HALFSPACE_PT_light_paths_caustics.poll(context)) == caustics
+        shown = draw_own(panels.HALFSPACE_PT_light_paths, context) if paths else Layout()
+        assert ("secondary_beams" in shown.log) == (integrator == "whitted")

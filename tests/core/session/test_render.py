@@ -43,6 +43,47 @@ def test_structures_and_threads_agree_bit_for_bit():
             assert render(row["id"], threads) == reference, (row["id"], threads)
 
 
+def test_beams_of_mirrors_are_the_same_in_all_structures():
+    # A mirror as floor below a matte square, which the picture shows twice.
+    square = FLOOR[0] * np.float32(0.1) + np.float32([0, 0, 2])
+    vertices = np.concatenate([FLOOR[0], square])
+    triangles = np.concatenate([FLOOR[1], FLOOR[1] + 4])
+    mirror = {"metallic": 1.0, "roughness": 0.0, "base_color": (1, 1, 1)}
+    tilted = np.float64([[1, 0, 0, 0], [0, 0.8, -0.6, -6], [0, 0.6, 0.8, 8], [0, 0, 0, 1]])
+    view = camera(kind="perspective", to_world=tilted, window=(-0.5, 0.5, -0.5, 0.5))
+
+    def render(spec, beams):
+        made = native.RenderScene(
+            native.build(vertices, triangles, spec),
+            materials=[mirror, MATTE],
+            material_index=np.int32([0, 0, 1, 1]),
+            lights=[POINT | {"to_world": placed(z=5)}],
+            world={"color": (0.5, 0.6, 0.7)},
+        )
+        how = settings(width=64, height=64, integrator="whitted", max_bounces=3, secondary_beams=beams)
+        job = finish(native.render(made, view, how))
+        return image(job, pixels=64 * 64), job.statistics
+
+    single, none = render("brute", beams=False)
+    assert (none["beams"], none["rays_beams"], none["beam_deviation"]) == (0, 0, 0.0)
+    reference, statistics = render("brute", beams=True)
+    assert statistics["beams"] == 0, "brute force traces no tiles"
+    assert np.abs(reference - single).mean() < 1e-3 * single.mean()
+    for row in native.structures():
+        picture, statistics = render(row["id"], beams=True)
+        assert picture.tobytes() == reference.tobytes(), row["id"]
+        assert 0 < statistics["beam_deviation"] < 1e-5
+        assert statistics["rays_beams"] <= statistics["rays_secondary"]
+    picture, statistics = render("kd", beams=True)
+    assert statistics["beams"] > 0
+    assert statistics["rays_beams"] > 0.9 * statistics["rays_secondary"]
+
+
+def test_beams_need_whitted_s_integrator():
+    with pytest.raises(native.SpecError, match="secondary_beams"):
+        native.render(scene(), camera(), settings(secondary_beams=True))
+
+
 def test_passes_and_statistics():
     names = [
         "Combined",

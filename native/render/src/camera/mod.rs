@@ -4,6 +4,7 @@
 use crate::camera::lens::{Lens, LensParams};
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
+use crate::path::beams::source::Source;
 use halfspace_ray::Ray;
 
 pub mod filter;
@@ -122,6 +123,15 @@ impl Camera {
     /// Whether the camera is a pinhole (or sharp orthographic) one.
     pub fn is_sharp(&self) -> bool {
         self.lens.is_none()
+    }
+
+    /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens.
+    pub fn source(&self) -> Source {
+        match (&self.lens, self.perspective) {
+            (Some(_), _) => Source::None,
+            (None, true) => Source::Point(self.origin),
+            (None, false) => Source::Direction(self.forward),
+        }
     }
 
     /// The ray from a point on the lens to the point where the sharp ray crosses the plane in focus.

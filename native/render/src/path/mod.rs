@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Paths of light: their rays in batches, shading at the hits, occlusion of light samples.
 
+pub mod beams;
 pub mod calls;
 pub mod random;
 mod shade;

@@ -13,6 +13,9 @@ use crate::camera::Camera;
 use crate::camera::filter::Filter;
 use crate::film::{Film, PixelSample, TileArea};
 use crate::math::sampler::PixelSampler;
+use crate::path::beams::groups::Groups;
+use crate::path::beams::polygons::Polygons;
+use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::shade::{self, Shade};
 use crate::path::shadow_rays::ShadowRays;
@@ -36,6 +39,8 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// The film that the samples are for.
     pub film: &'a Film,
+    /// The polygons that mirror and refract beams, if secondary rays go as beams.
+    pub polygons: Option<&'a Polygons>,
     /// Set to cancel the render.
     pub stop: &'a AtomicBool,
 }
@@ -50,6 +55,9 @@ pub struct Wavefront {
     depths: Vec<u32>,
     /// The paths that continue.
     pub(super) paths: Vec<Path>,
+    /// The beam of each ray; empty unless secondary rays go as beams.
+    pub(super) sources: Vec<Source>,
+    groups: Groups,
     pub(super) shadows: ShadowRays,
     /// One sample per pixel of the tile, sample index by sample index.
     pub(super) samples: Vec<PixelSample>,
@@ -73,6 +81,8 @@ impl Wavefront {
             counters: Vec::new(),
             depths: Vec::new(),
             paths: Vec::new(),
+            sources: Vec::new(),
+            groups: Groups::default(),
             shadows: ShadowRays::default(),
             samples: Vec::new(),
             registers: Vec::new(),
@@ -153,6 +163,11 @@ impl Wavefront {
                 .push(Path::from_camera(ray.o, sampler, slot as u32));
         }
         self.work.rays_primary += self.rays.len() as u64;
+        // Camera rays share their pinhole or their direction.
+        self.sources.clear();
+        if context.polygons.is_some() {
+            self.sources.resize(self.rays.len(), camera.source());
+        }
     }
 
     /// Finds the nearest hits of all rays. `primary`: whether they are camera rays.
@@ -164,6 +179,9 @@ impl Wavefront {
         self.hits.resize(n, Hit::MISS);
         if !primary {
             self.work.rays_secondary += n as u64;
+            if context.polygons.is_some() {
+                return self.trace_beams(context);
+            }
         }
         let counts = primary && context.film.counts();
         if counts {
@@ -205,6 +223,29 @@ impl Wavefront {
             })?;
             for (path, depth) in self.paths.iter().zip(&self.depths) {
                 self.samples[path.slot as usize].leaf_depth = *depth;
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the nearest hits of secondary rays, beam by beam, those in no beam together. Reorders rays and paths.
+    fn trace_beams(&mut self, context: &Context<'_>) -> Result<(), Cancelled> {
+        let tracer = &*context.scene.tracer;
+        let groups = self
+            .groups
+            .sort(&mut self.rays, &mut self.paths, &mut self.sources);
+        for group in groups {
+            let (rays, hits) = (
+                &self.rays[group.rays.clone()],
+                &mut self.hits[group.rays.clone()],
+            );
+            self.calls.cover(rays.len(), context.stop, |range| {
+                tracer.closest_ordered(&rays[range.clone()], &mut hits[range], None, group.order);
+            })?;
+            // Count only what the structure does trace in groups.
+            if group.order == RayOrder::Tiles && tracer.takes_tiles() {
+                self.work.beams += 1;
+                self.work.rays_beams += rays.len() as u64;
             }
         }
         Ok(())

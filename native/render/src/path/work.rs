@@ -2,7 +2,7 @@
 //! Counts of the work of a render.
 
 /// Counts of rays, traversal work and shading. Zeros also prove which features were left out.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
     /// Camera rays.
     pub rays_primary: u64,
@@ -24,6 +24,12 @@ pub struct Work {
     pub normals_fetched: u64,
     /// Rays that were tested against the lights.
     pub lights_tested: u64,
+    /// Beams of secondary rays that were traced in groups.
+    pub beams: u64,
+    /// Secondary rays in these beams.
+    pub rays_beams: u64,
+    /// Largest angle between a ray of a secondary beam and the direction that its material scatters to, radians.
+    pub beam_deviation: f32,
 }
 
 impl Work {
@@ -39,6 +45,9 @@ impl Work {
         self.shaded_glossy += other.shaded_glossy;
         self.normals_fetched += other.normals_fetched;
         self.lights_tested += other.lights_tested;
+        self.beams += other.beams;
+        self.rays_beams += other.rays_beams;
+        self.beam_deviation = self.beam_deviation.max(other.beam_deviation);
     }
 
     /// Returns the number of all rays.

@@ -138,6 +138,11 @@ impl<'a> Surface<'a> {
         (-self.own.dot(d)).max(1e-4)
     }
 
+    /// Returns the number of the triangle.
+    pub fn triangle(&self) -> u32 {
+        self.triangle as u32
+    }
+
     /// Returns the shading frame.
     #[inline(always)]
     pub fn frame(&self) -> Frame {

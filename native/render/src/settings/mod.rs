@@ -39,6 +39,9 @@ pub struct Settings {
     pub integrator: Integrator,
     /// Range of ambient occlusion, scene units; may be infinite.
     pub ambient_distance: f32,
+    /// Whether rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, see
+    /// [`crate::path::beams`]; refraction is then approximate. For [`Integrator::Whitted`] only.
+    pub secondary_beams: bool,
     /// Largest number of times a path scatters after its first surface; 0 = direct light only. As in Cycles.
     pub max_bounces: u32,
     /// Upper limit of what one sample adds after its first bounce, as the mean of its channels; 0 = no limit,
@@ -96,6 +99,7 @@ impl Default for Settings {
             filter_glossy: 0.0,
             caustics_reflective: true,
             caustics_refractive: true,
+            secondary_beams: false,
             seed: 0,
             film_transparent: false,
             passes: vec![Pass::Combined],
@@ -157,6 +161,11 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         self.check_counts()?;
         self.check_quantities()?;
+        if self.secondary_beams && self.integrator != Integrator::Whitted {
+            return Err(Error::Spec(
+                "settings['secondary_beams'] needs settings['integrator'] = 'whitted'".into(),
+            ));
+        }
         self.check_border()
     }
 

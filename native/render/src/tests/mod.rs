@@ -9,5 +9,6 @@ mod left_out;
 mod negative;
 mod passes;
 mod same_picture;
-mod setup;
+mod secondary_beams;
+pub(crate) mod setup;
 mod shadows;

@@ -73,6 +73,8 @@ pub struct Scatter {
     pub kind: RayKind,
     /// Whether the path continues on the other side of the surface.
     pub through: bool,
+    /// Index of refraction of the far side over that of the near side, for a window's direction; otherwise 1.
+    pub eta: f32,
 }
 
 /// A reflecting lobe for one viewing direction.

@@ -58,6 +58,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 pdf: f32::INFINITY,
                 kind: RayKind::Glossy,
                 through: false,
+                eta: 1.0,
             });
         }
         let h = facets.ggx.sample_visible(self.wi, u);
@@ -95,6 +96,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                     pdf: f32::INFINITY,
                     kind: RayKind::Glossy,
                     through: false,
+                    eta: 1.0,
                 });
             }
             return self.finish(wo, RayKind::Glossy, false);
@@ -116,6 +118,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 pdf: f32::INFINITY,
                 kind: RayKind::Transmission,
                 through: true,
+                eta: boundary.eta,
             });
         }
         self.finish(wo, RayKind::Transmission, true)
@@ -131,6 +134,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             pdf,
             kind,
             through,
+            eta: 1.0,
         })
     }
 }

@@ -21,7 +21,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         }
         out.work.lights_tested += 1;
         // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
-        let span = [path.passed, path.passed + hit.t];
+        // The virtual origin of a beam lies behind that point.
+        let span = [path.passed.max(0.0), path.passed + hit.t];
         let light = scene
             .lights
             .radiance_along(path.receiver, d, span, path.pdf, path.kind);

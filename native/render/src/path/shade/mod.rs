@@ -4,6 +4,7 @@
 
 use crate::film::PixelSample;
 use crate::math::vector::Vec3;
+use crate::path::beams::source::Source;
 use crate::path::shadow_rays::ShadowRays;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
@@ -52,6 +53,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         hits,
         paths,
         samples,
+        sources,
         shadows,
         registers,
         light_registers,
@@ -69,15 +71,21 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             registers: &mut *registers,
             light_registers: &mut *light_registers,
             work: &mut *work,
+            source: sources.get(i).copied().unwrap_or(Source::None),
+            next: Source::None,
         };
         if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut out) {
             rays[kept] = next;
+            if !sources.is_empty() {
+                sources[kept] = out.next;
+            }
             paths[kept] = path;
             kept += 1;
         }
     }
     rays.truncate(kept);
     paths.truncate(kept);
+    sources.truncate(kept);
 }
 
 /// The outputs of shading.
@@ -89,6 +97,10 @@ struct Output<'a> {
     /// Registers of the programs of emitters.
     light_registers: &'a mut Vec<Value>,
     work: &'a mut Work,
+    /// The beam of the ray.
+    source: Source,
+    /// The beam of the next ray.
+    next: Source,
 }
 
 /// Shading of one sample, compiled for a set of features.

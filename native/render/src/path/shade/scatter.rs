@@ -2,8 +2,9 @@
 //! Scattering at a surface: the BSDF, a light sample and the next direction.
 
 use crate::light::Receiver;
-use crate::material::bsdf::{Bsdf, LobeFilter};
+use crate::material::bsdf::{Bsdf, LobeFilter, Scatter};
 use crate::math::vector::{Frame, Vec3};
+use crate::path::beams::source::{Event, angle};
 use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::{Output, Shader};
 use crate::path::state::Path;
@@ -140,11 +141,46 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         path.camera = false;
         path.kind = scatter.kind;
         path.bounce += 1;
+        if let Some(ray) = self.beam_ray(surface, direction, &scatter, path, out) {
+            return Some(ray);
+        }
         Some(Ray {
             o: surface.ray_origin(direction).array(),
             d: direction.array(),
             t_min: 0.0,
             t_max: f32::INFINITY,
         })
+    }
+
+    /// Returns the ray of the beam that a flat polygon mirrors or refracts; `None` if the path's ray is in no beam, or
+    /// the surface is not flat or rough. `direction`: that of the single ray.
+    #[inline(always)]
+    fn beam_ray(
+        &self,
+        surface: &Surface<'_>,
+        direction: Vec3,
+        scatter: &Scatter,
+        path: &mut Path,
+        out: &mut Output<'_>,
+    ) -> Option<Ray> {
+        let plane = self.context.polygons?.plane(surface.triangle())?;
+        if scatter.pdf.is_finite() || surface.shading != surface.geometric {
+            return None;
+        }
+        // Change the beam's source at the plane, and start behind it.
+        let (event, side) = if scatter.through {
+            let eta = scatter.eta;
+            (Event::Refracted { eta }, -surface.geometric)
+        } else {
+            (Event::Mirrored, surface.geometric)
+        };
+        let source = out.source.after(event, plane);
+        let ray = source.ray_from(surface.ray_origin(direction), side)?;
+        // Distances count from the polygon, which the ray meets at the beginning of its interval.
+        path.passed = -ray.t_min;
+        out.next = source;
+        let deviation = angle(Vec3::from(ray.d), direction);
+        out.work.beam_deviation = out.work.beam_deviation.max(deviation);
+        Some(ray)
     }
 }

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What the rays of a beam share, and how a plane changes it.
+
+use crate::math::vector::Vec3;
+use crate::path::beams::polygons::Plane;
+use halfspace_geom::vec3::{add_scaled, dot, length, map, sub, widen};
+use halfspace_ray::Ray;
+
+/// What the rays of a beam share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// Nothing: the ray is in no beam.
+    None,
+    /// The origin, an eye or its image.
+    Point(Vec3),
+    /// The direction, of unit length.
+    Direction(Vec3),
+}
+
+/// What happens to a beam at a plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event {
+    /// It is mirrored.
+    Mirrored,
+    /// It passes a boundary. `eta`: index of refraction of the far side over that of the near side.
+    Refracted {
+        /// The ratio.
+        eta: f32,
+    },
+}
+
+/// Length added to the beginning of a ray, relative to the distances it is computed from: eight roundings of f32.
+const SLACK: f32 = 8.0 * f32::EPSILON;
+
+impl Source {
+    /// Returns the source of the rays that go on from a plane, or [`Source::None`] if there is no such beam: the eye
+    /// lies in the plane, the reflection is total, or a number leaves the range of f32.
+    pub fn after(self, event: Event, plane: &Plane) -> Self {
+        let narrow = |v: [f64; 3]| Vec3::from(v.map(|x| x as f32));
+        let source = match self {
+            Self::None => Self::None,
+            Self::Point(eye) => {
+                let eye = widen(eye.array());
+                let height = plane.height(eye);
+                // Measure heights along the normal: the image of a mirror lies as far behind it, that of a boundary
+                // as far away as the ratio of the indices makes it, on the same side.
+                let moved = match event {
+                    Event::Mirrored => -2.0,
+                    Event::Refracted { eta } => f64::from(eta) - 1.0,
+                };
+                if height == 0.0 {
+                    return Self::None;
+                }
+                Self::Point(narrow(add_scaled(eye, moved * height, plane.normal)))
+            }
+            Self::Direction(d) => {
+                let d = widen(d.array());
+                let along = dot(d, plane.normal);
+                let next = match event {
+                    Event::Mirrored => add_scaled(d, -2.0 * along, plane.normal),
+                    Event::Refracted { eta } => {
+                        // Snell's law: the part along the plane shrinks by eta, the length stays 1.
+                        let aside =
+                            map(add_scaled(d, -along, plane.normal), |x| x / f64::from(eta));
+                        let rest = 1.0 - dot(aside, aside);
+                        if rest <= 0.0 {
+                            return Self::None;
+                        }
+                        add_scaled(aside, rest.sqrt() * along.signum(), plane.normal)
+                    }
+                };
+                Self::Direction(narrow(map(next, |x| x / length(next))))
+            }
+        };
+        match source {
+            Self::Point(v) | Self::Direction(v) if v.is_finite() => source,
+            _ => Self::None,
+        }
+    }
+
+    /// Returns the ray of the beam that starts at `start`, a point off the surface on the side `normal`, which the ray
+    /// leaves to; `None` if the ray is in no beam.
+    pub fn ray_from(self, start: Vec3, normal: Vec3) -> Option<Ray> {
+        let (o, d, t_min) = match self {
+            Self::None => return None,
+            Self::Direction(d) => (start, d, 0.0),
+            Self::Point(eye) => {
+                // Lift the start by the rounding errors of a distant eye, which can exceed its offset.
+                let far = (start - eye).length() + eye.max_abs();
+                let to = start + normal * (SLACK * far) - eye;
+                let distance = to.length();
+                (eye, to * (1.0 / distance), distance)
+            }
+        };
+        // A ray that leaves to the wrong side would hit the polygon itself.
+        let leaves = d.is_finite() && d.dot(normal) > 0.0;
+        leaves.then(|| Ray {
+            o: o.array(),
+            d: d.array(),
+            t_min,
+            t_max: f32::INFINITY,
+        })
+    }
+
+    /// A number that is equal for equal sources, bit for bit, and orders them.
+    pub fn key(self) -> u128 {
+        let (kind, v) = match self {
+            Self::None => return 0,
+            Self::Point(v) => (1, v),
+            Self::Direction(v) => (2, v),
+        };
+        v.array()
+            .into_iter()
+            .fold(kind, |key, x| key << 32 | u128::from(x.to_bits()))
+    }
+}
+
+/// Returns the angle between two directions of unit length, radians.
+pub fn angle(a: Vec3, b: Vec3) -> f32 {
+    // The chord keeps small angles, which the cosine rounds away.
+    let chord = length(sub(widen(a.array()), widen(b.array())));
+    (2.0 * (0.5 * chord).min(1.0).asin()) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::vector::vec3;
+    use std::f32::consts::FRAC_PI_2;
+
+    /// The plane z = 1.
+    fn plane() -> Plane {
+        Plane {
+            normal: [0.0, 0.0, 1.0],
+            offset: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_mirror_has_the_eye_behind_it() {
+        let eye = Source::Point(vec3(3.0, 4.0, 6.0));
+        let image = eye.after(Event::Mirrored, &plane());
+        assert_eq!(image, Source::Point(vec3(3.0, 4.0, -4.0)));
+        assert_eq!(image.after(Event::Mirrored, &plane()), eye);
+    }
+
+    #[test]
+    fn a_boundary_scales_the_height_of_the_eye() {
+        let eye = Source::Point(vec3(3.0, 4.0, 6.0));
+        let image = eye.after(Event::Refracted { eta: 1.5 }, &plane());
+        assert_eq!(image, Source::Point(vec3(3.0, 4.0, 8.5)));
+        // A slab shifts the eye only.
+        let below = Plane {
+            normal: [0.0, 0.0, -1.0],
+            offset: 1.0,
+        };
+        let out = image.after(Event::Refracted { eta: 1.0 / 1.5 }, &below);
+        let Source::Point(out) = out else {
+            panic!("{out:?}")
+        };
+        assert!((out - vec3(3.0, 4.0, 6.0 - (2.0 - 2.0 / 1.5))).max_abs() < 1e-5);
+    }
+
+    #[test]
+    fn parallel_beams_follow_snell() {
+        let d = vec3(0.6, 0.0, -0.8);
+        let sun = Source::Direction(d);
+        let mirrored = sun.after(Event::Mirrored, &plane());
+        assert_eq!(mirrored, Source::Direction(vec3(0.6, 0.0, 0.8)));
+        let Source::Direction(inside) = sun.after(Event::Refracted { eta: 1.5 }, &plane()) else {
+            panic!("refracted")
+        };
+        assert!((inside - vec3(0.4, 0.0, -0.84_f32.sqrt())).max_abs() < 1e-6);
+        let total = sun.after(Event::Refracted { eta: 0.5 }, &plane());
+        assert_eq!(total, Source::None, "total reflection");
+    }
+
+    #[test]
+    fn degenerate_beams_end() {
+        let inside = Source::Point(vec3(5.0, 5.0, 1.0));
+        assert_eq!(inside.after(Event::Mirrored, &plane()), Source::None);
+        let far = Source::Point(vec3(0.0, 0.0, -3e38));
+        let beyond = far.after(Event::Refracted { eta: 3.0 }, &plane());
+        assert_eq!(beyond, Source::None, "not a number of f32");
+        assert_eq!(Source::None.after(Event::Mirrored, &plane()), Source::None);
+        // A ray to the wrong side of the polygon.
+        let eye = Source::Point(vec3(0.0, 0.0, 6.0));
+        assert!(
+            eye.ray_from(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0))
+                .is_none()
+        );
+        assert!(
+            eye.ray_from(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0))
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn keys_distinguish_sources() {
+        let v = vec3(1.0, 2.0, 3.0);
+        let keys = [
+            Source::None,
+            Source::Point(v),
+            Source::Direction(v),
+            Source::Point(-v),
+        ];
+        for (i, a) in keys.iter().enumerate() {
+            for (j, b) in keys.iter().enumerate() {
+                assert_eq!(a.key() == b.key(), i == j);
+            }
+        }
+        assert!((angle(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0)) - FRAC_PI_2).abs() < 1e-5);
+        assert_eq!(angle(v, v), 0.0);
+    }
+}
