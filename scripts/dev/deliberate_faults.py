@@ -332,6 +332,27 @@ FAULTS = (
         "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
         ("tests/core/scripts/test_faults.py", "full_disk"),
     ),
+    Fault(
+        "the image of a mirror's eye in the mirror",
+        "native/render/src/path/beams/source.rs",
+        "moved * height",
+        "0.5 * moved * height",
+        ("lib", "beams::source::tests::a_mirror_has_the_eye_behind_it"),
+    ),
+    Fault(
+        "the ratio of the indices turned over",
+        "native/render/src/path/beams/source.rs",
+        "f64::from(eta) - 1.0",
+        "1.0 / f64::from(eta) - 1.0",
+        ("lib", "beams::source::tests::a_boundary_scales_the_height_of_the_eye"),
+    ),
+    Fault(
+        "folded polygons count as flat",
+        "native/render/src/path/beams/polygons.rs",
+        "self.height(v).abs() <= FLAT * size",
+        "self.height(v).abs() <= size",
+        ("lib", "beams::polygons::tests::quads_are_one_polygon_and_cubes_are_six"),
+    ),
     *TRAVERSALS,
 )
 

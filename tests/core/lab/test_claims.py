@@ -30,6 +30,9 @@ from lab.claims import (
     kd as claims_kd,
 )
 from lab.claims import (
+    mirrors as claims_mirrors,
+)
+from lab.claims import (
     paper_scenes as claims_scenes,
 )
 from lab.claims import (
@@ -55,6 +58,7 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_scenes, "RESOLUTIONS", ((32, 24), (64, 48)))
     monkeypatch.setattr(claims_shadows, "SHADOW_SIZE", (128, 128))
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_mirrors, "SIZE", (64, 48))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
     monkeypatch.setattr(workload, "SCENES", tmp_path)
