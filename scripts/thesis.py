@@ -177,7 +177,8 @@ def about(effort: plan.Effort) -> str:
         "All trees have the costs, rules and draws of the thesis and test one triangle at a time, by single rays; so "
         f"has the kd-tree ({BASE}) that they are compared with. Rays of {effort.size[0]} x {effort.size[1]} pixels, "
         "their shadow rays and one bounce, one thread, processor time, the median of "
-        f"{effort.repeats} passes in turn with the kd-tree's; {len(effort.seeds)} seeds."
+        f"{effort.repeats} passes in turn with the kd-tree's; {len(effort.seeds)} seeds. Ize's trees try the planes of "
+        f"{'all' if effort is plan.FULL else '128'} triangles of a node."
     )
 
 

@@ -332,6 +332,20 @@ FAULTS = (
         "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
         ("tests/core/scripts/test_faults.py", "full_disk"),
     ),
+    Fault(
+        "normals in the cluster that is farthest",
+        "native/trees/src/bsp/means.rs",
+        "cosine > best.1",
+        "cosine < best.1 || best.1 == f64::NEG_INFINITY",
+        ("lib", "means::tests::centres_of_separate_clusters_are_their_means"),
+    ),
+    Fault(
+        "a triangle more than the thesis draws",
+        "native/trees/src/bsp/normals.rs",
+        "wanted.min(n)",
+        "(wanted + 1).min(n)",
+        ("lib", "normals::tests::the_thesis_draws_triangles_and_not_normals"),
+    ),
     *TRAVERSALS,
 )
 

@@ -20,7 +20,6 @@ OF_RAYS = {relevance.NODES, relevance.TRAVERSAL, "shadow", "robust", "lazy", "be
 """Parameters that change how rays are traced, not the planes of the tree."""
 
 
-
 def of_rays(parameter: Parameter) -> bool:
     """Whether a parameter changes how rays are traced or leaves are tested, not the tree."""
     return parameter.name in OF_RAYS or "scalar" in parameter.options

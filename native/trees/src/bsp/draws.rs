@@ -42,7 +42,7 @@ const DRAW: ParamSpec = ParamSpec {
 /// [`DRAW`] of trees whose directions are clusters.
 const DRAW_CLUSTERS: ParamSpec = ParamSpec {
     doc: "Which normals are clustered. distinct: those of up to 128 triangles, equal ones merged, in up to 16 rounds. \
-          thesis: those of all triangles, in up to 500 rounds (Hoobergs 2019); a far longer build",
+          thesis: those of all triangles, in up to 500 rounds (Hoobergs 2019)",
     ..DRAW
 };
 
@@ -51,6 +51,9 @@ const PUBLISHED: &[Need] = &[Need {
     key: "draw",
     only: Only::Options(&["thesis"]),
 }];
+
+/// Both conditions: normals are drawn as published, and directions other than the axes are tried.
+const PUBLISHED_MORE: &[Need] = &[MORE_THAN_AXES[0], PUBLISHED[0]];
 
 /// [`usual`] for directions from normals.
 pub const fn normals_usual(k: ParamSpec) -> [ParamSpec; USUAL + 1] {
@@ -75,7 +78,7 @@ pub const fn clusters_usual(k: ParamSpec) -> [ParamSpec; USUAL + 2] {
 /// [`plus`] for directions from clusters.
 pub const fn clusters_plus(k: ParamSpec) -> [ParamSpec; PLUS + 2] {
     let draw = DRAW_CLUSTERS.needing(MORE_THAN_AXES);
-    params::join(plus(k), [draw, CLUSTER_RULE.needing(PUBLISHED)])
+    params::join(plus(k), [draw, CLUSTER_RULE.needing(PUBLISHED_MORE)])
 }
 
 /// [`kd`] for directions from clusters.

@@ -223,3 +223,61 @@ fn grow_by_area(
         draw: Draw::ByArea,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use halfspace_builders::piece::{Piece, Whole};
+
+    /// Sixty triangles in planes of three directions, a third each.
+    fn scene() -> Triangles {
+        let corners = (0..60_u8).flat_map(|i| {
+            let at = f32::from(i);
+            let flat = [[at, 0.0, 0.0], [at, 1.0, 0.25], [at, 0.0, 1.0]];
+            flat.map(|[x, y, z]| match i % 3 {
+                0 => [x, y, z],
+                1 => [x + y, y, z],
+                _ => [x + z, y, z],
+            })
+        });
+        let indices = (0..60).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        Triangles::new(corners.collect(), indices).unwrap()
+    }
+
+    #[test]
+    fn the_thesis_draws_triangles_and_not_normals() {
+        let scene = scene();
+        let frame = Frame::new(scene.bounds());
+        let normals = Arc::new(Normals::new(&scene, &frame));
+        let piece = |&id: &u32| Whole::new(id, scene.corners(id));
+        let pieces: Vec<_> = scene.live().iter().map(piece).collect();
+        // Counts the directions of forty nodes by their number, for two triangles each.
+        let drawn = |draw| {
+            let source = Arbitrary {
+                normals: normals.clone(),
+                seed: 5,
+                draw,
+            };
+            let mut nodes = [0; 4];
+            for key in 0..40 {
+                let mut out = Vec::new();
+                let node = Triangulated {
+                    key,
+                    ids: &&pieces[..],
+                };
+                source.directions(&node, 2, &mut out);
+                assert!(out.iter().all(|n| normals.normals.contains(n)));
+                nodes[out.len()] += 1;
+            }
+            nodes
+        };
+        // Two triangles have equal normals in a third of the nodes.
+        let [none, one, two, more] = drawn(Draw::Thesis);
+        assert!(
+            none == 0 && more == 0 && one >= 4 && two >= 16,
+            "{one} {two}"
+        );
+        let [_, one, two, _] = drawn(Draw::Distinct);
+        assert!(two > 36, "{one} {two}");
+    }
+}
