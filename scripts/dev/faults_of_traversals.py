@@ -163,6 +163,6 @@ TRAVERSALS = (
         "native/leaf/src/blocks.rs",
         "first + Self::offset(block) as usize + 1",
         "first + 1",
-        ALL,
+        ("lib", "scalar::tests::leaves_of_several_blocks_hold_their_triangles"),
     ),
 )

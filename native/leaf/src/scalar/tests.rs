@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
+use crate::blocks::Blocks;
+use crate::keep::Keep;
 use halfspace_geom::strategies::{near_triangle, point, tiny_from_afar};
 use halfspace_geom::verdict::verdict;
 use halfspace_ray::Ray;
@@ -132,4 +134,32 @@ fn the_published_test_agrees_away_from_edges() {
         }
     }
     assert!(hits > 500 && misses > 1000, "{hits} {misses}");
+}
+
+#[test]
+fn leaves_of_several_blocks_hold_their_triangles() {
+    let corners: Vec<[f32; 3]> = (0..60_u8)
+        .map(|i| [f32::from(i), f32::from(i % 7), f32::from(i % 3)])
+        .collect();
+    let indices = (0..20).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let scene = Triangles::new(corners, indices).unwrap();
+    let frame = Frame::new(scene.bounds());
+    let ids: Vec<u32> = (0..20).rev().collect();
+    for keep in [Keep::Corners, Keep::Indices] {
+        let blocks = Blocks::filled(&frame, keep, keep.words(20), |words| {
+            keep.write(words, &scene, &frame, &ids);
+        });
+        let leaf = Leaf {
+            first: 0,
+            count: 20,
+        };
+        for (index, &id) in ids.iter().enumerate() {
+            let corners = scene.corners(id).map(|p| frame.point(p));
+            assert_eq!(
+                blocks.triangle(&scene, leaf, index),
+                (id, corners),
+                "{keep:?}, {index}"
+            );
+        }
+    }
 }
