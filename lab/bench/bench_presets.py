@@ -8,10 +8,14 @@ from addon.core.structures import specs
 DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in ("", "-plus", "-plus-kd")]
 """The structures that the thesis sweeps over k."""
 
-FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir"
-"""The thesis's costs, stopping rule and tie breaking, without clipping of triangles; `rule=code` is added where its
-program has one. Rays are traced singly, as in the kd-tree they are compared with.
+FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir,leaves=scalar"
+"""The thesis's costs, stopping rule and tie breaking, without clipping of triangles; its draw of normals and
+`rule=code` are added where there is one. Rays are traced singly and test one triangle at a time, as in its
+kd-tree.
 """
+
+BASE = "kd-sah:traversal=dir,leaves=scalar"
+"""The kd-tree of the thesis."""
 
 OF_THE_THESIS = {
     "scenes": "killeroo-feet,sponza-dabrovic,conference",
@@ -24,8 +28,18 @@ OF_THE_THESIS = {
 def faithful() -> str:
     """All structures of the thesis with the costs and rules of the thesis."""
     swept = [*DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp:k=13", "rbsp-kd:k=13"]
-    made = [specs.joined(spec, FAITHFUL) for spec in swept]
-    return ",".join(specs.joined(spec, "rule=code") if "-kd:" in spec else spec for spec in made)
+    return ",".join(map(as_published, swept))
+
+
+def as_published(spec: str) -> str:
+    """A structure of the thesis with its costs and rules."""
+    name = specs.structure_of(spec)
+    parts = [FAITHFUL]
+    if name.startswith(("bsp-wn", "bsp-cn")):
+        parts.append("draw=thesis")
+    if name.endswith("-kd") or name.startswith("bsp-cn"):
+        parts.append("rule=code")
+    return specs.joined(spec, *parts)
 
 
 PRESETS: dict[str, dict[str, str]] = {
@@ -35,7 +49,7 @@ PRESETS: dict[str, dict[str, str]] = {
         "bsp-wn-plus-kd:nodes=boxes,traversal=ordered,bvh-sah",
         "rays": "primary,shadow,diffuse,shuffled",
     },
-    "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},
+    "thesis": {**OF_THE_THESIS, "structures": f"{BASE},{faithful()}"},
     "directions": {
         **OF_THE_THESIS,
         "structures": ",".join(

@@ -34,7 +34,7 @@ FAILS = "does not hold"
 UNTESTED = "cannot be tested here"
 VERDICTS = (HOLDS, FAILS, UNTESTED)
 
-VERSION = 1
+VERSION = 2
 """Version of the measurements: increment when a claim measures or counts anything else; older results are then not
 reused.
 """

@@ -2,7 +2,7 @@
 """Havran, Kopal, Bittner and Žára: a kd-tree traversal by the coordinates of entry and exit, against two by distances.
 
 Traversals are timed alone, without triangle tests, as the paper compares them, and also as whole queries. The faithful
-configuration is scalar, as published and without error bounds, so some of its answers are wrong.
+configuration tests one triangle at a time, as published and without error bounds, so some of its answers are wrong.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AGAINST = ("sung", "arvo")
 SAVED = 0.7
 """The paper's 'saves 30 to 50 %' as a number: at most this share of the others' time."""
 
-TREES = {"faithful": "kd-sah:robust=none,traversal=", "best": "kd:traversal="}
+TREES = {"faithful": "kd-sah:robust=none,leaves=scalar,traversal=", "best": "kd:traversal="}
 """Unclipped triangles in leaves and traversals as published; clipped triangles and traversals with error bounds."""
 
 SIZE = (384, 384)
@@ -136,12 +136,14 @@ def singular(lab: Lab) -> Iterator[Outcome]:
     cases = [case for case in lab.native.cases() if case["name"] in SINGULAR]
     rays_asked = sum(len(case["origins"]) for case in cases)
     for configuration, tree in TREES.items():
+        # Leaves with the exact verdict: hits that f32 rounds are no fault of the traversal.
+        exact = tree.replace("leaves=scalar,", "")
         # Sum the wrong answers of each traversal over the singular cases.
         wrong = dict.fromkeys(WALKS, 0)
         for case in cases:
-            specs = [tree + walk for walk in WALKS]
+            specs = [exact + walk for walk in WALKS]
             for spec, errors, _ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
-                wrong[spec.removeprefix(tree)] += errors.wrong
+                wrong[spec.removeprefix(exact)] += errors.wrong
                 lab.compared(case["name"], spec, "singular", errors)
         yield Outcome(
             configuration,

@@ -31,6 +31,7 @@
 //! - [`nodes`]: memory layouts of trees;
 //! - [`builders`]: the loops that fill nodes;
 //! - [`trace`]: traversal kernels;
+//! - [`scalar`]: kernels that test one triangle at a time;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
 //! - [`nearest`]: closest points and overlaps of triangles;
@@ -44,7 +45,7 @@ pub use ::{
     halfspace_base as base, halfspace_builders as builders, halfspace_geom as geom,
     halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nearest as nearest,
     halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_ray as ray,
-    halfspace_render as render, halfspace_scene as scene, halfspace_structure as structure,
-    halfspace_trace as trace, halfspace_trees as trees,
+    halfspace_render as render, halfspace_scalar as scalar, halfspace_scene as scene,
+    halfspace_structure as structure, halfspace_trace as trace, halfspace_trees as trees,
 };
 pub use halfspace_trees::registry;

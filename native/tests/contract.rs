@@ -13,7 +13,7 @@ use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
 use halfspace::registry::{self, TREES};
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
-use halfspace::structure::row::Kind;
+use halfspace::structure::row::{Kind, Only};
 use halfspace::structure::way::{NODES, TRAVERSAL, Way};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -46,6 +46,11 @@ fn elsewhere(tree: &str, way: &Way) -> bool {
     !on.contains(&tree)
 }
 
+/// Returns the configuration with one more value.
+fn with(spec: &str, pair: &str) -> String {
+    format!("{spec}{}{pair}", if spec.contains(':') { ',' } else { ':' })
+}
+
 /// Returns every structure with each of its ways.
 fn specs() -> Vec<String> {
     let mut specs = Vec::new();
@@ -56,7 +61,12 @@ fn specs() -> Vec<String> {
         // Tiles differ only for tiles of rays, which `tiles.rs` tests.
         let ways = (tree.ways.iter().zip(tree.spelled_ways()))
             .filter(|(way, _)| !way.traversal.starts_with("tile") && !elsewhere(tree.id, way));
-        specs.extend(ways.map(|(_, spec)| spec));
+        let ways: Vec<_> = ways.map(|(_, spec)| spec).collect();
+        // Leaves tested one triangle at a time, on one tree of each kind of nodes.
+        let on = ["kd", "kd-median", "kd-sah", "rbsp-kd", "bsp-wn"];
+        let scalar = ways.iter().map(|spec| with(spec, "leaves=scalar"));
+        specs.extend(scalar.filter(|spec| on.contains(&tree.id) && registry::parse(spec).is_ok()));
+        specs.extend(ways);
     }
     specs
 }
@@ -344,7 +354,16 @@ fn extreme_parameters_build_valid_trees() {
                 Kind::Choice(options) => options.iter().map(|o| o.name.to_owned()).collect(),
             };
             for end in ends.iter().filter(|_| param.name != "robust") {
-                let spec = format!("{}:{}={end}", tree.id, param.name);
+                let mut spec = format!("{}:{}={end}", tree.id, param.name);
+                // Meet the conditions of parameters that have no effect with the defaults.
+                for need in param.needs {
+                    let other = tree.all_params().find(|p| p.name == need.key).unwrap();
+                    if let Only::Options(options) = need.only
+                        && !need.holds(&other.default)
+                    {
+                        spec = with(&spec, &format!("{}={}", need.key, options[0]));
+                    }
+                }
                 let structure = build(&scene, &spec, 1);
                 assert_eq!(validate(&structure), Vec::<String>::new(), "{spec}");
                 assert_eq!(differences(&structure, &rays, &reference), 0, "{spec}");
@@ -361,7 +380,9 @@ fn traversals_without_error_bounds_are_caught() {
     let mut rays = lattice_rays(5, &mut random, 4000);
     rays.extend(aimed(&scene, 4000, &mut random));
     let reference = closest(&build(&scene, "brute", 1), &rays);
-    for spec in [
+    let scalar = ["auto", "ta-b", "ta-a", "sung", "arvo", "seq", "rope"];
+    let scalar = scalar.map(|way| format!("kd:robust=none,leaves=scalar,traversal={way}"));
+    let eight = [
         "kd:robust=none",
         "kd:robust=none,traversal=dir",
         "kd:robust=none,traversal=ta-a",
@@ -385,11 +406,10 @@ fn traversals_without_error_bounds_are_caught() {
         "bih-obl:robust=none",
         "bbox-gs:robust=none",
         "bbox-gs:slabs=7,robust=none",
-    ] {
-        assert!(
-            differences(&build(&scene, spec, 1), &rays, &reference) > 0,
-            "{spec}"
-        );
+    ];
+    for spec in scalar.iter().map(String::as_str).chain(eight) {
+        let structure = build(&scene, spec, 1);
+        assert!(differences(&structure, &rays, &reference) > 0, "{spec}");
     }
 }
 

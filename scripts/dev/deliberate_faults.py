@@ -353,6 +353,20 @@ FAULTS = (
         "self.height(v).abs() <= size",
         ("lib", "beams::polygons::tests::quads_are_one_polygon_and_cubes_are_six"),
     ),
+    Fault(
+        "normals in the cluster that is farthest",
+        "native/trees/src/bsp/means.rs",
+        "cosine > best.1",
+        "cosine < best.1 || best.1 == f64::NEG_INFINITY",
+        ("lib", "means::tests::centres_of_separate_clusters_are_their_means"),
+    ),
+    Fault(
+        "a triangle more than the thesis draws",
+        "native/trees/src/bsp/normals.rs",
+        "wanted.min(n)",
+        "(wanted + 1).min(n)",
+        ("lib", "normals::tests::the_thesis_draws_triangles_and_not_normals"),
+    ),
     *TRAVERSALS,
 )
 

@@ -9,6 +9,10 @@ _FRAME_RAY = "native/ray/src/frame_ray.rs"
 _QUERY = "native/ray/src/query.rs"
 _STREAM = "native/trace/src/stream"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
+_SCALAR = "native/leaf/src/scalar/mod.rs"
+
+ONE_BY_ONE = ("lib", "scalar::tests::no_hit_is_ever_rejected_and_proven_hits_are_hits")
+"""Leaf tests of one triangle at a time."""
 
 TRAVERSALS = (
     Fault(
@@ -125,5 +129,40 @@ TRAVERSALS = (
         "inv.simd_lt(splat(0.0))",
         "inv.simd_lt(splat(f32::NEG_INFINITY))",
         ("groups", "rays_that_go_together_answer_like_brute_force"),
+    ),
+    Fault(
+        "the scalar test without bounds on its first weight",
+        _SCALAR,
+        "u < -errors.uv || rest < -errors.uv",
+        "u < 0.0 || rest < 0.0",
+        ONE_BY_ONE,
+    ),
+    Fault(
+        "the scalar test without a bound on its distance",
+        _SCALAR,
+        "t > det * reach + errors.t",
+        "t > det * reach",
+        ONE_BY_ONE,
+    ),
+    Fault(
+        "the scalar test proves hits by the sign of their weights",
+        _SCALAR,
+        "u > errors.uv",
+        "u > -errors.uv",
+        ONE_BY_ONE,
+    ),
+    Fault(
+        "the published test hits behind the origin",
+        _SCALAR,
+        "scaled * sign <= 0.0",
+        "scaled.is_nan()",
+        ("lib", "scalar::tests::the_published_test_agrees_away_from_edges"),
+    ),
+    Fault(
+        "the second block of a leaf read from the first",
+        "native/leaf/src/blocks.rs",
+        "first + Self::offset(block) as usize + 1",
+        "first + 1",
+        ("lib", "scalar::tests::leaves_of_several_blocks_hold_their_triangles"),
     ),
 )

@@ -19,7 +19,7 @@ from ..structures import specs
 from . import ranking, yardstick
 from .rows import Row, agrees
 
-BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
+BASES = ("kd-sah:traversal=dir,leaves=scalar", "kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
 """Candidates for the base of relative times, in order: the kd-tree built as in the thesis, traversed
 like the others.
 """

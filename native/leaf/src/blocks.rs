@@ -14,7 +14,7 @@ use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_ray::frame::{Frame, ToFrame};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, LeafTest, Query};
 use halfspace_ray::{BoundedRay, RayRef};
 use halfspace_scene::Triangles;
 use prefetch_index::prefetch_index;
@@ -240,6 +240,22 @@ impl Blocks {
         }
     }
 
+    /// Returns id and vertices, in the frame, of triangle `index` of a leaf of either [`Keep`].
+    #[inline(always)]
+    pub fn triangle(&self, scene: &Triangles, leaf: Leaf, index: usize) -> (u32, [[f32; 3]; 3]) {
+        let first = leaf.first as usize;
+        if self.keep == Keep::Indices {
+            let words = &self.words[first + 4 * index..first + 4 * index + 4];
+            let vertex = |i: usize| scene.vertices()[words[i].to_bits() as usize];
+            let corners = map([0, 1, 2], |i| self.to_frame.point(vertex(i)));
+            return (words[3].to_bits(), corners);
+        }
+        let block = index & !(LANES - 1);
+        let from = first + Self::offset(block) as usize + 1 + (index - block);
+        let n = (leaf.count - block).min(LANES);
+        (self.id_at(from, n), self.corners_at(from, n))
+    }
+
     /// Gathers the vertices of the triangles in `words`, stored as [`Keep::Indices`], into a block in the frame.
     #[inline(always)]
     fn gather(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
@@ -367,6 +383,10 @@ impl Job<'_> {
             return best.take::<Q>(frame, counters.replay());
         }
         counters.visit(first, count);
+        if Q::LEAF != LeafTest::Eight {
+            let leaf = Leaf { first, count };
+            return self.one_by_one::<Q, C, EITHER>(leaf, ray, leave, best, counters);
+        }
         let indices = EITHER && self.blocks.keep == Keep::Indices;
         let mut at = first as usize;
         let mut left = count;

@@ -6,13 +6,28 @@ use crate::ray::{Hit, HitKey};
 use crate::{BoundedRay, RayRef};
 use halfspace_geom::bound::keep_min;
 use halfspace_geom::verdict::verdict_within;
+use std::marker::PhantomData;
 
 pub use crate::counters::{Count, Counters, Log, NoCount, NoCountLate, join};
+
+/// How a traversal tests the triangles of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeafTest {
+    /// Eight at a time, in f32 with error bounds; candidates get the exact verdict.
+    Eight,
+    /// One at a time, in f32 with error bounds; candidates get the exact verdict.
+    Scalar,
+    /// One at a time as published, in f32 without an exact verdict.
+    Published,
+}
 
 /// What a traversal searches for: the nearest hit, or any hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
     /// Whether the first hit found, in any order, ends the traversal.
     const ANY: bool;
+
+    /// How leaves are tested.
+    const LEAF: LeafTest = LeafTest::Eight;
 
     /// Type of the result for a ray.
     type Answer: Copy + Send;
@@ -46,6 +61,36 @@ impl Query for Any {
     #[inline(always)]
     fn answer(hit: Hit) -> bool {
         hit.is_hit()
+    }
+}
+
+/// The same query with triangles tested one at a time ([`LeafTest::Scalar`]).
+#[derive(Debug)]
+pub struct OneByOne<Q>(PhantomData<Q>);
+
+impl<Q: Query> Query for OneByOne<Q> {
+    const ANY: bool = Q::ANY;
+    const LEAF: LeafTest = LeafTest::Scalar;
+    type Answer = Q::Answer;
+
+    #[inline(always)]
+    fn answer(hit: Hit) -> Q::Answer {
+        Q::answer(hit)
+    }
+}
+
+/// The same query with triangles tested one at a time as published ([`LeafTest::Published`]).
+#[derive(Debug)]
+pub struct AsPublished<Q>(PhantomData<Q>);
+
+impl<Q: Query> Query for AsPublished<Q> {
+    const ANY: bool = Q::ANY;
+    const LEAF: LeafTest = LeafTest::Published;
+    type Answer = Q::Answer;
+
+    #[inline(always)]
+    fn answer(hit: Hit) -> Q::Answer {
+        Q::answer(hit)
     }
 }
 
@@ -139,24 +184,35 @@ impl Best {
         let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
             return false;
         };
-        if !ray.reaches(found.t) {
-            return false;
-        }
         let hit = Hit {
             t: found.t,
             triangle: id,
             u: found.u,
             v: found.v,
         };
+        self.keep::<Q, C>(RayRef { ray, frame }, hit, counters)
+    }
+
+    /// Keeps a hit in the ray's interval if it is the best so far, and returns whether the traversal may end.
+    #[inline(always)]
+    pub fn keep<Q: Query, C: Counters>(
+        &mut self,
+        RayRef { ray, frame }: RayRef<'_>,
+        hit: Hit,
+        counters: &mut C,
+    ) -> bool {
+        if !ray.reaches(hit.t) {
+            return false;
+        }
         // Go on as if there were no hit where all hits are gathered, or where the ray does not see this one.
         if let Some(limit) = counters.set_aside(hit) {
             self.reach = keep_min(frame.reach(limit), self.reach);
             return false;
         }
         // Keep the hit if it is nearer, or as near with a smaller number.
-        if HitKey::new(found.t, id).precedes(HitKey::new(self.hit.t, self.hit.triangle)) {
+        if HitKey::new(hit.t, hit.triangle).precedes(HitKey::new(self.hit.t, self.hit.triangle)) {
             self.hit = hit;
-            self.reach = keep_min(frame.reach(found.t), self.reach);
+            self.reach = keep_min(frame.reach(hit.t), self.reach);
             counters.improved(self.hit);
         }
         Q::ANY

@@ -3,6 +3,7 @@
 //! Havran 2006).
 
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::planes::scalar::AXIS_LEAVES;
 use crate::ways::PLANE_NODES;
 use crate::{lazy, params, planes};
 use halfspace_base::Monitor;
@@ -33,6 +34,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         PLANE_NODES,
         AXIS_TRAVERSAL,
         params::ROBUST,
+        AXIS_LEAVES,
         params::step_cost(Costs::PLANES),
         params::leaf_cost(Costs::PLANES),
         params::triangle_cost(Costs::PLANES),

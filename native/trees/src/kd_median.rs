@@ -4,6 +4,7 @@
 
 use crate::kd::default_depth;
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::planes::scalar::AXIS_LEAVES;
 use crate::ways::PLANE_NODES;
 use crate::{params, planes};
 use halfspace_base::error::Result;
@@ -30,6 +31,7 @@ pub const SPACE: StructureSpec = StructureSpec {
         PLANE_NODES,
         AXIS_TRAVERSAL,
         params::ROBUST,
+        AXIS_LEAVES,
         params::LEAF_SIZE,
         params::MAX_DEPTH,
     ],

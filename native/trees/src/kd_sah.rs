@@ -5,6 +5,7 @@
 use crate::kd::{Axes, plane_tree};
 use crate::params;
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::planes::scalar::AXIS_LEAVES;
 use crate::ways::PLANE_NODES;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -30,6 +31,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         PLANE_NODES,
         AXIS_TRAVERSAL,
         params::ROBUST,
+        AXIS_LEAVES,
         params::step_cost(Costs::THESIS),
         params::triangle_cost(Costs::THESIS),
         params::empty_factor(Costs::THESIS),

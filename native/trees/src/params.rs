@@ -147,6 +147,10 @@ pub const LAZY: ParamSpec = ParamSpec {
             key: "shadow",
             only: Only::Options(&["none", "cache"]),
         },
+        Need {
+            key: "leaves",
+            only: Only::Options(&["blocks"]),
+        },
     ],
 };
 

@@ -260,6 +260,32 @@ mod tests {
                 "width=4 has no effect in 'bvh-sah' with traversal=packet8",
             ),
             ("bsp-wn:step_cost=3", "'bsp-wn' has no key 'step_cost'"),
+            (
+                "kd:leaves=scalar,traversal=tile",
+                "leaves=scalar needs traversal=auto|dir|ta-b|ta-a|sung|arvo|seq|rope|ropetree in 'kd', got traversal=tile",
+            ),
+            (
+                "bsp-wn:leaves=scalar,nodes=wide",
+                "leaves=scalar needs nodes=planes in 'bsp-wn', got nodes=wide",
+            ),
+            (
+                "kd:leaves=scalar,shadow=beam",
+                "leaves=scalar needs shadow=none|cache in 'kd', got shadow=beam",
+            ),
+            (
+                "kd:lazy=1,leaves=scalar",
+                "lazy=1 has no effect in 'kd' with leaves=scalar; it needs leaves=blocks",
+            ),
+            ("beam-hh:leaves=scalar", "'beam-hh' has no key 'leaves'"),
+            ("bsp-random:draw=thesis", "'bsp-random' has no key 'draw'"),
+            (
+                "bsp-cn-plus-kd:k=3,draw=thesis",
+                "draw=thesis has no effect in 'bsp-cn-plus-kd' with k=3; it needs k above 3",
+            ),
+            (
+                "bsp-cn:rule=code",
+                "rule=code has no effect in 'bsp-cn' with draw=distinct; it needs draw=thesis",
+            ),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(part), "{text}: {message}");

@@ -182,6 +182,14 @@ pub const fn offer<F, const N: usize, const M: usize>(
     ways
 }
 
+/// The way of the row with this traversal.
+///
+/// # Panics
+/// At compile time, for a name that the table does not have.
+pub const fn named<F, const M: usize>(table: &[Traversal<F>; M], name: &str) -> Way {
+    offer(table, [name])[0]
+}
+
 /// The ways of all rows of a table.
 pub const fn all<F, const M: usize>(table: &[Traversal<F>; M]) -> [Way; M] {
     let mut ways = [table[0].way; M];

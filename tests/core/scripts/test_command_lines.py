@@ -23,6 +23,7 @@ import pytest
 import render
 import reported
 import stability
+import thesis
 from one_line import told
 
 from addon.core.base import native
@@ -44,6 +45,7 @@ COMMANDS = {
     "render": render,
     "reported": reported,
     "stability": stability,
+    "thesis": thesis,
 }
 
 HUGE = "99999999999"

@@ -19,6 +19,12 @@ KNOWN = catalogue.load()
 OF_RAYS = {relevance.NODES, relevance.TRAVERSAL, "shadow", "robust", "lazy", "beam_least"}
 """Parameters that change how rays are traced, not the planes of the tree."""
 
+
+def of_rays(parameter: Parameter) -> bool:
+    """Whether a parameter changes how rays are traced or leaves are tested, not the tree."""
+    return parameter.name in OF_RAYS or "scalar" in parameter.options
+
+
 BY_CHANCE = {"slab"}
 """Slabs are tried where triangles are parallel to a direction, which few scenes have for all structures."""
 
@@ -125,7 +131,7 @@ def test_exactly_what_changes_nothing_is_hidden(structure: Structure) -> None:
         plain = [tree(scene, text(structure, context)) for scene in SCENES]
         for parameter in structure.parameters:
             name = parameter.name
-            if name in OF_RAYS or name in context or (name in BY_CHANCE and parameter in shown):
+            if of_rays(parameter) or name in context or (name in BY_CHANCE and parameter in shown):
                 continue
             assert (parameter in shown) == acts(structure, parameter, context, plain), (structure.id, context, name)
 
@@ -236,7 +242,7 @@ def test_what_is_hidden_is_refused(structure: Structure) -> None:
         values = relevance.effective(structure, context)
         shown = relevance.relevant(structure, values)
         for parameter in structure.parameters:
-            if parameter in shown or parameter.name in context or parameter.name in OF_RAYS:
+            if parameter in shown or parameter.name in context or of_rays(parameter):
                 continue
             given = text(structure, {**context, parameter.name: others(parameter)[0]})
             with pytest.raises(ValueError, match=f"{parameter.name}=.* has no effect"):

@@ -34,19 +34,19 @@ pub const UNDERFLOW: f32 = 1e-36;
 
 /// Error bounds of the test of a block, for distances up to a reach.
 #[derive(Clone, Copy)]
-struct Errors {
+pub struct Errors {
     /// Error bound of a weight.
-    uv: f32,
+    pub uv: f32,
     /// Error bound of `t` minus the product of determinant and distance, for hits up to the reach.
-    t: f32,
+    pub t: f32,
     /// Absolute part of both bounds: [`UNDERFLOW`], or NaN if some product may have overflowed.
     floor: f32,
 }
 
 impl Errors {
-    /// Computes the bounds for the triangles of a block and distances up to `reach`.
+    /// Computes the bounds for triangles with these coefficients and distances up to `reach`.
     #[inline(always)]
-    fn new<S: Simd>(edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
+    pub fn new(edges: &Bounds, ray: &FrameRay, reach: f32) -> Self {
         let size = edges.size;
         // Bound the distance of hits: up to the reach, or behind the origin if the ray interval starts there. A vertex
         // of a triangle hit is at most the triangle's size farther away.
@@ -118,6 +118,40 @@ impl ProvenHits {
     }
 }
 
+/// The coefficients of the error bounds of triangles up to a size.
+#[derive(Clone, Copy)]
+pub struct Bounds {
+    /// The largest edge component.
+    size: f32,
+    /// Overflow factor: if it overflows when multiplied by the distance to a vertex, some product of the test
+    /// may have.
+    overflow: f32,
+    /// Error bound of a determinant.
+    pub det: f32,
+    /// Coefficients of the error bound of a weight: `uv[0] * x + uv[1]` if no vertex is farther from the origin than
+    /// `x` plus `size`.
+    uv: [f32; 2],
+    /// Coefficients of the error bound of `t`, in the same form. What small edges lose by underflow, multiplied by a
+    /// long offset, is less than the term for the determinant's sign.
+    t: [f32; 2],
+}
+
+impl Bounds {
+    /// Computes the coefficients, which are linear in the ray's offset, for edges with components up to `size`.
+    #[inline(always)]
+    pub fn new(size: f32) -> Self {
+        let det = DET_ERROR * (size * size) + UNDERFLOW;
+        let [uv, t] = [2.0 * UV_ERROR * size, T_ERROR * (size * size)];
+        Self {
+            size,
+            overflow: 64.0 * size * keep_max(size, 1.0),
+            det,
+            uv: [uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)],
+            t: [t, t * size + UNDERFLOW],
+        }
+    }
+}
+
 /// The part of the test that does not depend on the ray: the triangles of a block, one per lane, and the
 /// coefficients of their error bounds.
 pub struct Edges<S: Simd> {
@@ -127,19 +161,8 @@ pub struct Edges<S: Simd> {
     sides: [[f32x8<S>; 3]; 2],
     /// Number of triangles.
     count: usize,
-    /// The largest edge component in the block.
-    size: f32,
-    /// Overflow factor: if it overflows when multiplied by the distance to a vertex, some product of the test
-    /// may have.
-    overflow: f32,
-    /// Error bound of a determinant.
-    det: f32,
-    /// Coefficients of the error bound of a weight: `uv[0] * x + uv[1]` if no vertex is farther from the origin than
-    /// `x` plus `size`.
-    uv: [f32; 2],
-    /// Coefficients of the error bound of `t`, in the same form. What small edges lose by underflow, multiplied by a
-    /// long offset, is less than the term for the determinant's sign.
-    t: [f32; 2],
+    /// The bounds of the largest triangle in the block.
+    bounds: Bounds,
     /// The largest edge component of each triangle.
     sizes: f32x8<S>,
 }
@@ -154,19 +177,11 @@ impl<S: Simd> Edges<S> {
             [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
             [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
         ];
-        // Compute the coefficients of the error bounds, which are linear in the ray's offset.
-        let size = block[0];
-        let det = DET_ERROR * (size * size) + UNDERFLOW;
-        let [uv, t] = [2.0 * UV_ERROR * size, T_ERROR * (size * size)];
         Self {
             corner: v,
             sides,
             count: n,
-            size,
-            overflow: 64.0 * size * keep_max(size, 1.0),
-            det,
-            uv: [uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)],
-            t: [t, t * size + UNDERFLOW],
+            bounds: Bounds::new(block[0]),
             sizes: largest(sides[0]).max(largest(sides[1])),
         }
     }
@@ -230,7 +245,7 @@ impl<S: Simd> Candidates<S> {
         let least = u.min(v).min(det - u - v);
 
         // Reject if a weight is provably negative or the distance provably exceeds the reach.
-        let errors = Errors::new(edges, ray, reach);
+        let errors = Errors::new(&edges.bounds, ray, reach);
         let limit = det.mul_add(splat(reach), splat(errors.t));
         let rejected = least.simd_lt(splat(-errors.uv)) | t.simd_gt(limit);
         Self {

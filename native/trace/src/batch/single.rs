@@ -5,7 +5,7 @@ use crate::batch::{Launch, Write, baseline};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Closest, Count, Counters, Log, NoCount, Query};
+use halfspace_ray::query::{Count, Counters, Log, NoCount, Query};
 use halfspace_ray::replay::{CHUNK, Record};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 use std::time::{Duration, Instant};
@@ -106,15 +106,15 @@ impl<'a> Launch<'a> {
         }
     }
 
-    /// Traces the only ray to its nearest hit and returns the path of its traversal.
+    /// Traces the only ray, with a query for the nearest hit, and returns the path of its traversal.
     ///
     /// # Panics
     /// When there is not exactly one ray.
-    pub fn path<T: SingleTraversal>(&self, traversal: &T) -> (Hit, Path) {
+    pub fn path<T: SingleTraversal, Q: Query>(&self, traversal: &T) -> (Hit, Path) {
         assert_eq!(self.rays.len(), 1, "one ray");
         let (mut nearest, mut path) = (Hit::MISS, Path::default());
         let mut count = Some(path.count());
-        self.counted::<_, Closest>(traversal, &mut |_, hit| nearest = hit, &mut |_| {
+        self.counted::<_, Q>(traversal, &mut |_, hit| nearest = hit, &mut |_| {
             count.take().expect("one ray")
         });
         (nearest, path)

@@ -12,10 +12,11 @@ use crate::kernel::{Kernel, SingleRays, store};
 use halfspace_base::error::Result;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Count, Query};
+use halfspace_ray::query::{Any, AsPublished, Closest, Count, OneByOne, Query};
 use halfspace_ray::replay::{Record, Recording};
 use halfspace_ray::{Hit, RayCounters};
 use std::fmt::Debug;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 /// A traversal that shares the ownership of its tree.
@@ -29,20 +30,61 @@ pub trait OwnedTraversal: Debug + Send + Sync + 'static {
     fn borrowed(&self) -> Self::Borrowed<'_>;
 }
 
-/// The kernel of a traversal of single rays.
-#[derive(Debug)]
-pub struct Single<T> {
-    /// The traversal.
-    pub traversal: T,
-    /// The leaves of its tree.
-    pub leaves: Arc<Blocks>,
+/// How a kernel tests the triangles of leaves; see [`halfspace_ray::query::LeafTest`].
+pub trait Leaves: Debug + Send + Sync + 'static {
+    /// The query of its traversals.
+    type Of<Q: Query>: Query<Answer = Q::Answer>;
 }
 
-impl<Q: Query, T: OwnedTraversal> Kernel<Q> for Single<T> {
+/// Eight triangles at a time.
+#[derive(Debug)]
+pub struct Eight;
+
+impl Leaves for Eight {
+    type Of<Q: Query> = Q;
+}
+
+/// One triangle at a time.
+#[derive(Debug)]
+pub struct Scalar;
+
+impl Leaves for Scalar {
+    type Of<Q: Query> = OneByOne<Q>;
+}
+
+/// One triangle at a time as published.
+#[derive(Debug)]
+pub struct Published;
+
+impl Leaves for Published {
+    type Of<Q: Query> = AsPublished<Q>;
+}
+
+/// The kernel of a traversal of single rays, which tests leaves in the way `L`.
+#[derive(Debug)]
+pub struct Single<T, L = Eight> {
+    traversal: T,
+    /// The leaves of its tree.
+    leaves: Arc<Blocks>,
+    tests: PhantomData<L>,
+}
+
+impl<T, L> Single<T, L> {
+    /// Makes the kernel of a traversal; `leaves` are those of its tree.
+    pub fn new(traversal: T, leaves: Arc<Blocks>) -> Self {
+        Self {
+            traversal,
+            leaves,
+            tests: PhantomData,
+        }
+    }
+}
+
+impl<Q: Query, T: OwnedTraversal, L: Leaves> Kernel<Q> for Single<T, L> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         let traversal = self.traversal.borrowed();
         let launch = batch.on(&self.leaves);
-        launch.trace::<_, Q>(&traversal, &mut store::<Q>(answers), None);
+        launch.trace::<_, L::Of<Q>>(&traversal, &mut store::<Q>(answers), None);
     }
 
     fn count(
@@ -53,7 +95,7 @@ impl<Q: Query, T: OwnedTraversal> Kernel<Q> for Single<T> {
     ) -> bool {
         let traversal = self.traversal.borrowed();
         let launch = batch.on(&self.leaves);
-        launch.trace::<_, Q>(&traversal, &mut store::<Q>(answers), Some(counters));
+        launch.trace::<_, L::Of<Q>>(&traversal, &mut store::<Q>(answers), Some(counters));
         true
     }
 
@@ -62,7 +104,7 @@ impl<Q: Query, T: OwnedTraversal> Kernel<Q> for Single<T> {
     }
 }
 
-impl<T: OwnedTraversal> SingleRays for Single<T> {
+impl<T: OwnedTraversal, L: Leaves> SingleRays for Single<T, L> {
     fn cast(
         &self,
         batch: &Batch<'_>,
@@ -72,9 +114,9 @@ impl<T: OwnedTraversal> SingleRays for Single<T> {
     ) {
         let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         if any {
-            launch.trace::<_, Any>(&traversal, write, counters);
+            launch.trace::<_, L::Of<Any>>(&traversal, write, counters);
         } else {
-            launch.trace::<_, Closest>(&traversal, write, counters);
+            launch.trace::<_, L::Of<Closest>>(&traversal, write, counters);
         }
     }
 
@@ -87,14 +129,15 @@ impl<T: OwnedTraversal> SingleRays for Single<T> {
     ) {
         let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         if any {
-            launch.counted::<_, Any>(&traversal, write, count);
+            launch.counted::<_, L::Of<Any>>(&traversal, write, count);
         } else {
-            launch.counted::<_, Closest>(&traversal, write, count);
+            launch.counted::<_, L::Of<Closest>>(&traversal, write, count);
         }
     }
 
     fn path(&self, batch: &Batch<'_>) -> (Hit, Path) {
-        batch.on(&self.leaves).path(&self.traversal.borrowed())
+        let launch = batch.on(&self.leaves);
+        launch.path::<_, L::Of<Closest>>(&self.traversal.borrowed())
     }
 
     fn record(
@@ -106,9 +149,9 @@ impl<T: OwnedTraversal> SingleRays for Single<T> {
     ) -> Result<()> {
         let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
         if any {
-            launch.record::<_, Any>(&traversal, counters, record);
+            launch.record::<_, L::Of<Any>>(&traversal, counters, record);
         } else {
-            launch.record::<_, Closest>(&traversal, counters, record);
+            launch.record::<_, L::Of<Closest>>(&traversal, counters, record);
         }
         Ok(())
     }
@@ -118,20 +161,34 @@ impl<T: OwnedTraversal> SingleRays for Single<T> {
         let mut seconds = Vec::new();
         let took = |time: std::time::Duration| seconds.push(time.as_secs_f64());
         let strayed = if recording.any {
-            launch.replay::<_, Any>(&traversal, &recording.record, took)
+            launch.replay::<_, L::Of<Any>>(&traversal, &recording.record, took)
         } else {
-            launch.replay::<_, Closest>(&traversal, &recording.record, took)
+            launch.replay::<_, L::Of<Closest>>(&traversal, &recording.record, took)
         };
         (seconds, strayed)
     }
 }
 
-/// Defines a function that makes the kernel of a traversal of single rays. The kernel is compiled where the function is
-/// defined, not where it is called.
+/// Defines a function that makes the kernel of a traversal of single rays, which tests leaves in the way after `with`, by
+/// default eight triangles at a time. The kernel is compiled where the function is defined, not where it is called.
+#[macro_export]
 macro_rules! single_rays {
     (
         $(#[$doc:meta])*
-        fn $constructor:ident($tree:ty $(, $field:ident: $type:ty)*) -> $traversal:ty {
+        fn $constructor:ident($($of:tt)*) -> $traversal:ty {
+            |$this:ident| $make:expr
+        }
+    ) => {
+        $crate::single_rays! {
+            $(#[$doc])*
+            fn $constructor($($of)*) -> $traversal, with $crate::single::Eight {
+                |$this| $make
+            }
+        }
+    };
+    (
+        $(#[$doc:meta])*
+        fn $constructor:ident($tree:ty $(, $field:ident: $type:ty)*) -> $traversal:ty, with $leaves:ty {
             |$this:ident| $make:expr
         }
     ) => {
@@ -154,14 +211,13 @@ macro_rules! single_rays {
                     $make
                 }
             }
-            std::sync::Arc::new($crate::single::Single {
-                traversal: Owned {
-                    tree: tree.clone(),
-                    $($field,)*
-                },
-                leaves: leaves.clone(),
-            })
+            let owned = Owned {
+                tree: tree.clone(),
+                $($field,)*
+            };
+            let kernel = $crate::single::Single::<_, $leaves>::new(owned, leaves.clone());
+            std::sync::Arc::new(kernel)
         }
     };
 }
-pub(crate) use single_rays;
+pub use single_rays;

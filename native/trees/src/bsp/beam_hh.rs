@@ -3,7 +3,7 @@
 //! polygons cut. Its planes are chosen by cost, along the axes and some of the polygons' normals, and not one
 //! through every polygon as those of Fuchs, Kedem and Naylor 1980: its fragments would outgrow memory on real scenes.
 
-use crate::bsp::normals::Arbitrary;
+use crate::bsp::normals::{Arbitrary, Draw};
 use crate::bsp::{Variant, build as build_bsp, params};
 use crate::planes::rows::{BEAM_TRAVERSAL, BEAM_WAYS};
 use halfspace_base::Monitor;
@@ -43,12 +43,18 @@ pub const SPEC: StructureSpec = StructureSpec {
     build,
 };
 
-const PARAMS: [ParamSpec; params::KD] = params();
+const PARAMS: [ParamSpec; params::KD - 1] = params();
 
-/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, and with the threshold of
-/// beams.
-const fn params() -> [ParamSpec; params::KD] {
-    let mut all = params::kd(params::k(3, 6));
+/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, and without that of leaf tests,
+/// which are those of beams; with the threshold of beams.
+const fn params() -> [ParamSpec; params::KD - 1] {
+    let usual = params::kd(params::k(3, 6));
+    let mut all = [BEAM_LEAST; params::KD - 1];
+    let mut i = 0;
+    while i < all.len() {
+        all[i] = usual[i + (i >= params::PLACE_LEAVES_KD) as usize];
+        i += 1;
+    }
     let [nodes, traversal, _] = params::PLACES_KD;
     all[nodes] = BEAM_TRAVERSAL;
     all[traversal] = BEAM_LEAST;
@@ -60,7 +66,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let source = |normals| Arbitrary {
         normals,
         seed,
-        by_area: false,
+        draw: Draw::Distinct,
     };
     build_bsp(scene, config, monitor, Variant::PlusKd, source)
 }

@@ -2,12 +2,13 @@
 //! Directions from clustered normals: k-means on the sphere (Hoobergs 2019, section 3.2), and on lines through the
 //! centre.
 //!
-//! The thesis clusters all triangles of a node in up to 500 rounds, which takes most of its build time. This file
-//! clusters a sample in few rounds, even where costs and rules are those of the thesis.
+//! The thesis clusters all triangles of a node in up to 500 rounds, which takes most of its build time: `draw=thesis`
+//! ([`crate::bsp::means`]). By default a sample is clustered in few rounds.
 
+use crate::bsp::means::{self, Empty};
 use crate::bsp::normals::{Normals, oriented};
 use crate::bsp::random::generator;
-use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, params, sweep_rows};
+use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, draws, params, sweep_rows};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_geom::vec3::{Vec3, add_scaled, dot, length, widen};
@@ -52,6 +53,8 @@ pub struct Clusters {
     pub seed: u64,
     /// Space in which normals are clustered.
     pub geometry: Geometry,
+    /// Clusters all normals as published, with this rule for empty clusters.
+    pub published: Option<Empty>,
 }
 
 /// A normal and its weight.
@@ -63,8 +66,17 @@ impl Source for Clusters {
         if wanted == 0 {
             return;
         }
-        // Few distinct normals need no clusters.
         let mut random = generator(self.seed, node.key);
+        if let Some(empty) = self.published {
+            let all = (0..node.ids.count()).filter_map(|i| self.normals.get(node.ids.get(i)));
+            for centre in means::means(&all.collect::<Vec<_>>(), wanted, empty, &mut random) {
+                if !out.contains(&centre) {
+                    out.push(centre);
+                }
+            }
+            return;
+        }
+        // Few distinct normals need no clusters.
         let members = self.sample(node, out, &mut random);
         if members.len() <= wanted {
             for (n, _) in members {
@@ -185,7 +197,10 @@ fn means(members: &[Member], k: usize, geometry: Geometry, random: &mut impl Rng
     centres
 }
 
-sweep_rows!("bsp-cn", [16, 17, 18], "clusters", along "the centres of clusters of the normals of each node", k 6, grow);
+sweep_rows!(
+    "bsp-cn", [16, 17, 18], "clusters", along "the centres of clusters of the normals of each node", k 6, grow,
+    params: draws::clusters_usual, draws::clusters_plus, draws::clusters_kd
+);
 
 /// The registry's row: normals as lines, without a border of the half space; equal normals merged, triangles weighted
 /// by area.
@@ -195,6 +210,7 @@ pub const AXIAL: StructureSpec = StructureSpec {
     label: "BSP, axial clusters + Kd",
     summary: "Planes along the axes and the centres of clusters of normals, taken as lines and weighted by area.",
     paper: "Our own, after Hoobergs 2019",
+    params: &const { params::kd(params::k(3, 6)) },
     build: |scene, config, monitor| grow_axial(scene, config, monitor, Variant::PlusKd),
     ..PLUS_KD
 };
@@ -205,6 +221,10 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
         normals,
         seed,
         geometry: Geometry::Sphere,
+        published: (config.choice("draw") == "thesis").then(|| match config.choice("rule") {
+            "code" => Empty::Restarted,
+            _ => Empty::Replaced,
+        }),
     })
 }
 
@@ -219,6 +239,7 @@ fn grow_axial(
         normals,
         seed,
         geometry: Geometry::Lines,
+        published: None,
     })
 }
 

@@ -2,7 +2,7 @@
 //! Few normals first, and many random directions only where these find no split: the tree that Hoobergs 2019
 //! suggests as future work.
 
-use crate::bsp::normals::Arbitrary;
+use crate::bsp::normals::{Arbitrary, Draw};
 use crate::bsp::random::{direction, generator};
 use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, params};
 use crate::planes::rows::ANY_WAYS;
@@ -53,7 +53,7 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
         Hybrid(Arbitrary {
             normals,
             seed,
-            by_area: false,
+            draw: Draw::Distinct,
         })
     })
 }

@@ -5,10 +5,12 @@
 
 pub mod beam_hh;
 pub mod clusters;
+mod draws;
 pub mod fixed;
 mod grow;
 pub mod hybrid;
 pub mod ize;
+pub mod means;
 pub mod normals;
 pub mod params;
 mod policy;
@@ -26,7 +28,17 @@ pub const HOOBERGS: &str =
 /// Defines the three rows of a family of sweeps: plain, with the axes, and with the axes as cheap nodes. `grow` builds a
 /// variant.
 macro_rules! sweep_rows {
-    ($id:literal, $codes:expr, $label:literal, along $along:literal, k $k:literal, $grow:path) => {
+    (
+        $id:literal, $codes:expr, $label:literal, along $along:literal, k $k:literal, $grow:path
+    ) => {
+        $crate::bsp::sweep_rows!(
+            $id, $codes, $label, along $along, k $k, $grow, params: params::usual, params::plus, params::kd
+        );
+    };
+    (
+        $id:literal, $codes:expr, $label:literal, along $along:literal, k $k:literal, $grow:path,
+        params: $usual:path, $plus:path, $kd:path
+    ) => {
         /// The registry's row: plain.
         pub const PLAIN: StructureSpec = StructureSpec {
             id: $id,
@@ -35,7 +47,7 @@ macro_rules! sweep_rows {
             family: "space",
             summary: concat!("Planes along ", $along, "."),
             paper: $crate::bsp::HOOBERGS,
-            params: &const { params::usual(params::k(1, $k)) },
+            params: &const { $usual(params::k(1, $k)) },
             ways: $crate::planes::rows::ANY_WAYS,
             no_groups: "",
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plain),
@@ -47,7 +59,7 @@ macro_rules! sweep_rows {
             code: $codes[1],
             label: concat!("BSP, ", $label, " +"),
             summary: concat!("Planes along the axes and ", $along, "."),
-            params: &const { params::plus(params::k(3, $k)) },
+            params: &const { $plus(params::k(3, $k)) },
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plus),
             ..PLAIN
         };
@@ -58,7 +70,7 @@ macro_rules! sweep_rows {
             code: $codes[2],
             label: concat!("BSP, ", $label, " + Kd"),
             summary: concat!("Planes along the axes, at cheap nodes, and ", $along, "."),
-            params: &const { params::kd(params::k(3, $k)) },
+            params: &const { $kd(params::k(3, $k)) },
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::PlusKd),
             ..PLAIN
         };

@@ -2,7 +2,7 @@
 //! The triangles' normals as directions of planes.
 
 use crate::bsp::random::generator;
-use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, params, sweep_rows};
+use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, draws, params, sweep_rows};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_geom::vec3::{cross, dot, sub, widen};
@@ -90,19 +90,44 @@ pub fn oriented(n: [f64; 3]) -> [f32; 3] {
     turned
 }
 
-/// Directions from the normals of random triangles of the node, drawn uniformly or in proportion to their area.
+/// How triangles are drawn whose normals become directions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Draw {
+    /// Uniformly, until the normals of K are distinct.
+    Distinct,
+    /// In proportion to their area.
+    ByArea,
+    /// K triangles uniformly, whatever their normals (Hoobergs 2019, section 3.4.1).
+    Thesis,
+}
+
+impl Draw {
+    /// Reads the draw of a row that has the parameter.
+    pub fn of(config: &Config) -> Self {
+        match config.choice("draw") {
+            "thesis" => Self::Thesis,
+            _ => Self::Distinct,
+        }
+    }
+}
+
+/// Directions from the normals of random triangles of the node.
 pub struct Arbitrary {
     /// Normals of all triangles.
     pub normals: Arc<Normals>,
     /// Seed of the random choices.
     pub seed: u64,
-    /// Whether triangles are drawn in proportion to their area.
-    pub by_area: bool,
+    /// How triangles are drawn.
+    pub draw: Draw,
 }
 
 impl Source for Arbitrary {
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>) {
         let wanted = k.saturating_sub(out.len());
+        if self.draw == Draw::Thesis {
+            self.as_published(node, wanted, out);
+            return;
+        }
         // Draw three times as many normals, since neighbouring triangles share planes, and walls are parallel to
         // the axes.
         let draws = 3 * wanted;
@@ -123,7 +148,7 @@ impl Source for Arbitrary {
         }
         let mut random = generator(self.seed, node.key);
         // Draw with replacement, with the areas as weights.
-        if self.by_area {
+        if self.draw == Draw::ByArea {
             let areas = (0..n).map(|i| self.normals.area(node.ids.get(i)));
             if let Ok(weights) = WeightedIndex::new(areas) {
                 for _ in 0..draws {
@@ -143,7 +168,26 @@ impl Source for Arbitrary {
     }
 }
 
-sweep_rows!("bsp-wn", [13, 14, 15], "normals", along "the normals of some triangles of each node", k 6, grow);
+impl Arbitrary {
+    /// Appends the normals of `wanted` triangles, or of all if there are fewer. One that is in `out` gives no further
+    /// planes and is left out.
+    fn as_published(&self, node: &Triangulated<'_>, wanted: usize, out: &mut Vec<[f32; 3]>) {
+        let mut random = generator(self.seed, node.key);
+        let n = node.ids.count();
+        for i in index::sample(&mut random, n, wanted.min(n)) {
+            if let Some(normal) = self.normals.get(node.ids.get(i))
+                && !out.contains(&normal)
+            {
+                out.push(normal);
+            }
+        }
+    }
+}
+
+sweep_rows!(
+    "bsp-wn", [13, 14, 15], "normals", along "the normals of some triangles of each node", k 6, grow,
+    params: draws::normals_usual, draws::normals_plus, draws::normals_kd
+);
 
 /// The registry's row: triangles drawn in proportion to their area.
 pub const AREA: StructureSpec = StructureSpec {
@@ -152,6 +196,7 @@ pub const AREA: StructureSpec = StructureSpec {
     label: "BSP, area normals + Kd",
     summary: "Planes along the axes and the normals of some triangles of each node, large ones likelier.",
     paper: "Our own, after Hoobergs 2019",
+    params: &const { params::kd(params::k(3, 6)) },
     build: |scene, config, monitor| grow_by_area(scene, config, monitor, Variant::PlusKd),
     ..PLUS_KD
 };
@@ -161,7 +206,7 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
     build(scene, config, monitor, variant, |normals| Arbitrary {
         normals,
         seed,
-        by_area: false,
+        draw: Draw::of(config),
     })
 }
 
@@ -175,6 +220,64 @@ fn grow_by_area(
     build(scene, config, monitor, variant, |normals| Arbitrary {
         normals,
         seed,
-        by_area: true,
+        draw: Draw::ByArea,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use halfspace_builders::piece::{Piece, Whole};
+
+    /// Sixty triangles in planes of three directions, a third each.
+    fn scene() -> Triangles {
+        let corners = (0..60_u8).flat_map(|i| {
+            let at = f32::from(i);
+            let flat = [[at, 0.0, 0.0], [at, 1.0, 0.25], [at, 0.0, 1.0]];
+            flat.map(|[x, y, z]| match i % 3 {
+                0 => [x, y, z],
+                1 => [x + y, y, z],
+                _ => [x + z, y, z],
+            })
+        });
+        let indices = (0..60).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        Triangles::new(corners.collect(), indices).unwrap()
+    }
+
+    #[test]
+    fn the_thesis_draws_triangles_and_not_normals() {
+        let scene = scene();
+        let frame = Frame::new(scene.bounds());
+        let normals = Arc::new(Normals::new(&scene, &frame));
+        let piece = |&id: &u32| Whole::new(id, scene.corners(id));
+        let pieces: Vec<_> = scene.live().iter().map(piece).collect();
+        // Counts the directions of forty nodes by their number, for two triangles each.
+        let drawn = |draw| {
+            let source = Arbitrary {
+                normals: normals.clone(),
+                seed: 5,
+                draw,
+            };
+            let mut nodes = [0; 4];
+            for key in 0..40 {
+                let mut out = Vec::new();
+                let node = Triangulated {
+                    key,
+                    ids: &&pieces[..],
+                };
+                source.directions(&node, 2, &mut out);
+                assert!(out.iter().all(|n| normals.normals.contains(n)));
+                nodes[out.len()] += 1;
+            }
+            nodes
+        };
+        // Two triangles have equal normals in a third of the nodes.
+        let [none, one, two, more] = drawn(Draw::Thesis);
+        assert!(
+            none == 0 && more == 0 && one >= 4 && two >= 16,
+            "{one} {two}"
+        );
+        let [_, one, two, _] = drawn(Draw::Distinct);
+        assert!(two > 36, "{one} {two}");
+    }
 }

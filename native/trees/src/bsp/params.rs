@@ -5,6 +5,7 @@ use crate::params::{
     AREA_STOP, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
 };
 use crate::planes::rows::ANY_TRAVERSAL as TRAVERSAL;
+use crate::planes::scalar::ANY_LEAVES as LEAVES;
 use crate::ways::PLANE_NODES as NODES;
 use halfspace_nodes::cost::Costs;
 use halfspace_structure::row::{Group, Kind, Need, OFF_ON, ON_OFF, Only, ParamSpec, named};
@@ -75,7 +76,8 @@ const COSTS: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-const RULE: ParamSpec = ParamSpec {
+/// Parameter rule.
+pub const RULE: ParamSpec = ParamSpec {
     name: "rule",
     label: "Fallback Rule",
     doc: "Where no plane pays at the linear cost of oblique planes but one does at the fixed cost: text \
@@ -211,7 +213,7 @@ const LINEAR: &[Need] = &[Need {
 }];
 
 /// Where oblique planes have a linear cost and directions other than the axes are tried.
-const LINEAR_MORE: &[Need] = &[LINEAR[0], MORE_THAN_AXES[0]];
+pub const LINEAR_MORE: &[Need] = &[LINEAR[0], MORE_THAN_AXES[0]];
 
 /// The costs of `costs=fitted` as parameters, without that of a step along an axis: all steps cost the same.
 const PRICES: [ParamSpec; 5] = [
@@ -233,7 +235,7 @@ const PRICES_KD: [ParamSpec; 6] = [
 ];
 
 /// Concatenates two lists.
-const fn join<const A: usize, const B: usize, const N: usize>(
+pub const fn join<const A: usize, const B: usize, const N: usize>(
     first: [ParamSpec; A],
     second: [ParamSpec; B],
 ) -> [ParamSpec; N] {
@@ -248,7 +250,7 @@ const fn join<const A: usize, const B: usize, const N: usize>(
 }
 
 /// Number of parameters of a variant without special axes.
-pub const USUAL: usize = 18;
+pub const USUAL: usize = 19;
 
 /// Number of parameters of a variant with the axes.
 pub const PLUS: usize = USUAL + 1;
@@ -272,6 +274,7 @@ pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
             EARLY,
             AXES_DEPTH,
             ROBUST,
+            LEAVES,
             MAX_DEPTH,
         ],
         PRICES,
@@ -295,6 +298,7 @@ pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
             ENOUGH.needing(FITTED_MORE),
             AXES_DEPTH.needing(MORE_THAN_AXES),
             ROBUST,
+            LEAVES,
             MAX_DEPTH,
         ],
         PRICES,
@@ -322,14 +326,18 @@ pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
             ENOUGH.needing(FITTED_MORE),
             AXES_DEPTH.needing(MORE_THAN_AXES),
             ROBUST,
+            LEAVES,
             MAX_DEPTH,
         ],
         prices,
     )
 }
 
+/// Index in [`kd`] of the rule.
+pub const PLACE_RULE_KD: usize = 7;
+
 /// Number of parameters of a tree that sweeps only the axes.
-pub const SINGLE: usize = 14;
+pub const SINGLE: usize = 15;
 
 /// Number of parameters of such a tree with cheap axis nodes.
 pub const SINGLE_KD: usize = SINGLE + 3;
@@ -338,7 +346,7 @@ pub const SINGLE_KD: usize = SINGLE + 3;
 pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
     join(
         [
-            own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH,
+            own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, LEAVES, MAX_DEPTH,
         ],
         PRICES,
     )
@@ -358,6 +366,7 @@ pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
             SLAB,
             CLIP,
             ROBUST,
+            LEAVES,
             MAX_DEPTH,
         ],
         PRICES_KD,
@@ -366,6 +375,9 @@ pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
 
 /// Indices in [`kd`] of the nodes, the traversal and the seed.
 pub const PLACES_KD: [usize; 3] = [2, 3, 4];
+
+/// Index in [`kd`] of the leaves.
+pub const PLACE_LEAVES_KD: usize = 15;
 
 /// Indices in [`usual`] of the seed and of the depth above which only the axes are tried.
 pub const PLACES_USUAL: [usize; 2] = [3, 10];

@@ -2,6 +2,7 @@
 //! Trees of split planes: from the builder's nodes to the tree and its plan.
 
 pub mod rows;
+pub mod scalar;
 
 use crate::boxes::{self, Boxes};
 use crate::ways::{Pair, chosen, together};
@@ -22,7 +23,7 @@ use halfspace_ray::frame::Frame;
 use halfspace_ray::query::Closest;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::Derived;
-use halfspace_structure::spec::Config;
+use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
@@ -137,8 +138,8 @@ impl Planes<'_> {
         Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
     }
 
-    /// Single rays from leaf to leaf by links of this kind, which are derived from the tree.
-    fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
+    /// Derives links of this kind from the tree.
+    fn links(&mut self, kind: ropes::LinkKind) -> Result<Arc<Ropes>> {
         let ropes = Ropes::new(&self.tree, self.frame.bounds(), kind, self.monitor)?;
         self.shape.links = ropes.count();
         let ropes = Arc::new(ropes);
@@ -148,6 +149,12 @@ impl Planes<'_> {
                 ropes: ropes.clone(),
             }),
         });
+        Ok(ropes)
+    }
+
+    /// Single rays from leaf to leaf by links of this kind.
+    fn roped(&mut self, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
+        let ropes = self.links(kind)?;
         let make = if self.robust {
             rope::rope
         } else {
@@ -194,6 +201,9 @@ pub fn lay_out(
     };
     let way = config.way();
     let plan = match way.rays {
+        _ if config.find(scalar::LEAVES) == Some(&Value::Choice("scalar")) => {
+            (chosen(&scalar::ONE_BY_ONE, way).plan)(&mut planes)?
+        }
         Rays::Beam => (chosen(&rows::BEAMS, way).plan)(&mut planes)?,
         _ if way.nodes == "wide" => (chosen(&rows::WIDE, way).plan)(&mut planes)?,
         _ => (chosen(&rows::BINARY, way).plan)(&mut planes)?,

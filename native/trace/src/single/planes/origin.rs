@@ -25,7 +25,7 @@ use std::marker::PhantomData;
 type Stack<'s> = stack::Stack<'s, NodeEntry>;
 
 /// A split plane across an axis, as a ray meets it.
-struct Plane {
+pub struct Plane {
     axis: usize,
     split: f32,
     /// Difference of the plane's coordinate and the origin's.
@@ -39,11 +39,12 @@ struct Plane {
 }
 
 /// The child that holds the origin.
-enum OriginSide {
+pub enum OriginSide {
     /// The only child that the ray can meet.
     Only(u32),
     /// The child that the ray visits first.
     Near {
+        /// Its number.
         child: u32,
         /// Whether the origin may lie in the plane.
         embedded: bool,
@@ -51,7 +52,7 @@ enum OriginSide {
 }
 
 /// The steps in which the traversals differ.
-trait Rule: Sync + 'static {
+pub trait Rule: Sync + 'static {
     /// Whether the next node is pushed and popped like all others.
     const PUSHES_NEXT: bool;
 
@@ -88,7 +89,7 @@ fn by_coordinate<const PUBLISHED: bool>(plane: &Plane, ray: &FrameRay, around: f
 
 /// The algorithm of Sung and Shirley: the distance takes a division; three cases are tested in this order: near child
 /// only, far child only, both.
-struct Sung;
+pub struct Sung;
 
 impl Rule for Sung {
     const PUSHES_NEXT: bool = false;
@@ -107,7 +108,7 @@ impl Rule for Sung {
 
 /// Arvo's algorithm: reciprocals of the direction are computed once per ray, and every node, inner or leaf, is popped
 /// from the stack.
-struct Arvo;
+pub struct Arvo;
 
 impl Rule for Arvo {
     const PUSHES_NEXT: bool = true;
@@ -126,7 +127,7 @@ impl Rule for Arvo {
 
 /// TA-A: the cases of ray and plane are distinguished one by one, first by the origin's side (N below, P above, Z in
 /// the plane) and the direction, without a distance; then, if the plane lies ahead, by its distance.
-struct TaA;
+pub struct TaA;
 
 impl Rule for TaA {
     const PUSHES_NEXT: bool = false;
@@ -251,14 +252,14 @@ fn pop<const PUBLISHED: bool>(stack: &mut Stack<'_>, reach: f32) -> Option<NodeE
 ///
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-struct OriginTraversal<'a, R, const PUBLISHED: bool> {
+pub struct OriginTraversal<'a, R, const PUBLISHED: bool> {
     tree: &'a PlaneTree,
     rule: PhantomData<R>,
 }
 
 impl<'a, R, const PUBLISHED: bool> OriginTraversal<'a, R, PUBLISHED> {
     /// The traversal of this tree.
-    fn new(tree: &'a PlaneTree) -> Self {
+    pub fn new(tree: &'a PlaneTree) -> Self {
         Self {
             tree,
             rule: PhantomData,

@@ -31,8 +31,10 @@ use std::sync::Arc;
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
 pub struct RopeTraversal<'a, const PUBLISHED: bool> {
-    tree: &'a PlaneTree,
-    ropes: &'a Ropes,
+    /// The tree.
+    pub tree: &'a PlaneTree,
+    /// Its links.
+    pub ropes: &'a Ropes,
 }
 
 /// The distance where a ray crosses a plane: as computed, and its lower and upper bound.

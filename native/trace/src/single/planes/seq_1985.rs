@@ -23,9 +23,10 @@ const STEP: f32 = 1.0 / 1_048_576.0;
 /// # Panics
 /// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
 pub struct PointTraversal<'a> {
-    tree: &'a PlaneTree,
+    /// The tree.
+    pub tree: &'a PlaneTree,
     /// The scene's box in the frame.
-    bounds: Aabb,
+    pub bounds: Aabb,
 }
 
 impl PointTraversal<'_> {

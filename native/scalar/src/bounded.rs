@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! With error bounds and exact verdicts: the answers are those of all other kernels.
+
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::ropes::Ropes;
+use halfspace_trace::single::planes::dir::PlaneTraversal;
+use halfspace_trace::single::planes::origin::{Arvo, OriginTraversal, Sung, TaA};
+use halfspace_trace::single::planes::rope::RopeTraversal;
+use halfspace_trace::single::planes::seq::RestartTraversal;
+use halfspace_trace::single::planes::ta_b::TaBTraversal;
+use halfspace_trace::single::planes::ta_b_poly::HeightTraversal;
+use halfspace_trace::single::{Scalar, single_rays};
+use std::sync::Arc;
+
+single_rays! {
+    /// Single rays by plane distances in the order of the direction.
+    fn dir(PlaneTree) -> PlaneTraversal<&'a PlaneTree>, with Scalar {
+        |kernel| PlaneTraversal(&*kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-B.
+    fn ta_b(PlaneTree) -> TaBTraversal<'a>, with Scalar {
+        |kernel| TaBTraversal(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by the heights of entry and exit points over planes of any direction.
+    fn ta_b_poly(PlaneTree) -> HeightTraversal<'a>, with Scalar {
+        |kernel| HeightTraversal(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-A.
+    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, false>, with Scalar {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by the algorithm of Sung and Shirley.
+    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, false>, with Scalar {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by Arvo's algorithm.
+    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, false>, with Scalar {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays that find each leaf from the root.
+    fn seq(PlaneTree) -> RestartTraversal<'a>, with Scalar {
+        |kernel| RestartTraversal(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays from leaf to leaf along ropes.
+    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false>, with Scalar {
+        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    }
+}

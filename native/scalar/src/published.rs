@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! As published: without error bounds, and with f32 alone deciding hits. Answers may be wrong, which can be measured.
+
+use halfspace_geom::Aabb;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::ropes::Ropes;
+use halfspace_trace::single::planes::dir::PlaneTraversal;
+use halfspace_trace::single::planes::origin::{Arvo, OriginTraversal, Sung, TaA};
+use halfspace_trace::single::planes::rope::RopeTraversal;
+use halfspace_trace::single::planes::seq_1985::PointTraversal;
+use halfspace_trace::single::planes::ta_b_1997::PublishedTaB;
+use halfspace_trace::single::planes::ta_b_poly::HeightTraversal;
+use halfspace_trace::single::{Published, single_rays};
+use std::sync::Arc;
+
+single_rays! {
+    /// Single rays by plane distances in the order of the direction.
+    fn dir(PlaneTree) -> PlaneTraversal<&'a PlaneTree>, with Published {
+        |kernel| PlaneTraversal(&*kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-B.
+    fn ta_b(PlaneTree) -> PublishedTaB<'a>, with Published {
+        |kernel| PublishedTaB(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by the heights of entry and exit points over planes of any direction.
+    fn ta_b_poly(PlaneTree) -> HeightTraversal<'a>, with Published {
+        |kernel| HeightTraversal(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-A.
+    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, true>, with Published {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by the algorithm of Sung and Shirley.
+    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, true>, with Published {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by Arvo's algorithm.
+    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, true>, with Published {
+        |kernel| OriginTraversal::new(&kernel.tree)
+    }
+}
+
+single_rays! {
+    /// Single rays by point location.
+    fn seq(PlaneTree, bounds: Aabb) -> PointTraversal<'a>, with Published {
+        |kernel| PointTraversal { tree: &kernel.tree, bounds: kernel.bounds }
+    }
+}
+
+single_rays! {
+    /// Single rays from leaf to leaf along ropes.
+    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true>, with Published {
+        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    }
+}

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The leaves of plane trees tested one triangle at a time, by single rays through binary nodes.
+
+use super::Planes;
+use super::rows::{BINARY, MakePlan};
+use crate::ways::{Traversal, named};
+use halfspace_base::error::Result;
+use halfspace_nodes::ropes;
+use halfspace_scalar::{bounded, published};
+use halfspace_structure::Plan;
+use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec};
+use halfspace_structure::spec::Value;
+use halfspace_structure::way::{NODES, TRAVERSAL, Way};
+
+/// Name of the parameter.
+pub const LEAVES: &str = "leaves";
+
+const PLANES: Need = Need {
+    key: NODES,
+    only: Only::Options(&["planes"]),
+};
+
+const NO_BEAMS: Need = Need {
+    key: "shadow",
+    only: Only::Options(&["none", "cache"]),
+};
+
+const AXIS_NEEDS: &[Need] = &[
+    PLANES,
+    Need {
+        key: TRAVERSAL,
+        only: Only::Options(&[
+            "auto", "dir", "ta-b", "ta-a", "sung", "arvo", "seq", "rope", "ropetree",
+        ]),
+    },
+    NO_BEAMS,
+];
+
+const ANY_NEEDS: &[Need] = &[
+    PLANES,
+    Need {
+        key: TRAVERSAL,
+        only: Only::Options(&["auto", "dir", "ta-b-poly"]),
+    },
+    NO_BEAMS,
+];
+
+const BLOCKS: Named = Named {
+    name: "blocks",
+    label: "Eight at Once",
+    doc: "",
+    needs: &[],
+};
+
+const SCALAR: Named = Named {
+    name: "scalar",
+    label: "One by One",
+    ..BLOCKS
+};
+
+/// The parameter with these options.
+const fn leaves(options: &'static [Named]) -> ParamSpec {
+    ParamSpec {
+        name: LEAVES,
+        label: "Leaf Tests",
+        doc: "How rays test the triangles of a leaf. blocks: eight at once. scalar: one after another, as the programs of \
+              the papers did, always by single rays; robust=none then decides hits in f32 by pbrt's test. Slower; costs=thesis \
+              was meant for it",
+        unit: "",
+        kind: Kind::Choice(options),
+        default: Value::Choice("blocks"),
+        group: Group::Numerics,
+        needs: &[],
+    }
+}
+
+/// The parameter of axis-aligned trees.
+pub const AXIS_LEAVES: ParamSpec = leaves(&[
+    BLOCKS,
+    Named {
+        needs: AXIS_NEEDS,
+        ..SCALAR
+    },
+]);
+
+/// The parameter of trees with oblique planes.
+pub const ANY_LEAVES: ParamSpec = leaves(&[
+    BLOCKS,
+    Named {
+        needs: ANY_NEEDS,
+        ..SCALAR
+    },
+]);
+
+/// The way of [`BINARY`] with this name.
+const fn binary(name: &str) -> Way {
+    named(&BINARY, name)
+}
+
+/// All traversals that test one triangle at a time.
+pub const ONE_BY_ONE: [Traversal<MakePlan>; 10] = [
+    Traversal {
+        way: binary("auto"),
+        plan: |planes| Ok(planes.as_chosen("dir", bounded::dir, published::dir)),
+    },
+    Traversal {
+        way: binary("dir"),
+        plan: |planes| Ok(planes.as_chosen("dir", bounded::dir, published::dir)),
+    },
+    Traversal {
+        way: binary("ta-b"),
+        plan: |planes| {
+            let mut plan = planes.as_chosen("ta-b", bounded::ta_b, published::ta_b);
+            plan.cases = &halfspace_ray::cases::NAMES;
+            Ok(plan)
+        },
+    },
+    Traversal {
+        way: binary("ta-b-poly"),
+        plan: |planes| Ok(planes.as_chosen("ta-b-poly", bounded::ta_b_poly, published::ta_b_poly)),
+    },
+    Traversal {
+        way: binary("ta-a"),
+        plan: |planes| Ok(planes.as_chosen("ta-a", bounded::ta_a, published::ta_a)),
+    },
+    Traversal {
+        way: binary("sung"),
+        plan: |planes| Ok(planes.as_chosen("sung", bounded::sung, published::sung)),
+    },
+    Traversal {
+        way: binary("arvo"),
+        plan: |planes| Ok(planes.as_chosen("arvo", bounded::arvo, published::arvo)),
+    },
+    Traversal {
+        way: binary("seq"),
+        plan: |planes| {
+            let bounds = planes.frame.bounds();
+            Ok(planes.as_chosen("seq", bounded::seq, |tree, leaves| {
+                published::seq(tree, leaves, bounds)
+            }))
+        },
+    },
+    Traversal {
+        way: binary("rope"),
+        plan: |planes| roped(planes, "rope", ropes::LinkKind::Ropes),
+    },
+    Traversal {
+        way: binary("ropetree"),
+        plan: |planes| roped(planes, "ropetree", ropes::LinkKind::RopeTrees),
+    },
+];
+
+/// Single rays from leaf to leaf by links of this kind.
+fn roped(planes: &mut Planes<'_>, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
+    let links = planes.links(kind)?;
+    let make = if planes.robust {
+        bounded::rope
+    } else {
+        published::rope
+    };
+    let kernel = make(&planes.tree, &planes.leaves, links);
+    Ok(Plan::single("planes", name, kernel))
+}
