@@ -12,8 +12,9 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::nested;
 use halfspace_nodes::plane_boxes::PlaneBoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
-use halfspace_nodes::planes::views::Linked;
+use halfspace_nodes::planes::views::{Linked, Numbered};
 use halfspace_nodes::preorder::Preorder;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::{self, Ropes};
 use halfspace_nodes::shape::Shape;
 use halfspace_nodes::wide_tree::WideTree;
@@ -26,7 +27,7 @@ use halfspace_structure::spec::Config;
 use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
-use halfspace_trace::single::planes::{dir, rope};
+use halfspace_trace::single::planes::{dir, projected, rope};
 use halfspace_trace::{beam, flight, packet, stream, tile};
 use std::sync::Arc;
 
@@ -135,6 +136,26 @@ impl Planes<'_> {
         // with all rays; streams take them instead.
         let plan = groups.streams.take_all(single, Rays::Stream);
         Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
+    }
+
+    /// Single rays that are projected onto the tree's directions. Derives nodes that store the number of a direction.
+    fn projected(&mut self) -> Result<Plan> {
+        let nodes = ProjectedTree::new(&self.tree)?;
+        self.monitor.take(nodes.bytes())?;
+        let nodes = Arc::new(nodes);
+        self.derived.push(Derived {
+            tree: Arc::new(Numbered {
+                tree: self.tree.clone(),
+                nodes: nodes.clone(),
+            }),
+        });
+        let make = if self.robust {
+            projected::projected
+        } else {
+            projected::projected_published
+        };
+        let kernel = make(&nodes, &self.leaves);
+        Ok(Plan::single("planes", "projected", kernel))
     }
 
     /// Single rays from leaf to leaf by links of this kind, which are derived from the tree.
