@@ -45,14 +45,10 @@ impl Projections {
         slack: [0.0; CODES],
     };
 
-    /// Projects a ray onto the first `count` directions. The axes come first, and their projections are coordinates.
+    /// Projects a ray onto the directions of a tree. The axes come first, and their projections are coordinates.
     #[inline(always)]
-    fn fill<S: Simd>(
-        &mut self,
-        simd: S,
-        frame: &FrameRay,
-        (table, count): (&[[f32; CODES]; 3], usize),
-    ) {
+    fn fill<S: Simd>(&mut self, simd: S, frame: &FrameRay, tree: &ProjectedTree) {
+        let (table, count) = tree.directions();
         let splat = |x: f32| f32x8::splat(simd, x);
         let [o, d] = [frame.o, frame.d].map(|v| v.map(splat));
         // The smallest normal number keeps the inverse finite for rays along a plane.
@@ -125,7 +121,7 @@ impl<const PUBLISHED: bool> SingleTraversal for ProjectedTraversal<'_, PUBLISHED
     ) -> Hit {
         let (tree, frame) = (self.0, ray.frame);
         let projections = &mut scratch.projections;
-        projections.fill(simd, frame, tree.directions());
+        projections.fill(simd, frame, tree);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(&mut scratch.entries);
         let mut next = NodeEntry {
