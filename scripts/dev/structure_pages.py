@@ -43,6 +43,7 @@ CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "without-axes": ("bsp-trees-along-normals", ("bsp-random", "bsp-wn", "bsp-cn")),
     "one-normal": ("bsp-trees-along-normals", ("bsp-wn-plus-kd",)),
     "long-builds": ("bsp-trees-along-normals", ("bsp-ize*", "bsp-random*", "bsp-wn*", "bsp-cn*")),
+    "rbsp-*": ("planes-of-few-directions", ("rbsp", "rbsp-kd")),
     "fixed-directions": ("bsp-trees-along-normals", ("rbsp", "rbsp-kd")),
 }
 """Claims, by their beginnings, to the heading of docs/papers.md about them and to the structures they are about."""

@@ -67,6 +67,7 @@ PRESETS = tuple(
         ("T.Haces", "octree-beam"),
         ("Beams of Heckbert and Hanrahan", "beam-hh"),
         ("B.Box (OORT)", "bbox-gs"),
+        ("B.Box, as published", "bbox-gs:fanout=any,leaf_size=1"),
         ("B.Box, branch and bound", "bbox-gs-bnb"),
     )
 )

@@ -7,6 +7,7 @@ pub mod grid;
 pub mod grid_order;
 pub mod groups;
 pub mod insertion;
+pub mod middle;
 pub mod object;
 pub mod octree;
 pub mod piece;

@@ -3,7 +3,7 @@
 //!
 //! | folder | layouts |
 //! | --- | --- |
-//! | [`planes`] | trees of split planes: 8 bytes per node, wide nodes, parts built on demand, ropes |
+//! | [`planes`] | trees of split planes: 8 bytes per node, numbered directions, wide nodes, parts built on demand, ropes |
 //! | [`boxes`] | trees of boxes, of oriented boxes and of polytopes with fixed directions |
 //! | [`slabs`] | interval hierarchies, of axis-aligned and of oblique planes |
 //! | [`octants`] | octrees |
@@ -28,6 +28,6 @@ pub mod tree;
 
 pub use boxes::{box_corners, box_tree, dop_tree, obb_tree, object_tree, plane_boxes};
 pub use octants::octree_nodes;
-pub use planes::{lazy_tree, plane_tree, preorder, ropes, wide_tree};
-pub use slabs::{slab_node, slab_tree, slab_wide, slant_tree, slanted_tree};
+pub use planes::{lazy_tree, plane_tree, preorder, projected_tree, ropes, wide_tree};
+pub use slabs::{slab_boxes, slab_node, slab_tree, slab_wide, slant_tree, slanted_tree};
 pub use tree::Tree;

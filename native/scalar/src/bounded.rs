@@ -2,9 +2,11 @@
 //! With error bounds and exact verdicts: the answers are those of all other kernels.
 
 use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::Ropes;
 use halfspace_trace::single::planes::dir::PlaneTraversal;
 use halfspace_trace::single::planes::origin::{Arvo, OriginTraversal, Sung, TaA};
+use halfspace_trace::single::planes::projected::ProjectedTraversal;
 use halfspace_trace::single::planes::rope::RopeTraversal;
 use halfspace_trace::single::planes::seq::RestartTraversal;
 use halfspace_trace::single::planes::ta_b::TaBTraversal;
@@ -65,5 +67,12 @@ single_rays! {
     /// Single rays from leaf to leaf along ropes.
     fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false>, with Scalar {
         |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    }
+}
+
+single_rays! {
+    /// Single rays by their projections onto the tree's directions.
+    fn projected(ProjectedTree) -> ProjectedTraversal<'a, false>, with Scalar {
+        |kernel| ProjectedTraversal(&kernel.tree)
     }
 }

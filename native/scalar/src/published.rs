@@ -3,9 +3,11 @@
 
 use halfspace_geom::Aabb;
 use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::Ropes;
 use halfspace_trace::single::planes::dir::PlaneTraversal;
 use halfspace_trace::single::planes::origin::{Arvo, OriginTraversal, Sung, TaA};
+use halfspace_trace::single::planes::projected::ProjectedTraversal;
 use halfspace_trace::single::planes::rope::RopeTraversal;
 use halfspace_trace::single::planes::seq_1985::PointTraversal;
 use halfspace_trace::single::planes::ta_b_1997::PublishedTaB;
@@ -66,5 +68,12 @@ single_rays! {
     /// Single rays from leaf to leaf along ropes.
     fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true>, with Published {
         |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    }
+}
+
+single_rays! {
+    /// Single rays by their projections onto the tree's directions.
+    fn projected(ProjectedTree) -> ProjectedTraversal<'a, true>, with Published {
+        |kernel| ProjectedTraversal(&kernel.tree)
     }
 }

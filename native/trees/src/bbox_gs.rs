@@ -7,7 +7,7 @@ use crate::ways::only_singly;
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
-use halfspace_builders::insertion::{self, Growth, Search, WIDEST};
+use halfspace_builders::insertion::{self, Growth, Order, Search, WIDEST};
 use halfspace_builders::object;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
@@ -16,7 +16,7 @@ use halfspace_nodes::nested;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
@@ -53,7 +53,16 @@ pub const BRANCH_AND_BOUND: StructureSpec = StructureSpec {
     ..SPEC
 };
 
-const PARAMS: &[ParamSpec] = &[SLABS, CHILDREN, LEAF_SIZE, LEAVES, params::ROBUST, SEED];
+const PARAMS: &[ParamSpec] = &[
+    SLABS,
+    FANOUT,
+    CHILDREN,
+    LEAF_SIZE,
+    LEAVES,
+    params::ROBUST,
+    ORDER,
+    SEED,
+];
 
 const SLABS: ParamSpec = ParamSpec {
     name: "slabs",
@@ -71,6 +80,18 @@ const SLABS: ParamSpec = ParamSpec {
     needs: &[],
 };
 
+const FANOUT: ParamSpec = ParamSpec {
+    name: "fanout",
+    label: "Fan-Out",
+    doc: "limited: nodes have few children, and an object that costs least as another child of a full node goes \
+          elsewhere. any: nodes have as many as cost least (Goldsmith and Salmon 1987); builds longer where many do",
+    unit: "",
+    kind: Kind::Choice(&[named("limited", "Limited"), named("any", "Any Number")]),
+    default: Value::Choice("limited"),
+    group: Group::Main,
+    needs: &[],
+};
+
 const CHILDREN: ParamSpec = ParamSpec {
     name: "children",
     label: "Children",
@@ -82,7 +103,10 @@ const CHILDREN: ParamSpec = ParamSpec {
     },
     default: Value::Integer(WIDEST as i64),
     group: Group::Main,
-    needs: &[],
+    needs: &[Need {
+        key: "fanout",
+        only: Only::Options(&["limited"]),
+    }],
 };
 
 const LEAF_SIZE: ParamSpec = ParamSpec {
@@ -97,10 +121,22 @@ const LEAF_SIZE: ParamSpec = ParamSpec {
     needs: &[],
 };
 
+const ORDER: ParamSpec = ParamSpec {
+    name: "order",
+    label: "Order",
+    doc: "Order in which triangles come, on which the tree depends. shuffled: random, as Goldsmith and Salmon advise, \
+          because neighbours in a scene often are neighbours in its file. given: that of the scene",
+    unit: "",
+    kind: Kind::Choice(&[named("shuffled", "Shuffled"), named("given", "As Given")]),
+    default: Value::Choice("shuffled"),
+    group: Group::Builder,
+    needs: &[],
+};
+
 const SEED: ParamSpec = ParamSpec {
     name: "seed",
     label: "Seed",
-    doc: "Shuffles the order in which triangles come, on which the tree depends",
+    doc: "Which random order triangles come in",
     unit: "",
     kind: Kind::Integer {
         min: 0,
@@ -108,7 +144,10 @@ const SEED: ParamSpec = ParamSpec {
     },
     default: Value::Integer(1),
     group: Group::Builder,
-    needs: &[],
+    needs: &[Need {
+        key: "order",
+        only: Only::Options(&["shuffled"]),
+    }],
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) -> Result<Built> {
@@ -116,8 +155,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
     let objects = object::gather(scene, &frame);
     let growth = Growth {
         search,
-        children: config.integer("children"),
-        seed: config.integer("seed") as u64,
+        children: match config.choice("fanout") {
+            "any" => usize::MAX,
+            _ => config.integer("children"),
+        },
+        order: match config.choice("order") {
+            "given" => Order::Given,
+            _ => Order::Shuffled(config.integer("seed") as u64),
+        },
     };
     let grown = insertion::grow(&objects, &growth, monitor)?;
     let ids: Vec<_> = objects.iter().map(|object| object.id).collect();

@@ -95,8 +95,10 @@ def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.Captur
         assert row["measured"] in text
         if row["verdict"] == UNTESTED and not row["values"]:
             continue
-        # The walks of the kd-tree as published have no bounds, and are wrong here and there.
+        # The walks of the kd-tree as published have no bounds, and are wrong here and there; neither has any row about
+        # holes.
         published = row["claim"].startswith("ta-b") and row["configuration"] == "faithful"
+        published |= row["claim"] == "intervals-holes"
         assert published or row["error"].startswith("0 of ")
         assert not row["error"].startswith("0 of 0 ")
         assert row["why"]

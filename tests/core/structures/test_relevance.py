@@ -62,11 +62,18 @@ def sheets(rng: np.random.Generator, count: int) -> Any:
     return np.concatenate([rng.random(3) * 8 + cells @ axes for axes in turned])
 
 
+def crowd(count: int) -> Any:
+    """Large triangles of one size, each a little beside the one before: all of them fit best beside one another."""
+    corners = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1]])
+    steps = np.arange(count)[:, None, None] * np.array([0.001, 0, 0])
+    return (corners[None] + steps).reshape(-1, 3)
+
+
 def scenes() -> list[tuple[Any, Any]]:
     """Vertices and triangles of several kinds of scenes."""
     rng = np.random.default_rng(5)
     mixed = np.concatenate([soup(rng, 150), boxes(rng, 8), sheets(rng, 4)])
-    found = [mixed, boxes(rng, 25), sheets(rng, 10), soup(rng, 500)]
+    found = [mixed, boxes(rng, 25), sheets(rng, 10), crowd(30), soup(rng, 500)]
     return [(one.astype(np.float32), np.arange(len(one), dtype=np.int32).reshape(-1, 3)) for one in found]
 
 

@@ -78,7 +78,22 @@ TREES = (
     "grid",
 )
 OWN = ("bsp-cn-axial-plus-kd", "bsp-wn-area-plus-kd", "bsp-hybrid-plus-kd")
-INTERVALS = ("bih", "skd", "boxtree", "bih5", "bih1", "bih4", "bih-n:n=4", "bih-sah", "bih-bvh", "bih-obl")
+INTERVALS = (
+    "bih",
+    "skd",
+    "boxtree",
+    "bih:split=middle",
+    "bih:split=median",
+    "bih:split=sah",
+    "bih5",
+    "bih5:cut=split",
+    "bih1",
+    "bih4",
+    "bih-n:n=4",
+    "bih-sah",
+    "bih-bvh",
+    "bih-obl",
+)
 BEAMS = ("beam-hh",)
 OCTREES = [f"octree-{walk}" for walk in ("glassner", "arvo", "param", "samet", "net", "beam")]
 WALKS = [f"kd:traversal={walk}" for walk in ("ta-a", "ta-b", "sung", "arvo", "dir", "tile8", "tile16")]
@@ -86,6 +101,7 @@ WALKS += [f"{tree}:traversal={walk}" for tree in ("kd", "kd-median") for walk in
 WALKS += [
     f"{tree}:traversal={walk}" for tree in ("kd", "rbsp", "bsp-ize-kd", "bvh-sah") for walk in ("p4", "p8", "p16")
 ]
+WALKS += ["rbsp:traversal=projected", "rbsp-kd:set=random,traversal=projected"]
 WALKS += ["rbsp:traversal=ta-b-poly", "bsp-wn-plus-kd:traversal=ta-b-poly"]
 SHADOWS = ("octree-net:shadow=beam", "kd:shadow=cache")
 SOURCES = [*TREES, *(f"{tree}:k={k}" for tree, k in K.items()), *OWN, *INTERVALS, *BEAMS, *OCTREES, *WALKS, *SHADOWS]

@@ -8,7 +8,12 @@
 //! children. The search follows the child that grows least or, as branch and bound, every child whose lower bound
 //! is below the best cost so far.
 
+mod block;
+
+pub use block::WIDEST;
+
 use crate::object::Object;
+use block::{Block, surface_of};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
@@ -16,9 +21,6 @@ use halfspace_nodes::dop_tree::{Child, Hierarchy};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
-
-/// Largest number of children of a node.
-pub const WIDEST: usize = 8;
 
 /// Flag of a link to an object instead of a node.
 const OBJECT: u32 = 1 << 31;
@@ -43,107 +45,37 @@ pub enum Search {
 pub struct Growth {
     /// Search strategy.
     pub search: Search,
-    /// Largest number of children of a node, 2 to [`WIDEST`].
+    /// Largest number of children of a node, from 2 on; [`usize::MAX`] for any number.
     pub children: usize,
-    /// Seed of the random order in which objects are inserted.
-    pub seed: u64,
+    /// Order in which objects are inserted.
+    pub order: Order,
 }
 
-/// A node, with the boxes of its children as structure of arrays.
-#[derive(Debug, Clone)]
-struct Node {
-    low: [[f32; WIDEST]; 3],
-    high: [[f32; WIDEST]; 3],
-    link: [u32; WIDEST],
-    /// Number of objects in the subtree of each child.
-    objects: [u32; WIDEST],
-    len: usize,
+/// Order in which objects are inserted. The tree depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// The order of the scene.
+    Given,
+    /// A random order with this seed.
+    Shuffled(u64),
 }
 
 /// A tree built by insertion; node 0 is the root.
 #[derive(Debug)]
 pub struct Grown {
-    nodes: Vec<Node>,
+    /// Blocks of children. A node is named by its first block.
+    blocks: Vec<Block>,
+    /// Number of children of the node that begins at each block.
+    counts: Vec<u32>,
     /// The next object in each object's chain, or [`END`].
     next: Vec<u32>,
 }
 
-impl Node {
-    /// Node without children.
-    const EMPTY: Self = Self {
-        low: [[f32::INFINITY; WIDEST]; 3],
-        high: [[f32::NEG_INFINITY; WIDEST]; 3],
-        link: [0; WIDEST],
-        objects: [0; WIDEST],
-        len: 0,
-    };
-
-    /// Returns the box of a child.
-    fn bounds(&self, lane: usize) -> Aabb {
-        Aabb {
-            min: [0, 1, 2].map(|k| self.low[k][lane]),
-            max: [0, 1, 2].map(|k| self.high[k][lane]),
-        }
-    }
-
-    /// Extends the box of a child by an object.
-    fn grow(&mut self, lane: usize, object: &Aabb) {
-        for k in 0..3 {
-            self.low[k][lane] = self.low[k][lane].min(object.min[k]);
-            self.high[k][lane] = self.high[k][lane].max(object.max[k]);
-        }
-        self.objects[lane] += 1;
-    }
-
-    /// Appends a child.
-    fn push(&mut self, link: u32, bounds: &Aabb, objects: u32) {
-        let lane = self.len;
-        self.len += 1;
-        self.grow(lane, bounds);
-        self.link[lane] = link;
-        self.objects[lane] = objects;
-    }
-
-    /// Returns half the surface areas of the children's boxes without and with the object; NaN for missing
-    /// children.
-    fn surfaces(&self, object: &Aabb) -> ([f32; WIDEST], [f32; WIDEST]) {
-        let (mut old, mut new) = ([0.0; WIDEST], [0.0; WIDEST]);
-        for lane in 0..WIDEST {
-            // Area of the child's box.
-            let side = |k: usize| self.high[k][lane] - self.low[k][lane];
-            old[lane] = surface([side(0), side(1), side(2)]);
-            // Area of the box with the object. Written with comparisons, which compile to single instructions.
-            let side = |k: usize| {
-                let (low, high) = (self.low[k][lane], self.high[k][lane]);
-                let low = if object.min[k] < low {
-                    object.min[k]
-                } else {
-                    low
-                };
-                let high = if object.max[k] > high {
-                    object.max[k]
-                } else {
-                    high
-                };
-                high - low
-            };
-            new[lane] = surface([side(0), side(1), side(2)]);
-        }
-        (old, new)
-    }
-}
-
-/// Returns half of a box's surface area, from its side lengths.
-fn surface([x, y, z]: [f32; 3]) -> f32 {
-    x * y + y * z + z * x
-}
-
-/// Returns half of a box's surface area; 0 for an empty box.
-fn surface_of(bounds: &Aabb) -> f32 {
-    if bounds.is_empty() {
-        return 0.0;
-    }
-    surface([0, 1, 2].map(|k| bounds.max[k] - bounds.min[k]))
+/// A child's block and its lane there.
+#[derive(Debug, Clone, Copy)]
+struct Slot {
+    block: usize,
+    lane: usize,
 }
 
 /// Position of a new object at a node.
@@ -151,10 +83,10 @@ fn surface_of(bounds: &Aabb) -> f32 {
 enum Position {
     /// As another child.
     Child,
-    /// In a new node, together with the object in this lane.
-    Pair(usize),
-    /// In the chain of this lane.
-    Chain(usize),
+    /// In a new node, together with the object in this slot.
+    Pair(Slot),
+    /// In the chain of this slot.
+    Chain(Slot),
 }
 
 /// A node that the search has reached.
@@ -163,8 +95,8 @@ struct Reached {
     node: usize,
     bounds: Aabb,
     depth: usize,
-    /// Index of the parent's entry, and the lane of this node in it.
-    from: (usize, usize),
+    /// Index of the parent's entry, and the slot of this node in the parent.
+    from: (usize, Slot),
 }
 
 /// An entry of the priority queue, ordered by cost, then the latest first. The latest lie deepest: for objects as
@@ -194,19 +126,18 @@ struct Scratch {
     queue: BinaryHeap<Reverse<QueueEntry>>,
 }
 
-/// Builds a tree over `objects` by insertion. Their numbers only determine the random order.
+/// Builds a tree over `objects` by insertion. Their numbers only determine a random order.
 ///
 /// # Errors
 /// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns
 /// them.
 pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Grown> {
     let mut order: Vec<_> = (0..objects.len()).collect();
-    order.sort_by_cached_key(|&i| (shuffled(growth.seed, objects[i].id), i));
-    // Insert the objects in random order: the result depends on the order.
-    let mut tree = Grown {
-        nodes: vec![Node::EMPTY],
-        next: vec![END; objects.len()],
-    };
+    if let Order::Shuffled(seed) = growth.order {
+        order.sort_by_cached_key(|&i| (shuffled(seed, objects[i].id), i));
+    }
+    // Insert the objects in this order: the result depends on it.
+    let mut tree = Grown::new(objects.len());
     let mut bounds = Aabb::EMPTY;
     let mut scratch = Scratch::default();
     let mut room = 0;
@@ -217,8 +148,8 @@ pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Gr
             bounds = bounds.union(&objects[i].bounds);
         }
         // Report the memory of the nodes that this part of the objects made.
-        let made = tree.nodes.capacity() - room;
-        monitor.take(made * size_of::<Node>())?;
+        let made = tree.blocks.capacity() - room;
+        monitor.take(made * size_of::<Block>())?;
         room += made;
         monitor.advance(part.len() as f64 / objects.len() as f64);
     }
@@ -234,23 +165,23 @@ fn shuffled(seed: u64, id: u32) -> u64 {
 }
 
 /// Returns a number of children as f32.
-#[expect(clippy::cast_precision_loss, reason = "at most eight children")]
-fn as_f32(children: usize) -> f32 {
+#[expect(clippy::cast_precision_loss, reason = "exact below 2^24 children")]
+fn as_f32(children: u32) -> f32 {
     children as f32
 }
 
 impl Hierarchy for Grown {
     fn children(&self, node: usize) -> impl Iterator<Item = (Child, usize)> + '_ {
-        let node = &self.nodes[node];
-        (0..node.len).map(|lane| {
-            let link = node.link[lane];
+        self.slots(node).map(|Slot { block, lane }| {
+            let block = &self.blocks[block];
+            let link = block.link[lane];
             let index = (link & !OBJECT) as usize;
             let child = if link & OBJECT == 0 {
                 Child::Node(index)
             } else {
                 Child::Objects(index)
             };
-            (child, node.objects[lane] as usize)
+            (child, block.objects[lane] as usize)
         })
     }
 
@@ -280,6 +211,48 @@ impl Hierarchy for Grown {
 }
 
 impl Grown {
+    /// A tree that has room for this number of objects.
+    fn new(objects: usize) -> Self {
+        Self {
+            blocks: vec![Block::EMPTY],
+            counts: vec![0],
+            next: vec![END; objects],
+        }
+    }
+
+    /// Returns the blocks of a node.
+    fn blocks(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
+        std::iter::successors(Some(node), |&block| match self.blocks[block].next {
+            0 => None,
+            next => Some(next as usize),
+        })
+    }
+
+    /// Returns the slots of a node's children.
+    fn slots(&self, node: usize) -> impl Iterator<Item = Slot> + '_ {
+        self.blocks(node)
+            .flat_map(|block| (0..self.blocks[block].len).map(move |lane| Slot { block, lane }))
+    }
+
+    /// Appends an empty block; returns its index.
+    fn extend(&mut self) -> usize {
+        self.blocks.push(Block::EMPTY);
+        self.counts.push(0);
+        self.blocks.len() - 1
+    }
+
+    /// Appends a child to a node.
+    fn push(&mut self, node: usize, link: u32, bounds: &Aabb, objects: u32) {
+        let mut last = self.blocks(node).last().expect("a node has a block");
+        if self.blocks[last].len == WIDEST {
+            let next = self.extend();
+            self.blocks[last].next = u32::try_from(next).expect("fewer blocks than objects");
+            last = next;
+        }
+        self.blocks[last].push(link, bounds, objects);
+        self.counts[node] += 1;
+    }
+
     /// Inserts an object into a tree with the box `whole`.
     fn insert(
         &mut self,
@@ -294,34 +267,30 @@ impl Grown {
         let node = scratch.reached[at].node;
         // Change the node that the search chose.
         match position {
-            Position::Child => self.nodes[node].push(link, bounds, 1),
-            Position::Pair(lane) => {
+            Position::Child => self.push(node, link, bounds, 1),
+            Position::Pair(Slot { block, lane }) => {
                 // Replace the child by a new node of the child and the object.
-                let new = u32::try_from(self.nodes.len()).expect("fewer nodes than objects");
-                let mut pair = Node::EMPTY;
-                let parent = &mut self.nodes[node];
-                pair.push(
-                    parent.link[lane],
-                    &parent.bounds(lane),
-                    parent.objects[lane],
-                );
-                pair.push(link, bounds, 1);
-                parent.link[lane] = new;
-                parent.grow(lane, bounds);
-                self.nodes.push(pair);
+                let pair = self.extend();
+                let own = &self.blocks[block];
+                let (old, around, objects) = (own.link[lane], own.bounds(lane), own.objects[lane]);
+                self.push(pair, old, &around, objects);
+                self.push(pair, link, bounds, 1);
+                let own = &mut self.blocks[block];
+                own.link[lane] = u32::try_from(pair).expect("fewer blocks than objects");
+                own.grow(lane, bounds);
             }
-            Position::Chain(lane) => {
-                let parent = &mut self.nodes[node];
+            Position::Chain(Slot { block, lane }) => {
+                let own = &mut self.blocks[block];
                 // Put the object at the head of the chain.
-                self.next[object] = parent.link[lane] & !OBJECT;
-                parent.link[lane] = link;
-                parent.grow(lane, bounds);
+                self.next[object] = own.link[lane] & !OBJECT;
+                own.link[lane] = link;
+                own.grow(lane, bounds);
             }
         }
         // Extend the boxes of all ancestors.
         while at != 0 {
-            let (parent, lane) = scratch.reached[at].from;
-            self.nodes[scratch.reached[parent].node].grow(lane, bounds);
+            let (parent, Slot { block, lane }) = scratch.reached[at].from;
+            self.blocks[block].grow(lane, bounds);
             at = parent;
         }
     }
@@ -343,11 +312,11 @@ impl Grown {
             node: 0,
             bounds: *whole,
             depth: 0,
-            from: (0, 0),
+            from: (0, Slot { block: 0, lane: 0 }),
         });
         // Start at the root, which inherits no cost.
         queue.push(Reverse(QueueEntry(0.0, 0)));
-        let mut best = (f32::INFINITY, 0, Position::Chain(0));
+        let mut best = (f32::INFINITY, 0, Position::Child);
         // Visit nodes in ascending order of inherited cost.
         while let Some(Reverse(QueueEntry(inherited, at))) = queue.pop() {
             // Stop if no position below can be cheaper: each costs at least the object's own area.
@@ -361,59 +330,64 @@ impl Grown {
                 ..
             } = reached[at];
             // Add the growth of this node: a ray that meets it tests all its children.
-            let (index, node) = (node, &self.nodes[node]);
+            let count = self.counts[node];
             let grown = surface_of(&bounds.union(object));
-            let inherited = inherited + as_f32(node.len) * (grown - surface_of(&bounds));
+            let inherited = inherited + as_f32(count) * (grown - surface_of(&bounds));
             // Evaluate the object as another child of this node.
-            if node.len < growth.children {
+            if (count as usize) < growth.children {
                 let cost = inherited + grown;
                 if cost < best.0 {
                     best = (cost, at, Position::Child);
                 }
             }
-            let (old, new) = node.surfaces(object);
             // Find the inner child that grows least; of equal ones that with the fewest objects.
-            let mut least: Option<(f32, u32, usize)> = None;
-            for lane in 0..node.len {
-                if node.link[lane] & OBJECT != 0 {
-                    let cost = inherited + 2.0 * new[lane];
-                    if cost < best.0 {
-                        // At the depth limit there is no level left for a new node.
-                        let position = if depth + 2 <= MAX_DEPTH {
-                            Position::Pair(lane)
-                        } else {
-                            Position::Chain(lane)
-                        };
-                        best = (cost, at, position);
+            let mut least: Option<(f32, u32, Slot)> = None;
+            for block in self.blocks(node) {
+                let own = &self.blocks[block];
+                let (old, new) = own.surfaces(object);
+                for lane in 0..own.len {
+                    let slot = Slot { block, lane };
+                    if own.link[lane] & OBJECT != 0 {
+                        let cost = inherited + 2.0 * new[lane];
+                        if cost < best.0 {
+                            // At the depth limit there is no level left for a new node.
+                            let position = if depth + 2 <= MAX_DEPTH {
+                                Position::Pair(slot)
+                            } else {
+                                Position::Chain(slot)
+                            };
+                            best = (cost, at, position);
+                        }
+                        continue;
                     }
-                    continue;
-                }
-                // Descend into inner children: all of them, or the one that grows least.
-                let growth_here = new[lane] - old[lane];
-                if growth.search == Search::BranchAndBound {
-                    queue.push(Reverse(QueueEntry(inherited, reached.len())));
-                    reached.push(self.child(index, at, lane, depth));
-                } else if least.is_none_or(|(g, n, _)| {
-                    growth_here < g || (growth_here == g && node.objects[lane] < n)
-                }) {
-                    least = Some((growth_here, node.objects[lane], lane));
+                    // Descend into inner children: all of them, or the one that grows least.
+                    let growth_here = new[lane] - old[lane];
+                    if growth.search == Search::BranchAndBound {
+                        queue.push(Reverse(QueueEntry(inherited, reached.len())));
+                        reached.push(self.child(at, slot, depth));
+                    } else if least.is_none_or(|(g, n, _)| {
+                        growth_here < g || (growth_here == g && own.objects[lane] < n)
+                    }) {
+                        least = Some((growth_here, own.objects[lane], slot));
+                    }
                 }
             }
-            if let Some((_, _, lane)) = least {
+            if let Some((_, _, slot)) = least {
                 queue.push(Reverse(QueueEntry(inherited, reached.len())));
-                reached.push(self.child(index, at, lane, depth));
+                reached.push(self.child(at, slot, depth));
             }
         }
         best
     }
 
-    /// Returns the search entry of a child; `at` is the entry of its parent `node` at `depth`.
-    fn child(&self, node: usize, at: usize, lane: usize, depth: usize) -> Reached {
+    /// Returns the search entry of a child; `at` is the entry of its parent at `depth`.
+    fn child(&self, at: usize, slot: Slot, depth: usize) -> Reached {
+        let block = &self.blocks[slot.block];
         Reached {
-            node: self.nodes[node].link[lane] as usize,
-            bounds: self.nodes[node].bounds(lane),
+            node: block.link[slot.lane] as usize,
+            bounds: block.bounds(slot.lane),
             depth: depth + 1,
-            from: (at, lane),
+            from: (at, slot),
         }
     }
 }

@@ -26,20 +26,20 @@ fn cheapest(
     children: usize,
     inherited: f32,
 ) -> f32 {
-    let node = &tree.nodes[node];
     let grown = surface_of(&bounds.union(object));
-    let inherited = inherited + as_f32(node.len) * (grown - surface_of(&bounds));
+    let inherited = inherited + as_f32(tree.counts[node]) * (grown - surface_of(&bounds));
     let mut least = f32::INFINITY;
-    if node.len < children {
+    if (tree.counts[node] as usize) < children {
         least = inherited + grown;
     }
-    for lane in 0..node.len {
-        let link = node.link[lane];
+    for Slot { block, lane } in tree.slots(node) {
+        let own = &tree.blocks[block];
+        let link = own.link[lane];
         let cost = if link & OBJECT == 0 {
-            let bounds = node.bounds(lane);
+            let bounds = own.bounds(lane);
             cheapest(tree, link as usize, bounds, object, children, inherited)
         } else {
-            inherited + 2.0 * surface_of(&node.bounds(lane).union(object))
+            inherited + 2.0 * surface_of(&own.bounds(lane).union(object))
         };
         least = least.min(cost);
     }
@@ -48,18 +48,15 @@ fn cheapest(
 
 #[test]
 fn branch_and_bound_finds_the_cheapest_position_and_greed_none_cheaper() {
-    for children in [2, 4, WIDEST] {
+    for children in [2, 4, WIDEST, usize::MAX] {
         let growth = |search| Growth {
             search,
             children,
-            seed: 0,
+            order: Order::Shuffled(0),
         };
         let (all, greedy) = (growth(Search::BranchAndBound), growth(Search::Greedy));
         let objects = boxes(300);
-        let mut tree = Grown {
-            nodes: vec![Node::EMPTY],
-            next: vec![END; objects.len()],
-        };
+        let mut tree = Grown::new(objects.len());
         let (mut whole, mut scratch) = (Aabb::EMPTY, Scratch::default());
         let mut dearer = 0;
         for (i, object) in objects.iter().enumerate() {
@@ -115,7 +112,7 @@ fn every_object_is_in_the_tree_once_and_depth_is_bounded() {
             let growth = Growth {
                 search,
                 children: 2,
-                seed: 3,
+                order: Order::Shuffled(3),
             };
             let tree = grow(&objects, &growth, &Monitor::new()).unwrap();
             let (depth, found) = measure(&tree);
@@ -128,17 +125,48 @@ fn every_object_is_in_the_tree_once_and_depth_is_bounded() {
 #[test]
 fn the_order_is_that_of_the_seed() {
     let objects = boxes(200);
-    let shape = |seed| {
+    let shape = |order| {
         let growth = Growth {
             search: Search::Greedy,
             children: 4,
-            seed,
+            order,
         };
         let tree = grow(&objects, &growth, &Monitor::new()).unwrap();
         let mut out = Vec::new();
         tree.objects(Child::Node(0), &mut out);
         out
     };
-    assert_eq!(shape(1), shape(1));
-    assert_ne!(shape(1), shape(2));
+    let [one, other] = [1, 2].map(Order::Shuffled);
+    assert_eq!(shape(one), shape(one));
+    assert_ne!(shape(one), shape(other));
+    assert_ne!(shape(one), shape(Order::Given));
+}
+
+/// Objects far apart and of one size: each is cheapest as another child of the root, however many it has.
+#[test]
+fn without_a_limit_nodes_have_any_number_of_children() {
+    let objects: Vec<_> = (0..300_u16)
+        .map(|i| {
+            let mut bounds = Aabb::EMPTY;
+            let at = f32::from(i) * 0.001;
+            bounds.grow([at, 0.0, 0.0]);
+            bounds.grow([at + 1.0, 1.0, 1.0]);
+            Object {
+                bounds,
+                id: u32::from(i),
+            }
+        })
+        .collect();
+    let widest = |children| {
+        let growth = Growth {
+            search: Search::Greedy,
+            children,
+            order: Order::Given,
+        };
+        let tree = grow(&objects, &growth, &Monitor::new()).unwrap();
+        assert!(measure(&tree).1.into_iter().eq(0..objects.len()));
+        (tree.counts.iter().copied().max()).expect("there is a root") as usize
+    };
+    assert_eq!(widest(4), 4);
+    assert!(widest(usize::MAX) > 10 * WIDEST);
 }

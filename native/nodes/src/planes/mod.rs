@@ -5,6 +5,7 @@
 pub mod lazy_tree;
 pub mod plane_tree;
 pub mod preorder;
+pub mod projected_tree;
 pub mod ropes;
 pub mod views;
 pub mod wide_tree;

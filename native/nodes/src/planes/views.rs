@@ -2,6 +2,7 @@
 //! Trees of split planes as [`Tree`] and as [`Cells`].
 
 use super::plane_tree::{Node, PlaneTree};
+use super::projected_tree::ProjectedTree;
 use super::ropes::Ropes;
 use super::wide_tree::WideTree;
 use crate::cells::{Cells, NodeId, NodeView, OBLIQUE, axis_kind};
@@ -94,6 +95,43 @@ impl Tree for WideTree {
 
     fn same(&self, other: &dyn Tree) -> bool {
         (other.downcast_ref::<Self>()).is_some_and(|other| self.is_same(other))
+    }
+}
+
+/// The nodes of a tree of planes with the numbers of their directions.
+#[derive(Debug)]
+pub struct Numbered {
+    /// The tree.
+    pub tree: Arc<PlaneTree>,
+    /// Its nodes, numbered.
+    pub nodes: Arc<ProjectedTree>,
+}
+
+/// Auxiliary data: its leaves are those of the tree.
+impl Tree for Numbered {
+    fn bytes(&self) -> usize {
+        self.nodes.bytes()
+    }
+
+    fn cells(&self) -> Option<&dyn Cells> {
+        None
+    }
+
+    fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
+
+    fn validate(&self, _: &Body<'_>, broken: &mut Vec<String>) {
+        self.tree.visit(|index, node, _| {
+            if !self.nodes.equals(index, node) {
+                broken.push(format!(
+                    "node {index} differs between the layouts: {node:?}, {:?}",
+                    self.nodes.node(index)
+                ));
+            }
+        });
+    }
+
+    fn same(&self, other: &dyn Tree) -> bool {
+        (other.downcast_ref::<Self>()).is_some_and(|other| self.nodes == other.nodes)
     }
 }
 

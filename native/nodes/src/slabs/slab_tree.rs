@@ -13,7 +13,7 @@ use crate::plane_tree::MAX_DEPTH;
 use crate::slab_node::{MOST, SlabKind, SlabNode};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
-use halfspace_geom::tighten::{Sides, Tighten};
+use halfspace_geom::tighten::{Cut, Sides, Tighten};
 use halfspace_leaf::leaves::Leaves;
 
 /// A bounding interval hierarchy over a scene.
@@ -23,10 +23,42 @@ pub struct SlabTree<N> {
     pub nodes: Vec<N>,
 }
 
+/// Share of a side below which [`Gaps::SplitAxis`] cuts: 1 / 1.3 (published by the renderer Sunflow).
+const SHARE: f64 = 1.0 / 1.3;
+
+/// How a node cuts off empty space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gaps {
+    /// An empty leaf beyond one plane, along the axis that leaves the smallest surface.
+    Leaf,
+    /// A node of one child, along the axis that leaves the smallest surface.
+    OneChild,
+    /// A node of one child between two planes, along the axis of the node's own split and only there: where both ends of
+    /// that side are empty and the rest takes less than 1 / 1.3 of it.
+    SplitAxis,
+}
+
+/// The cut of [`Gaps::SplitAxis`] at an item.
+fn along_split(binary: &ObjectTree, from: usize, region: &Aabb) -> Option<Cut> {
+    let ItemKind::Inner { axis, .. } = binary.kind(from) else {
+        return None;
+    };
+    let item = &binary.items[from].bounds;
+    let (low, high) = (item.min[axis], item.max[axis]);
+    let empty = low > region.min[axis] && high < region.max[axis];
+    let mut inside = *region;
+    (inside.min[axis], inside.max[axis]) = (low, high);
+    (empty && inside.extent(axis) < SHARE * region.extent(axis)).then_some(Cut {
+        axis,
+        inside,
+        full: 0,
+    })
+}
+
 impl<N: SlabNode> SlabTree<N> {
     /// Lays out a binary tree over a scene with these bounds, its leaves in `leaves`. Where `tighten` finds it
-    /// worthwhile, a node first cuts off empty space: with a node of one child if `only` is set, else with an
-    /// empty leaf on the other side.
+    /// worthwhile, a node first cuts off empty space in the way of `gaps`; [`Gaps::SplitAxis`] has a threshold of its
+    /// own, and needs nodes of two planes.
     ///
     /// # Errors
     /// [`Error::Memory`] if the tree has more nodes than links can address.
@@ -34,12 +66,13 @@ impl<N: SlabNode> SlabTree<N> {
         binary: &ObjectTree,
         bounds: Aabb,
         tighten: Tighten,
-        only: bool,
+        gaps: Gaps,
         leaves: &mut Leaves,
     ) -> Result<Self> {
         binary.check_size()?;
         let firsts = binary.firsts();
         let heights = binary.heights();
+        let only = gaps != Gaps::Leaf;
         let sides = if only { N::ONLY } else { Sides::One };
         let mut nodes = Vec::with_capacity(binary.items.len() + binary.items.len() / 2);
         nodes.push(N::EMPTY);
@@ -51,10 +84,12 @@ impl<N: SlabNode> SlabTree<N> {
                 return Err(Error::Memory(format!("the tree would have {MOST} nodes")));
             }
             let item = &binary.items[from].bounds;
-            let cut = if depth + usize::from(heights[from]) < MAX_DEPTH {
-                tighten.cut(sides, &region, item)
-            } else {
+            let cut = if depth + usize::from(heights[from]) >= MAX_DEPTH {
                 None
+            } else if gaps == Gaps::SplitAxis {
+                along_split(binary, from, &region)
+            } else {
+                tighten.cut(sides, &region, item)
             };
             // Cut off empty space first, and lay the same item out again inside.
             if let Some(cut) = cut {

@@ -14,6 +14,7 @@ pub mod kernel;
 pub mod leaf;
 pub mod nodes;
 pub mod planes;
+pub mod slab_boxes;
 pub mod traversal;
 
 mod fill;

@@ -23,6 +23,7 @@ mod intervals;
 mod lists;
 mod prepare;
 mod ray_state;
+mod slab_boxes;
 mod traversal;
 
 use fearless_simd::Simd;
@@ -52,6 +53,9 @@ pub trait Steps: Sync {
 
     /// Whether each entry of a list has the ray's interval in the node.
     const INTERVALS: bool;
+
+    /// Whether leaves may keep indices in place of corners.
+    const INDICES: bool = Self::INTERVALS;
 
     /// The root.
     fn root(&self) -> Self::Node;

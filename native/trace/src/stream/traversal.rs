@@ -166,7 +166,11 @@ impl Launch<'_> {
             let part = |_: usize, state: &RayState| {
                 T::enters(&own.node, &state.line).then(|| state.line.reach())
             };
-            self.test_list::<S, Q, C, false>(simd, leaf, list, part, riders);
+            if T::INDICES {
+                self.test_list::<S, Q, C, true>(simd, leaf, list, part, riders);
+            } else {
+                self.test_list::<S, Q, C, false>(simd, leaf, list, part, riders);
+            }
         }
     }
 

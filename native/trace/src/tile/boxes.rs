@@ -102,7 +102,7 @@ fn push_children<const W: usize, const R: usize>(
     size: &mut usize,
 ) {
     let (mut enter, mut leave) = ([0.0; W], [0.0; W]);
-    intersect(tile, node, &mut enter, &mut leave);
+    intersect(tile, &node.bounds, &mut enter, &mut leave);
     // Find the boxes that the tile hits, then insert them by their entry distances.
     let base = *size;
     let mut met = 0_u32;
@@ -124,11 +124,11 @@ fn push_children<const W: usize, const R: usize>(
     }
 }
 
-/// Computes the interval of distances in which rays of the tile may be inside each box of a node.
+/// Computes the interval of distances in which rays of the tile may be inside each of several boxes.
 #[inline(always)]
-fn intersect<const W: usize, const R: usize>(
+pub fn intersect<const W: usize, const R: usize>(
     tile: &Tile<R>,
-    node: &Wide<W>,
+    bounds: &[[f32; W]; 6],
     enter: &mut [f32; W],
     leave: &mut [f32; W],
 ) {
@@ -137,7 +137,7 @@ fn intersect<const W: usize, const R: usize>(
     *enter = [tile.inside.enter; W];
     *leave = [tile.far; W];
     for k in 0..3 {
-        let (low, high) = (&node.bounds[k], &node.bounds[3 + k]);
+        let (low, high) = (&bounds[k], &bounds[3 + k]);
         let [down, up] = tile.pace[k];
         let (o, pad) = (tile.o[k], tile.pad[k]);
         for lane in 0..W {

@@ -13,6 +13,7 @@ pub mod nearest;
 pub mod nodes;
 pub mod planes;
 pub mod shadow;
+pub mod slab_boxes;
 pub mod traversal;
 pub mod verdict;
 

@@ -44,6 +44,11 @@ macro_rules! kernels_of_all_nodes {
         }
 
         $make! {
+            /// through the boxes that intervals leave.
+            fn slab_boxes, shadow_slab_boxes(halfspace_nodes::slab_boxes::SlabBoxes)
+        }
+
+        $make! {
             /// through intervals, one plane to a node.
             fn single_intervals, shadow_single_intervals(
                 halfspace_nodes::slab_tree::SlabTree<halfspace_nodes::slab_node::Single>

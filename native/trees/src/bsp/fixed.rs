@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Sets of directions that are the same at every node.
 
-use crate::bsp::{Source, Triangulated, Variant, build, params};
-use crate::planes::rows::ANY_WAYS;
+use crate::bsp::random::{direction, generator};
+use crate::bsp::{AXES, Source, Triangulated, Variant, add_distinct, build, params};
+use crate::planes::rows::{FIXED_TRAVERSAL, FIXED_WAYS};
+use crate::planes::scalar::FIXED_LEAVES;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
 
 /// The same directions at every node.
@@ -64,7 +66,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     summary: "Planes along K directions that are the same at every node.",
     paper: PAPER,
     params: &PLAIN_PARAMS,
-    ways: ANY_WAYS,
+    ways: FIXED_WAYS,
     no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plain),
 };
@@ -78,7 +80,7 @@ pub const KD: StructureSpec = StructureSpec {
     summary: "Planes along K directions that are the same at every node; the axes among them make cheap nodes.",
     paper: "Kammaje and Mora 2007; Budge et al. 2008; Hoobergs 2019",
     params: &KD_PARAMS,
-    ways: ANY_WAYS,
+    ways: FIXED_WAYS,
     no_groups: "",
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
@@ -87,9 +89,14 @@ const SET: ParamSpec = ParamSpec {
     name: "set",
     label: "Directions",
     doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), up to 13, and a spiral \
-          beyond. spiral: always even over the sphere (Kammaje and Mora 2007)",
+          beyond. spiral: always even over the sphere (Kammaje and Mora 2007). random: drawn once for the whole tree, \
+          after the axes where these make cheap nodes (Hoobergs 2019)",
     unit: "",
-    kind: Kind::Choice(&[named("cube", "Cube"), named("spiral", "Spiral")]),
+    kind: Kind::Choice(&[
+        named("cube", "Cube"),
+        named("spiral", "Spiral"),
+        named("random", "Random"),
+    ]),
     default: Value::Choice("cube"),
     group: Group::Builder,
     needs: &[],
@@ -100,8 +107,32 @@ const K: ParamSpec = ParamSpec {
     ..params::k(3, 13)
 };
 
-const PLAIN_PARAMS: [ParamSpec; params::USUAL] = plain_params();
-const KD_PARAMS: [ParamSpec; params::KD] = kd_params();
+/// Where the directions are random.
+const RANDOM: &[Need] = &[Need {
+    key: "set",
+    only: Only::Options(&["random"]),
+}];
+
+/// The same where axes make cheap nodes: further directions are tried.
+const RANDOM_MORE: &[Need] = &[RANDOM[0], params::MORE_THAN_AXES[0]];
+
+const PLAIN_PARAMS: [ParamSpec; params::USUAL + 1] = with_seed(plain_params(), RANDOM);
+const KD_PARAMS: [ParamSpec; params::KD + 1] = with_seed(kd_params(), RANDOM_MORE);
+
+/// Appends the seed of random directions, with its conditions.
+const fn with_seed<const A: usize, const N: usize>(
+    first: [ParamSpec; A],
+    needs: &'static [Need],
+) -> [ParamSpec; N] {
+    assert!(A + 1 == N);
+    let mut all = [params::SEED.needing(needs); N];
+    let mut i = 0;
+    while i < A {
+        all[i] = first[i];
+        i += 1;
+    }
+    all
+}
 
 /// K at small nodes, which is K by default.
 const K_SMALL: ParamSpec = ParamSpec {
@@ -112,25 +143,45 @@ const K_SMALL: ParamSpec = ParamSpec {
 /// The parameters of [`params::usual`] with the set of directions in place of the seed.
 const fn plain_params() -> [ParamSpec; params::USUAL] {
     let mut all = params::usual(K);
-    let [seed, axes_depth] = params::PLACES_USUAL;
+    let [seed, axes_depth, leaves] = params::PLACES_USUAL;
+    all[seed - 1] = FIXED_TRAVERSAL;
     all[seed] = SET;
     all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
     all[axes_depth] = all[axes_depth].needing(params::MORE_THAN_AXES);
+    all[leaves] = FIXED_LEAVES;
     all
 }
 
 /// The parameters of [`params::kd`] with the set of directions in place of the seed.
 const fn kd_params() -> [ParamSpec; params::KD] {
     let mut all = params::kd(K);
-    let [_, _, seed] = params::PLACES_KD;
+    let [_, traversal, seed] = params::PLACES_KD;
+    all[traversal] = FIXED_TRAVERSAL;
     all[seed] = SET.needing(params::MORE_THAN_AXES);
+    all[params::PLACE_LEAVES_KD] = FIXED_LEAVES;
     all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
     all
 }
 
+/// Returns `k` random directions, after the axes in the variant where these make cheap nodes.
+fn random(k: usize, seed: u64, variant: Variant) -> Vec<[f32; 3]> {
+    let mut random = generator(seed, 0);
+    let mut set = if variant == Variant::PlusKd {
+        AXES.to_vec()
+    } else {
+        Vec::new()
+    };
+    while set.len() < k {
+        add_distinct(&mut set, direction(&mut random));
+    }
+    set
+}
+
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
-    let k = config.integer("k");
-    let set = if config.choice("set") == "cube" && k <= cube().len() {
+    let (k, kind) = (config.integer("k"), config.choice("set"));
+    let set = if kind == "random" {
+        random(k, config.integer("seed") as u64, variant)
+    } else if kind == "cube" && k <= cube().len() {
         cube()
     } else if variant == Variant::PlusKd {
         let mut set = cube();
@@ -150,7 +201,9 @@ mod tests {
 
     #[test]
     fn sets_hold_distinct_directions_no_longer_than_one() {
-        for set in [cube(), spiral(26), spiral(3)] {
+        let drawn = random(26, 1, Variant::PlusKd);
+        assert_eq!(drawn[..3], AXES);
+        for set in [cube(), spiral(26), spiral(3), drawn] {
             let mut distinct = Vec::new();
             for &n in &set {
                 let square: f32 = n.iter().map(|x| x * x).sum();

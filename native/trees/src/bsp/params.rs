@@ -379,5 +379,5 @@ pub const PLACES_KD: [usize; 3] = [2, 3, 4];
 /// Index in [`kd`] of the leaves.
 pub const PLACE_LEAVES_KD: usize = 15;
 
-/// Indices in [`usual`] of the seed and of the depth above which only the axes are tried.
-pub const PLACES_USUAL: [usize; 2] = [3, 10];
+/// Indices in [`usual`] of the seed, of the depth above which only the axes are tried, and of the leaves.
+pub const PLACES_USUAL: [usize; 3] = [3, 10, 12];

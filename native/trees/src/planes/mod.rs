@@ -13,8 +13,9 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::nested;
 use halfspace_nodes::plane_boxes::PlaneBoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
-use halfspace_nodes::planes::views::Linked;
+use halfspace_nodes::planes::views::{Linked, Numbered};
 use halfspace_nodes::preorder::Preorder;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::{self, Ropes};
 use halfspace_nodes::shape::Shape;
 use halfspace_nodes::wide_tree::WideTree;
@@ -27,7 +28,7 @@ use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
-use halfspace_trace::single::planes::{dir, rope};
+use halfspace_trace::single::planes::{dir, projected, rope};
 use halfspace_trace::{beam, flight, packet, stream, tile};
 use std::sync::Arc;
 
@@ -136,6 +137,32 @@ impl Planes<'_> {
         // with all rays; streams take them instead.
         let plan = groups.streams.take_all(single, Rays::Stream);
         Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
+    }
+
+    /// Derives nodes that store the number of a direction.
+    fn numbered(&mut self) -> Result<Arc<ProjectedTree>> {
+        let nodes = ProjectedTree::new(&self.tree)?;
+        self.monitor.take(nodes.bytes())?;
+        let nodes = Arc::new(nodes);
+        self.derived.push(Derived {
+            tree: Arc::new(Numbered {
+                tree: self.tree.clone(),
+                nodes: nodes.clone(),
+            }),
+        });
+        Ok(nodes)
+    }
+
+    /// Single rays that are projected onto the tree's directions.
+    fn projected(&mut self) -> Result<Plan> {
+        let nodes = self.numbered()?;
+        let make = if self.robust {
+            projected::projected
+        } else {
+            projected::projected_published
+        };
+        let kernel = make(&nodes, &self.leaves);
+        Ok(Plan::single("planes", "projected", kernel))
     }
 
     /// Derives links of this kind from the tree.

@@ -20,7 +20,7 @@ use halfspace_trace::{beam, stream, tile};
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
 
 /// All traversals of nodes of one split plane.
-pub const BINARY: [Traversal<MakePlan>; 16] = [
+pub const BINARY: [Traversal<MakePlan>; 17] = [
     Traversal {
         way: way(
             "planes",
@@ -200,6 +200,17 @@ pub const BINARY: [Traversal<MakePlan>; 16] = [
         ),
         plan: |planes| planes.roped("ropetree", ropes::LinkKind::RopeTrees),
     },
+    Traversal {
+        way: way(
+            "planes",
+            "projected",
+            "Projected",
+            Rays::Single,
+            "one by one, each ray projected onto the tree's directions once (Kammaje and Mora 2007; Budge et al. 2008), \
+             through nodes that name a direction, which take the memory of the nodes once more",
+        ),
+        plan: |planes| planes.projected(),
+    },
 ];
 
 /// All traversals of nodes of seven split planes, which are three levels of the binary tree.
@@ -305,6 +316,33 @@ const ANY_OPTIONS: [Named; 11] = distinct(&ANY);
 
 /// Traversals of trees with oblique planes.
 pub const ANY_TRAVERSAL: ParamSpec = traversal(&ANY_OPTIONS);
+
+const FIXED: [Way; 10 + OTHERS] = join(
+    offer(
+        &BINARY,
+        [
+            "auto",
+            "dir",
+            "projected",
+            "tile",
+            "tile16",
+            "packet",
+            "packet8",
+            "packet4",
+            "stream",
+            "ta-b-poly",
+        ],
+    ),
+    OTHER_WAYS,
+);
+
+/// Ways through trees whose planes have few directions.
+pub const FIXED_WAYS: &[Way] = &FIXED;
+
+const FIXED_OPTIONS: [Named; 12] = distinct(&FIXED);
+
+/// Traversals of trees whose planes have few directions.
+pub const FIXED_TRAVERSAL: ParamSpec = traversal(&FIXED_OPTIONS);
 
 const BEAM: [Way; 5] = join(
     all(&BEAMS),

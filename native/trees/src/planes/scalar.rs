@@ -92,13 +92,31 @@ pub const ANY_LEAVES: ParamSpec = leaves(&[
     },
 ]);
 
+const FIXED_NEEDS: &[Need] = &[
+    PLANES,
+    Need {
+        key: TRAVERSAL,
+        only: Only::Options(&["auto", "dir", "projected", "ta-b-poly"]),
+    },
+    NO_BEAMS,
+];
+
+/// The parameter of trees whose planes have few directions.
+pub const FIXED_LEAVES: ParamSpec = leaves(&[
+    BLOCKS,
+    Named {
+        needs: FIXED_NEEDS,
+        ..SCALAR
+    },
+]);
+
 /// The way of [`BINARY`] with this name.
 const fn binary(name: &str) -> Way {
     named(&BINARY, name)
 }
 
 /// All traversals that test one triangle at a time.
-pub const ONE_BY_ONE: [Traversal<MakePlan>; 10] = [
+pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
     Traversal {
         way: binary("auto"),
         plan: |planes| Ok(planes.as_chosen("dir", bounded::dir, published::dir)),
@@ -147,6 +165,19 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 10] = [
     Traversal {
         way: binary("ropetree"),
         plan: |planes| roped(planes, "ropetree", ropes::LinkKind::RopeTrees),
+    },
+    Traversal {
+        way: binary("projected"),
+        plan: |planes| {
+            let nodes = planes.numbered()?;
+            let make = if planes.robust {
+                bounded::projected
+            } else {
+                published::projected
+            };
+            let kernel = make(&nodes, &planes.leaves);
+            Ok(Plan::single("planes", "projected", kernel))
+        },
     },
 ];
 

@@ -11,6 +11,7 @@ use fearless_simd::Simd;
 use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::{Double, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::{Best, Counters, Query};
@@ -36,6 +37,13 @@ pub struct SlabBoxTraversal<'a, N> {
     tree: &'a SlabTree<N>,
     /// The scene's box in the frame.
     bounds: Aabb,
+}
+
+impl<'a, N> SlabBoxTraversal<'a, N> {
+    /// The traversal of this tree. `bounds`: the scene's box in the frame.
+    pub fn new(tree: &'a SlabTree<N>, bounds: Aabb) -> Self {
+        Self { tree, bounds }
+    }
 }
 
 impl<N: SlabNode> SingleTraversal for SlabBoxTraversal<'_, N> {
@@ -120,8 +128,8 @@ impl<N: SlabNode> SingleTraversal for SlabBoxTraversal<'_, N> {
 }
 
 single_rays! {
-    /// Single rays through the boxes that intervals leave. `bounds`: the scene's box in the frame.
-    fn slab_boxes(SlabTree<Double>, bounds: Aabb) -> SlabBoxTraversal<'a, Double> {
-        |kernel| SlabBoxTraversal { tree: &kernel.tree, bounds: kernel.bounds }
+    /// Single rays through the boxes that intervals leave.
+    fn slab_boxes(SlabBoxes) -> SlabBoxTraversal<'a, Double> {
+        |kernel| SlabBoxTraversal::new(&kernel.tree.tree, kernel.tree.bounds)
     }
 }

@@ -25,14 +25,14 @@ pub struct PlaneTraversal<T>(pub T);
 pub type Entries<A> = [NodeEntry<A>; MAX_DEPTH + 1];
 
 /// A plane as a ray meets it.
-struct Crossing {
+pub(super) struct Crossing {
     /// Number of the child on the near side; the other differs in the lowest bit.
-    near: u32,
+    pub near: u32,
     /// Bits of the empty children.
-    empty: u32,
+    pub empty: u32,
     /// Bounds of the distance where the ray crosses the plane: the far child begins at the first, the near child ends
     /// at the second.
-    bounds: Interval,
+    pub bounds: Interval,
 }
 
 impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
@@ -76,7 +76,7 @@ impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
                         empty,
                         bounds: Interval::new(distance - slack, distance + slack),
                     };
-                    next = step(tree, next, &crossing, &mut stack);
+                    next = step(next, |i| tree.sibling(next.node, i), &crossing, &mut stack);
                     continue;
                 }
                 Node::Oblique {
@@ -87,7 +87,7 @@ impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
                 } => {
                     counters.step_oblique();
                     let crossing = oblique(frame, normal, offset, children, empty);
-                    next = step(tree, next, &crossing, &mut stack);
+                    next = step(next, |i| tree.sibling(next.node, i), &crossing, &mut stack);
                     continue;
                 }
                 Node::Leaf { first, count } => {
@@ -118,7 +118,13 @@ impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
 
 /// The crossing of a plane `normal . x = offset`.
 #[inline(always)]
-fn oblique(frame: &FrameRay, normal: [f32; 3], offset: f32, children: u32, empty: u32) -> Crossing {
+pub(super) fn oblique(
+    frame: &FrameRay,
+    normal: [f32; 3],
+    offset: f32,
+    children: u32,
+    empty: u32,
+) -> Crossing {
     // The smallest normal number keeps the reciprocal finite for rays along the plane.
     let speed = dot(normal, frame.d);
     let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
@@ -134,18 +140,17 @@ fn oblique(frame: &FrameRay, normal: [f32; 3], offset: f32, children: u32, empty
 /// Returns the child to visit next, with its interval; if both children are to be visited, pushes the far one. If
 /// the distance is NaN both comparisons fail: both children are visited over the whole interval.
 ///
-/// An empty child is skipped; the other one then gets its own part of the interval.
+/// An empty child is skipped; the other one then gets its own part of the interval. `node`: the node with an index.
 #[inline(always)]
-fn step<T: Planes>(
-    tree: T,
-    at: NodeEntry<T::At>,
+pub(super) fn step<A: Copy>(
+    at: NodeEntry<A>,
+    node: impl Fn(u32) -> A,
     crossing: &Crossing,
-    stack: &mut Stack<'_, NodeEntry<T::At>>,
-) -> NodeEntry<T::At> {
+    stack: &mut Stack<'_, NodeEntry<A>>,
+) -> NodeEntry<A> {
     let Interval { enter, leave } = at.interval;
     let (low, high) = (crossing.bounds.enter, crossing.bounds.leave);
-    let near = tree.sibling(at.node, crossing.near);
-    let far = tree.sibling(at.node, crossing.near ^ 1);
+    let (near, far) = (node(crossing.near), node(crossing.near ^ 1));
     if low > leave {
         return NodeEntry { node: near, ..at };
     }

@@ -3,6 +3,7 @@
 
 pub mod dir;
 pub mod origin;
+pub mod projected;
 pub mod rope;
 pub mod seq;
 pub mod seq_1985;

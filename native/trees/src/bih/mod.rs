@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Bounding interval hierarchies (Wächter and Keller 2006): one row for each form of the nodes. A grid orders the
-//! triangles, except in the row that the surface area heuristic builds.
+//! Bounding interval hierarchies (Wächter and Keller 2006): one row for each form of the nodes. A parameter
+//! selects how triangles are divided; the row by area has the costs of its heuristic as parameters.
 
-use crate::ways::{distinct, every_way, only_singly, together, traversal};
-use crate::{objects, params};
+pub mod params;
+
+use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT};
+pub use params::{EMPTY, LEAVES};
+
+use crate::objects;
+use crate::params as shared;
+use crate::ways::{distinct, every_way, together, traversal};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
+use halfspace_builders::binned::SurfaceArea;
 use halfspace_builders::global::Global;
+use halfspace_builders::middle::{At, Longest};
 use halfspace_builders::{grid_order, object};
 use halfspace_geom::Aabb;
 use halfspace_geom::tighten::Tighten;
@@ -16,75 +24,24 @@ use halfspace_nodes::Tree;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::nested::{self, Nested};
 use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::Double;
-use halfspace_nodes::slab_tree::SlabTree;
+use halfspace_nodes::slab_tree::{Gaps, SlabTree};
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, Named, ParamSpec, StructureSpec, named};
-use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::row::{Named, ParamSpec, StructureSpec};
+use halfspace_structure::spec::Config;
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
 use std::sync::Arc;
 
-/// Leaf size of hierarchies whose triangles a grid divides.
-const LEAF_SIZE: ParamSpec = ParamSpec {
-    name: "leaf_size",
-    label: "Leaf Size",
-    doc: "Nodes of at most this many triangles are not split. More builds faster and tests more",
-    unit: "triangles",
-    kind: Kind::Integer { min: 1, max: 64 },
-    default: Value::Integer(6),
-    group: Group::Builder,
-    needs: &[],
-};
-
-/// Whether leaves keep indices or copies of the corners.
-pub const LEAVES: ParamSpec = ParamSpec {
-    name: "leaves",
-    label: "Leaves",
-    doc: "indices: leaves name triangles and corners, less than half the memory. corners: they hold \
-          copies, which are tested sooner and take longer to build",
-    unit: "",
-    kind: Kind::Choice(&[
-        named("indices", "Indices"),
-        named("corners", "Corner Copies"),
-    ]),
-    default: Value::Choice("indices"),
-    group: Group::Numerics,
-    needs: &[],
-};
-
-/// Threshold below which empty space is cut off.
-pub const EMPTY: ParamSpec = ParamSpec {
-    name: "empty",
-    label: "Empty Space",
-    doc: "A node is put in to cut off empty space where less than this share of the surface is left. \
-          0 for never; more costs memory and steps and saves visits of leaves",
-    unit: "",
-    kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Value::Float(0.7),
-    group: Group::Costs,
-    needs: &[],
-};
-
-/// Reads that threshold from a configuration.
+/// Reads the threshold below which empty space is cut off from a configuration.
 pub fn tighten(config: &Config) -> Tighten {
     Tighten(f64::from(config.float("empty")))
 }
-
-const CHILDREN: ParamSpec = ParamSpec {
-    name: "n",
-    label: "Width",
-    doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is another name of bih4",
-    unit: "intervals",
-    kind: Kind::Choice(&[named("4", "4"), named("2", "2"), named("8", "8")]),
-    default: Value::Choice("4"),
-    group: Group::Main,
-    needs: &[],
-};
 
 const WACHTER_KELLER: &str =
     "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy";
@@ -100,25 +57,25 @@ const OPTIONS: [Named; 5] = distinct(&WAYS);
 /// The parameter `traversal` with these ways.
 pub const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
 
-const SINGLY: [Way; 1] = only_singly("intervals");
-
 /// The registry's row: two planes a node.
 pub const PLAIN: StructureSpec = StructureSpec {
     id: "bih",
     code: 40,
     label: "Bounding interval hierarchy",
     family: "objects",
-    summary: "Two planes a node, triangles divided by a regular grid: for scenes that change in each frame.",
+    summary: "Two planes a node, triangles divided by a regular grid or otherwise: for scenes that change in each frame.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Ooi, \
             McDonell and Sacks-Davis 1987, Spatial kd-tree; Zachmann 2002, Minimal hierarchical \
             collision detection",
-    params: &[TRAVERSAL, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    params: &[SPLIT, TRAVERSAL, LEAF_SIZE, EMPTY, LEAVES, shared::ROBUST],
     ways: &WAYS,
     no_groups: "",
     build: |scene, config, monitor| {
-        let order = by_grid(scene, config, monitor, 2)?;
+        let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
+            },
             |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
@@ -136,15 +93,15 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
         TRAVERSAL,
         EMPTY,
         LEAVES,
-        params::ROBUST,
-        params::step_cost(Costs::BLOCKS),
-        params::leaf_cost(Costs::BLOCKS),
-        params::triangle_cost(Costs::BLOCKS),
-        params::LEAF_MAX,
+        shared::ROBUST,
+        shared::step_cost(Costs::BLOCKS),
+        shared::leaf_cost(Costs::BLOCKS),
+        shared::triangle_cost(Costs::BLOCKS),
+        shared::LEAF_MAX,
     ],
     build: |scene, config, monitor| {
         let frame = Frame::new(scene.bounds());
-        let policy = params::surface_area(config, Costs::BLOCKS);
+        let policy = shared::surface_area(config, Costs::BLOCKS);
         let binary = object::build(scene, &frame, &policy, monitor)?;
         let order = Ordered {
             scene,
@@ -153,7 +110,9 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
             binary,
         };
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
+            },
             |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
@@ -168,10 +127,23 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
     label: "Interval hierarchy, empty cut",
     summary: "As bih, and nodes of one child that cut off empty space on both sides.",
     paper: WACHTER_KELLER,
+    params: &[
+        SPLIT,
+        TRAVERSAL,
+        CUT,
+        LEAF_SIZE,
+        EMPTY.needing(BY_SURFACE),
+        LEAVES,
+        shared::ROBUST,
+    ],
     build: |scene, config, monitor| {
-        let order = by_grid(scene, config, monitor, 2)?;
+        let gaps = match config.choice("cut") {
+            "split" => Gaps::SplitAxis,
+            _ => Gaps::OneChild,
+        };
+        let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), gaps, leaves),
             |tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
@@ -186,9 +158,11 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
     summary: "One plane a node, which bounds one of the two children: the smallest nodes of all hierarchies.",
     paper: WACHTER_KELLER,
     build: |scene, config, monitor| {
-        let order = by_grid(scene, config, monitor, 2)?;
+        let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, tighten(config), Gaps::OneChild, leaves)
+            },
             |tree, leaves, _| {
                 let groups = together!(tree, leaves, single_intervals, shadow_single_intervals);
                 groups.plan(
@@ -221,11 +195,12 @@ pub const WIDE: StructureSpec = StructureSpec {
     paper: WACHTER,
     params: &[
         CHILDREN,
+        SPLIT,
         TRAVERSAL,
         LEAF_SIZE,
         EMPTY,
         LEAVES,
-        params::ROBUST,
+        shared::ROBUST,
     ],
     build: |scene, config, monitor| {
         let children = config.choice("n").parse().expect("a choice of numbers");
@@ -239,21 +214,32 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
     id: "bih-bvh",
     code: 46,
     label: "Interval hierarchy as boxes",
-    summary: "The tree of bih; each ray makes the boxes of a box hierarchy from its planes on the way down.",
+    summary: "The tree of bih; rays make the boxes of a box hierarchy from its planes on the way down, a group of rays one \
+              box a node.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald, Boulos and \
             Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",
-    params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
-    ways: &SINGLY,
-    no_groups: "each ray makes the boxes of its own path; groups that share the planes are those of bih",
     build: |scene, config, monitor| {
-        let order = by_grid(scene, config, monitor, 2)?;
+        let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
-            |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            |tree, leaves, bounds| one_by_one(slab_boxes::slab_boxes(tree, leaves, bounds)),
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
+            },
+            |tree, leaves, bounds| {
+                let boxes = Arc::new(SlabBoxes {
+                    tree: tree.clone(),
+                    bounds,
+                });
+                let groups = together!(&boxes, leaves, slab_boxes, shadow_slab_boxes);
+                let single = one_by_one(slab_boxes::slab_boxes(&boxes, leaves));
+                groups.plan(single, config.way().rays)
+            },
         )
     },
     ..PLAIN
 };
+
+/// Largest leaf of `split=sah`, that of bih-sah by default.
+const LARGEST: usize = 64;
 
 /// Triangles in the order of a binary tree over them.
 struct Ordered<'a> {
@@ -263,23 +249,41 @@ struct Ordered<'a> {
     binary: ObjectTree,
 }
 
-/// Orders the triangles by a grid, for nodes of up to `children` children.
-fn by_grid<'a>(
+/// Orders the triangles as the configuration chooses, for nodes of up to `children` children.
+fn ordered<'a>(
     scene: &'a Triangles,
     config: &'a Config,
     monitor: &Monitor,
     children: usize,
 ) -> Result<Ordered<'a>> {
     let frame = Frame::new(scene.bounds());
-    let policy = Global {
+    let longest = |at| Longest {
         leaf_size: config.integer("leaf_size"),
-        ways: children,
+        at,
     };
-    // The fast order needs partitions that depend on the cell alone. With more children, empty halves matter too.
-    let binary = if children == 2 {
-        grid_order::build(scene, &frame, &policy, monitor)?
-    } else {
-        object::build(scene, &frame, &policy, monitor)?
+    let binary = match config.choice("split") {
+        "middle" => object::build(scene, &frame, &longest(At::Middle), monitor)?,
+        "median" => object::build(scene, &frame, &longest(At::Median), monitor)?,
+        "sah" => {
+            let policy = SurfaceArea {
+                costs: Costs::BLOCKS,
+                leaf_max: LARGEST,
+            };
+            object::build(scene, &frame, &policy, monitor)?
+        }
+        _ => {
+            let policy = Global {
+                leaf_size: config.integer("leaf_size"),
+                ways: children,
+            };
+            // The fast order needs partitions that depend on the cell alone. With more children, empty halves matter
+            // too.
+            if children == 2 {
+                grid_order::build(scene, &frame, &policy, monitor)?
+            } else {
+                object::build(scene, &frame, &policy, monitor)?
+            }
+        }
     };
     Ok(Ordered {
         scene,
@@ -296,7 +300,7 @@ impl Ordered<'_> {
         nodes: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<T>,
         plan: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Plan,
     ) -> Result<Built> {
-        let mut leaves = Leaves::new(params::keep(self.config));
+        let mut leaves = Leaves::new(shared::keep(self.config));
         let bounds = self.frame.bounds();
         let tree = nodes(&self.binary, bounds, &mut leaves)?;
         let (shape, blocks) = rayon::join(
@@ -328,7 +332,7 @@ fn two_planes(config: &Config, tree: &Arc<SlabTree<Double>>, leaves: &Arc<Blocks
 
 /// Builds a hierarchy with an interval for each of 2, 4 or 8 children.
 fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) -> Result<Built> {
-    let order = by_grid(scene, config, monitor, children)?;
+    let order = ordered(scene, config, monitor, children)?;
     let tighten = tighten(config);
     match children {
         2 => order.lay_out(
