@@ -92,7 +92,10 @@ impl Projections {
 }
 
 /// The traversal of one tree, with error bounds or as published.
-struct ProjectedTraversal<'a, const PUBLISHED: bool>(&'a ProjectedTree);
+pub struct ProjectedTraversal<'a, const PUBLISHED: bool>(
+    /// The nodes.
+    pub &'a ProjectedTree,
+);
 
 /// Memory that rays use one after another.
 pub struct Scratch {
