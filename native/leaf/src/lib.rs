@@ -9,5 +9,6 @@ pub mod keep;
 pub mod lanes;
 pub mod leaf;
 pub mod leaves;
+pub mod members;
 
 pub use leaf::{Block, Job, Leaf};

@@ -2,8 +2,9 @@
 //! Bounding interval hierarchies (Wächter and Keller 2006): one row for each form of the nodes. A grid orders the
 //! triangles, except in the row that the surface area heuristic builds.
 
+use crate::refit::{Layers, MakePlan};
 use crate::ways::{distinct, every_way, only_singly, together, traversal};
-use crate::{objects, params};
+use crate::{params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::global::Global;
@@ -12,10 +13,10 @@ use halfspace_geom::Aabb;
 use halfspace_geom::tighten::Tighten;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
-use halfspace_nodes::Tree;
 use halfspace_nodes::cost::Costs;
-use halfspace_nodes::nested::{self, Nested};
+use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::refit::FitTree;
 use halfspace_nodes::slab_node::Double;
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_nodes::slab_wide::WideSlabs;
@@ -119,7 +120,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
 };
@@ -154,7 +155,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
         };
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -172,7 +173,7 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -189,7 +190,7 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), true, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, single_intervals, shadow_single_intervals);
                 groups.plan(
                     one_by_one(slabs::single_slabs(tree, leaves)),
@@ -249,7 +250,7 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), false, leaves),
-            |tree, leaves, bounds| one_by_one(slab_boxes::slab_boxes(tree, leaves, bounds)),
+            |_, tree, leaves, bounds| one_by_one(slab_boxes::slab_boxes(tree, leaves, bounds)),
         )
     },
     ..PLAIN
@@ -291,10 +292,10 @@ fn by_grid<'a>(
 
 impl Ordered<'_> {
     /// Lays the tree out, writes its leaves and makes its plan.
-    fn lay_out<T: Nested + Tree>(
+    fn lay_out<T: FitTree>(
         &self,
         nodes: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<T>,
-        plan: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Plan,
+        plan: MakePlan<T>,
     ) -> Result<Built> {
         let mut leaves = Leaves::new(params::keep(self.config));
         let bounds = self.frame.bounds();
@@ -303,16 +304,13 @@ impl Ordered<'_> {
             || nested::shape(&tree, bounds),
             || leaves.write(self.scene, &self.frame, &self.binary.ids),
         );
-        let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
-        let plan = plan(&tree, &leaves, bounds);
-        Ok(objects::built(
-            self.config,
-            self.frame,
-            tree,
-            leaves,
-            plan,
+        let layers = Layers {
+            frame: self.frame,
+            tree: Arc::new(tree),
+            leaves: Arc::new(blocks),
             shape,
-        ))
+        };
+        Ok(refit::built(self.config, layers, plan))
     }
 }
 
@@ -333,7 +331,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
     match children {
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals2, shadow_intervals2);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs2(tree, leaves)),
@@ -343,7 +341,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
         ),
         4 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals4, shadow_intervals4);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs4(tree, leaves)),
@@ -353,7 +351,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
         ),
         _ => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals8, shadow_intervals8);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs8(tree, leaves)),

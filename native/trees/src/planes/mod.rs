@@ -218,6 +218,7 @@ pub fn lay_out(
         shape,
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }
 
@@ -248,5 +249,6 @@ fn boxed(
         plan: plan.with_shadow(config.choice("shadow"), None),
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }
