@@ -36,6 +36,7 @@ from lab.base.usage import Parser, UsageError, output
 from lab.bench import cluster, merging, scenes, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
 from lab.export import files
+from lab.motion import animations, motion
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
@@ -107,6 +108,12 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="no peak memory, no other view sizes, no cost maps, no moved scenes: speeds and errors",
     )
+    add(
+        "--frames",
+        metavar="A-B",
+        help="measure each frame of animations instead, with structures that are fitted, built again or built lazily; "
+        f"SCENE: {', '.join(animations.NAMES)} (default: all) or a .blend file",
+    )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=output, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
     add("--shard", metavar="I/N", help="measure only every N-th row, from the I-th; the report is made by --merge")
@@ -130,7 +137,7 @@ def main(arguments: Sequence[str]) -> int:
         "bench",
         arguments,
         parser().parse_args,
-        lambda asked: merge(asked) if asked.merge else run(asked),
+        lambda asked: merge(asked) if asked.merge else moving(asked) if asked.frames else run(asked),
         keeps=lambda asked: None if asked.merge else asked.out,
     )
 
@@ -197,6 +204,30 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines), published, formats)
     return status(rows)
+
+
+def moving(asked: argparse.Namespace) -> int:
+    """Measure the frames of animations. Returns 1 where answers differ, else 0. Raises as `run`."""
+    usual = parser().parse_args([])
+    for name, value in vars(asked).items():
+        if name not in motion.OPTIONS and value != getattr(usual, name):
+            raise UsageError(f"--{name.replace('_', '-')}: expected no --frames, whose animations have no use for it")
+    numbers = motion.read_frames(asked.frames)
+    size = read_options(asked, 1).size
+    module = load_module(asked.level)
+    listed = list(motion.SPECS)
+    if asked.structures:
+        listed = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
+    if asked.out is not None:
+        results.prepare_folder(asked.out)
+    chosen = [motion.find(name) for name in asked.scenes or animations.NAMES]
+    rows = motion.run(module, chosen, numbers, listed, size=size, threads=asked.threads, say=say)
+    if asked.out is not None:
+        document = results.document(module, [], {"size": asked.size, "threads": asked.threads}) | {"frames": rows}
+        with results.writing(asked.out):
+            results.write_all({asked.out / name: text for name, text in motion.written(document).items()})
+        say(f"wrote {asked.out / 'report.html'} and bench.json")
+    return int(any(row["wrong"] for row in rows))
 
 
 def load_module(level: str) -> Native:

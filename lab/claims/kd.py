@@ -15,7 +15,8 @@ from addon.core.scene import rays
 from addon.core.scene.workload import Workload
 
 from ..stability import stability
-from . import paper_scenes
+from . import cases, paper_scenes
+from .cases import CASES
 from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
 
 PAPER = "Havran, Kopal, Bittner and Žára, Fast robust BSP tree traversal algorithm for ray tracing (1997)"
@@ -38,7 +39,6 @@ SINGULAR = ("touching boxes", "signs of zero", "coplanar", "corners of boxes", "
 """Extreme test cases whose rays lie in planes of the scene."""
 
 SCENES = ("sponza-dabrovic", "conference", "killeroo-feet")
-CASES = tuple(f"case_{kind}" for kind in ("n1", "n2", "n3", "n4", "n5", "p1", "p2", "p3", "p4", "p5", "z1", "z2", "z3"))
 
 
 def scenes(lab: Lab) -> Iterator[Workload]:
@@ -133,14 +133,14 @@ def chart(configuration: str, chosen: Sequence[Workload], lines: Mapping[str, li
 
 def singular(lab: Lab) -> Iterator[Outcome]:
     """Rays in walls, along edges and through corners: number of wrong answers of each traversal."""
-    cases = [case for case in lab.native.cases() if case["name"] in SINGULAR]
-    rays_asked = sum(len(case["origins"]) for case in cases)
+    difficult = [case for case in lab.native.cases() if case["name"] in SINGULAR]
+    rays_asked = sum(len(case["origins"]) for case in difficult)
     for configuration, tree in TREES.items():
         # Leaves with the exact verdict: hits that f32 rounds are no fault of the traversal.
         exact = tree.replace("leaves=scalar,", "")
         # Sum the wrong answers of each traversal over the singular cases.
         wrong = dict.fromkeys(WALKS, 0)
-        for case in cases:
+        for case in difficult:
             specs = [exact + walk for walk in WALKS]
             for spec, errors, _ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
                 wrong[spec.removeprefix(exact)] += errors.wrong
@@ -159,23 +159,37 @@ def singular(lab: Lab) -> Iterator[Outcome]:
 
 def comparisons(lab: Lab) -> Iterator[Outcome]:
     """The operations of TA-B at an inner node, by its counters: its cases cover all nodes, and few of them compute."""
-    for workload in scenes(lab):
+    found: dict[str, dict[str, dict[str, float]]] = {name: {} for name in TREES}
+    chosen = list(scenes(lab))
+    for workload in chosen:
         if not ray_sets(lab, workload):
             yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene")
             continue
         for configuration, tree in TREES.items():
             spec = f"{tree}ta-b"
             own = times(lab, workload, [spec], alone=True)[spec].counters
-            both, whole = own["case_n4"] + own["case_p4"], sum(own[name] for name in CASES)
+            # Weight the operations of each case by its share; the last scene's outcome carries the histograms of all.
+            shares = cases.histogram(own)
+            both, whole = sum(own[name] for name in cases.BOTH), sum(own[name] for name in CASES)
+            found[configuration][workload.name] = shares
+            operations = cases.means(own)
+            counts = "; ".join(
+                f"{name} {mean.comparisons:.2f} comparisons and {mean.arithmetic:.2f} additions, products and divisions"
+                for name, mean in operations.items()
+            )
             yield Outcome(
                 configuration,
                 verdict(holds=abs(whole / max(own["steps"], 1e-9) - 1) < 1e-6 and both < whole),
                 f"{workload.name}: {own['steps']:.1f} inner nodes a ray, each of one of the {len(CASES)} cases; "
                 f"{both / max(whole, 1e-9) * 100:.0f} % of them lead to both children and compute a distance, the "
-                "others two comparisons and nothing else",
+                f"others two comparisons and nothing else. Mean operations at a node, as published: {counts}",
                 why(own, {"ta-b": own}),
                 lab.error(workload, [spec]),
-                {"computing": both / max(whole, 1e-9)},
+                {"computing": both / max(whole, 1e-9)}
+                | {name.removeprefix("case_"): share for name, share in shares.items()}
+                | {f"{name}_comparisons": mean.comparisons for name, mean in operations.items()}
+                | {f"{name}_arithmetic": mean.arithmetic for name, mean in operations.items()},
+                (cases.chart(configuration, found[configuration]),) if workload is chosen[-1] else (),
             )
 
 

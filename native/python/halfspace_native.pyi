@@ -29,6 +29,9 @@ class NonFiniteError(ValueError):
 class SpecError(ValueError):
     """A configuration string or a setting is not understood or out of range."""
 
+class RefitError(ValueError):
+    """A structure cannot be fitted to these moved vertices: it must be built again."""
+
 class Cancelled(RuntimeError):
     """The work was cancelled through its monitor."""
 
@@ -102,17 +105,21 @@ class StructureRow(TypedDict):
 class Statistics(TypedDict):
     """Statistics of a build.
 
-    build_seconds: wall-clock time. bytes: nodes and leaves, without the arrays of the scene. All numbers are those of
+    build_seconds: wall-clock time. refits: number of times that the structure was fitted to moved vertices since it was
+    built; refit_seconds: wall-clock time of the last of them, or 0. bytes: nodes and leaves, without the arrays of the scene. All numbers are those of
     the nodes that rays traverse. references: triangles in all leaves together. links: from leaves to their neighbours,
     where a structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
+    sah_cost_built: the same when the structure was built.
     parts_built, parts_waiting: with lazy=1 the subtrees that rays have caused to be built, and those not built yet;
     all other numbers then describe the part built so far. left_out: features that the scene did not need, each
     with its reason. dropped_triangles: those without area or with a vertex that is not finite.
     """
 
     build_seconds: float
+    refits: int
+    refit_seconds: float
     bytes: int
     nodes_axis: int
     nodes_oblique: int
@@ -125,6 +132,7 @@ class Statistics(TypedDict):
     depth_max: int
     depth_mean: float
     sah_cost: float
+    sah_cost_built: float
     parts_built: int
     parts_waiting: int
     left_out: list[str]
@@ -493,6 +501,18 @@ class Structure:
 
         With the structure itself, pairs are of different triangles that share no edge; those that share a vertex have a
         further point in common. Each is found in both orders. Errors as for closest_points().
+        """
+
+    def refit(self, vertices: F32, triangles: Indices | None = None, *, threads: int = 0) -> Structure:
+        """This structure fitted to moved vertices: a new structure with the same nodes around the triangles where they are
+        now. Its answers are those of a structure built anew, which takes longer.
+
+        vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
+        hit until they can be again. triangles: those of build(), to have them compared; None = not compared.
+        threads: 0 = one per core. statistics has the cost now and at the build: rays take longer in the proportion.
+        Raises RefitError unless the structure is one of boxes ("bvh-sah") or intervals ("bih" and those like it), and
+        where a triangle can be hit that could not be when the structure was built; ShapeError for other numbers of
+        vertices and for other triangles; MemoryError.
         """
 
     def record(

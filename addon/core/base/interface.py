@@ -128,6 +128,10 @@ class Native(Protocol):
     @property
     def Monitor(self) -> type[Monitor]: ...  # noqa: N802 (the name in the module)
     @property
+    def RefitError(self) -> type[ValueError]: ...  # noqa: N802 (the name in the module)
+    @property
+    def SpecError(self) -> type[ValueError]: ...  # noqa: N802 (the name in the module)
+    @property
     def RenderScene(self) -> type[RenderScene]: ...  # noqa: N802 (the name in the module)
 
     def level(self) -> str: ...

@@ -15,7 +15,7 @@ from ..base.notes import few
 from ..measure import counting, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
-from . import charts, costs, ksweep, picture_charts, tradeoff_charts
+from . import case_charts, charts, costs, ksweep, picture_charts, tradeoff_charts
 from . import marks as marking
 from .marks import Mark
 
@@ -98,6 +98,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
     base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
+    counted = [row for row in everything if case_charts.with_cases([row])]
     fitted = costs.fit(ours_close)
     found = []
 
@@ -130,6 +131,9 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if moved:
         draw = partial(charts.wrong_against_offset, rows=moved, marks=marks)
         add("Wrong answers far from the origin", charts.OFFSETS, 4.2, draw)
+    if counted:
+        draw = partial(case_charts.draw, rows=counted)
+        add("Cases of ray and plane", case_charts.CAPTION, case_charts.height(counted), draw)
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         excluded = [row["spec"] for row in ours_close if costs.lacks_timed_counts(row)]

@@ -17,6 +17,9 @@ pub enum Error {
     /// A configuration string or a setting cannot be parsed or is out of range.
     #[error("{0}")]
     Spec(String),
+    /// A structure cannot follow moved triangles; building it again can.
+    #[error("{0}")]
+    Refit(String),
     /// The caller cancelled the work.
     #[error("cancelled")]
     Cancelled,

@@ -182,6 +182,11 @@ impl Blocks {
         (buffer, Self::after_indices(at, n))
     }
 
+    /// Returns what leaves store.
+    pub(crate) fn keep(&self) -> Keep {
+        self.keep
+    }
+
     /// Whether leaves are stored as [`Keep::Indices`].
     #[inline(always)]
     pub fn has_indices(&self) -> bool {

@@ -9,6 +9,7 @@ pub mod keep;
 pub mod lanes;
 pub mod leaf;
 pub mod leaves;
+pub mod members;
 pub mod scalar;
 
 pub use leaf::{Block, Job, Leaf};

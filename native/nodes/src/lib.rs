@@ -11,7 +11,7 @@
 //! | [`check`] | the invariants of each layout |
 //!
 //! The files on top belong to all layouts: [`tree`] and [`cells`] are their common interface, [`nested`] that of trees
-//! of boxes and intervals, [`shape`] and [`cost`] their statistics.
+//! of boxes and intervals, [`refit`] that of layouts that follow moved triangles, [`shape`] and [`cost`] their statistics.
 
 pub mod boxes;
 pub mod cells;
@@ -22,6 +22,7 @@ pub mod nested;
 pub mod next;
 pub mod octants;
 pub mod planes;
+pub mod refit;
 pub mod shape;
 pub mod slabs;
 pub mod tree;

@@ -26,6 +26,12 @@ create_exception!(
 );
 create_exception!(
     halfspace_native,
+    RefitError,
+    PyValueError,
+    "A structure cannot be fitted to these moved vertices: it must be built again."
+);
+create_exception!(
+    halfspace_native,
     Cancelled,
     PyRuntimeError,
     "The work was cancelled through its monitor."
@@ -38,6 +44,7 @@ pub fn raise(error: Error) -> PyErr {
         Error::Shape(_) => ShapeError::new_err(message),
         Error::NonFinite(_) => NonFiniteError::new_err(message),
         Error::Spec(_) => SpecError::new_err(message),
+        Error::Refit(_) => RefitError::new_err(message),
         Error::Cancelled => Cancelled::new_err(message),
         Error::Internal(_) => PyRuntimeError::new_err(message),
         Error::Memory(_) => pyo3::exceptions::PyMemoryError::new_err(message),
@@ -50,5 +57,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ShapeError", py.get_type::<ShapeError>())?;
     module.add("NonFiniteError", py.get_type::<NonFiniteError>())?;
     module.add("SpecError", py.get_type::<SpecError>())?;
+    module.add("RefitError", py.get_type::<RefitError>())?;
     module.add("Cancelled", py.get_type::<Cancelled>())
 }

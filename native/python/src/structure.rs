@@ -208,6 +208,41 @@ impl Structure {
         proximity::overlaps(py, self.surface(py)?, other.surface(py)?, threads)
     }
 
+    /// This structure fitted to moved vertices: a new structure with the same nodes around the triangles where they are
+    /// now. Its answers are those of a structure built anew, which takes longer.
+    ///
+    /// vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
+    /// hit until they can be again. triangles: those of build(), to have them compared; None = not compared.
+    /// threads: 0 = one per core. statistics has the cost now and at the build: rays take longer in the proportion.
+    /// Raises RefitError unless the structure is one of boxes ("bvh-sah") or intervals ("bih" and those like it), and
+    /// where a triangle can be hit that could not be when the structure was built; ShapeError for other numbers of
+    /// vertices and for other triangles; MemoryError.
+    #[pyo3(signature = (vertices, triangles=None, *, threads=Threads::ALL), text_signature = "($self, vertices, triangles=None, *, threads=0)")]
+    fn refit(
+        &self,
+        py: Python<'_>,
+        vertices: &Bound<'_, PyAny>,
+        triangles: Option<&Bound<'_, PyAny>>,
+        threads: Threads,
+    ) -> PyResult<Self> {
+        let _mode = DefaultMode::set(py)?;
+        let vertices = arrays::points("vertices", vertices).map_err(raise)?;
+        if let Some(triangles) = triangles {
+            let before = self.0.scene();
+            let now = arrays::indices("triangles", triangles, before.vertices().len());
+            if now.map_err(raise)? != before.indices() {
+                let message =
+                    "triangles: other than those of build(); the structure must be built again";
+                return Err(raise(Error::Shape(message.to_owned())));
+            }
+        }
+        let fitted = py.detach(|| caught(|| self.0.refit(vertices, threads.0)));
+        Ok(Self(
+            Arc::new(fitted.map_err(raise)?),
+            LazySurface::default(),
+        ))
+    }
+
     /// Traces the rays one by one, on one thread, and records the answer of every leaf, so that the
     /// traversals can be repeated without triangle tests.
     ///
@@ -238,6 +273,10 @@ impl Structure {
         let progress = self.0.progress();
         let shape = progress.shape;
         dict.set_item("build_seconds", self.0.build_seconds())?;
+        let refitted = self.0.refitted();
+        dict.set_item("refits", refitted.times)?;
+        dict.set_item("refit_seconds", refitted.seconds)?;
+        dict.set_item("sah_cost_built", refitted.cost_built)?;
         dict.set_item("bytes", self.0.bytes())?;
         dict.set_item("nodes_axis", shape.nodes_axis)?;
         dict.set_item("nodes_oblique", shape.nodes_oblique)?;

@@ -4,12 +4,18 @@
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::vec3::{map, widen};
 use halfspace_geom::{Aabb, exact};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Number of moved triangles that one task checks (chosen).
+const TASK: usize = 4096;
 
 /// An indexed triangle soup. The number of a triangle is its index in the input, dropped triangles included.
 #[derive(Debug, Clone)]
 pub struct Triangles {
     vertices: Vec<[f32; 3]>,
-    indices: Vec<[u32; 3]>,
+    /// Shared with the same triangles at other times.
+    indices: Arc<Vec<[u32; 3]>>,
     /// Numbers of the triangles that can be hit, ascending.
     live: Vec<u32>,
     /// Box of the live triangles.
@@ -50,7 +56,7 @@ impl Triangles {
         let mut scene = Self {
             vertices,
             live: Vec::with_capacity(indices.len()),
-            indices,
+            indices: Arc::new(indices),
             bounds: Aabb::EMPTY,
         };
         let count = u32::try_from(scene.indices.len()).expect("checked above");
@@ -64,6 +70,52 @@ impl Triangles {
         }
         scene.live.shrink_to_fit();
         Ok(scene)
+    }
+
+    /// Returns the same triangles with moved vertices, checked as by [`Self::new`], in the current rayon pool.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when the number of vertices differs.
+    pub fn moved(&self, vertices: Vec<[f32; 3]>) -> Result<Self> {
+        if vertices.len() != self.vertices.len() {
+            return Err(Error::Shape(format!(
+                "vertices: expected {} as before the motion, got {}",
+                self.vertices.len(),
+                vertices.len()
+            )));
+        }
+        let mut scene = Self {
+            vertices,
+            indices: self.indices.clone(),
+            live: Vec::with_capacity(self.indices.len()),
+            bounds: Aabb::EMPTY,
+        };
+        // Find and bound the triangles that can be hit, task by task.
+        let parts: Vec<_> = (scene.indices.par_chunks(TASK).enumerate())
+            .map(|(part, triangles)| {
+                let first = u32::try_from(part * TASK).expect("checked when they were made");
+                let (mut live, mut bounds) = (Vec::with_capacity(triangles.len()), Aabb::EMPTY);
+                for id in (first..).take(triangles.len()) {
+                    let corners = scene.corners(id);
+                    if can_be_hit(corners) {
+                        live.push(id);
+                        bounds = bounds.union(&Aabb::of_triangle(corners));
+                    }
+                }
+                (live, bounds)
+            })
+            .collect();
+        for (live, bounds) in parts {
+            scene.live.extend(live);
+            scene.bounds = scene.bounds.union(&bounds);
+        }
+        Ok(scene)
+    }
+
+    /// Returns whether both have the same triangles, by the indices of their vertices.
+    pub fn same_topology(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.indices, &other.indices)
+            || (self.vertices.len() == other.vertices.len() && self.indices == other.indices)
     }
 
     /// Returns the number of triangles in the input, dropped ones included.
@@ -135,6 +187,36 @@ mod tests {
             (&[2_u32][..], 3, 4)
         );
         assert_eq!(scene.bounds().max, [1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn moved_triangles_are_checked_as_new_ones() {
+        let count = 3 * TASK + 5;
+        let vertices: Vec<_> = (0..3 * count)
+            .map(|i| [(i / 3) as f32, (i % 3) as f32, (i % 3 / 2) as f32])
+            .collect();
+        let indices: Vec<_> = (0..u32::try_from(count).unwrap())
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
+        let scene = Triangles::new(vertices.clone(), indices.clone()).unwrap();
+        // Move all, one to infinity, and collapse another.
+        let mut moved: Vec<_> = vertices.iter().map(|v| map(*v, |x| 2.0 - x)).collect();
+        moved[3 * TASK + 1][1] = f32::INFINITY;
+        moved[8] = moved[7];
+        let (at_once, new) = (scene.moved(moved.clone()), Triangles::new(moved, indices));
+        let (at_once, new) = (at_once.unwrap(), new.unwrap());
+        assert_eq!(
+            (at_once.live(), at_once.bounds()),
+            (new.live(), new.bounds())
+        );
+        assert!(scene.same_topology(&at_once) && scene.same_topology(&new));
+        assert_eq!(
+            scene.moved(vec![[0.0; 3]; 2]).unwrap_err().to_string(),
+            format!(
+                "vertices: expected {} as before the motion, got 2",
+                3 * count
+            )
+        );
     }
 
     #[test]

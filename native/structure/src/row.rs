@@ -56,6 +56,18 @@ pub struct Derived {
     pub tree: Arc<dyn Tree>,
 }
 
+/// A tree whose nodes can be fitted to moved triangles.
+pub trait Refit: Debug + Send + Sync {
+    /// Fits the nodes and writes the leaves of the same triangles at other places, in the current rayon pool.
+    ///
+    /// # Errors
+    /// [`halfspace_base::error::Error::Refit`] if a triangle that the tree does not hold can be hit now.
+    fn refit(&self, scene: &Triangles, config: &Config) -> Result<Built>;
+
+    /// Returns the bytes that it keeps in addition to those of the tree.
+    fn bytes(&self) -> usize;
+}
+
 /// What a build function returns.
 #[derive(Debug)]
 pub struct Built {
@@ -75,6 +87,8 @@ pub struct Built {
     pub left_out: Vec<String>,
     /// The tree that rays build, if they do.
     pub growing: Option<Arc<dyn Growing>>,
+    /// Fits the tree to moved triangles, where its kind allows that.
+    pub refit: Option<Arc<dyn Refit>>,
 }
 
 impl Built {
@@ -94,7 +108,8 @@ impl Built {
             Some(growing) => growing.progress().bytes,
             None => self.tree.as_ref().map_or(0, |tree| tree.bytes()),
         };
-        nodes + self.leaves.bytes() + derived.sum::<usize>()
+        let refit = self.refit.as_ref().map_or(0, |refit| refit.bytes());
+        nodes + self.leaves.bytes() + derived.sum::<usize>() + refit
     }
 }
 

@@ -16,6 +16,17 @@ use halfspace_scene::Triangles;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+/// What the motions of the triangles did to a structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refitted {
+    /// Number of times that it was fitted to moved triangles since it was built.
+    pub times: u32,
+    /// Wall-clock seconds of the last fit; 0 if there was none.
+    pub seconds: f64,
+    /// Expected cost of a ray when it was built, as [`Shape::sah_cost`].
+    pub cost_built: f64,
+}
+
 /// A built structure. Immutable; any number of threads may trace rays through it.
 #[derive(Debug)]
 pub struct Structure {
@@ -25,6 +36,7 @@ pub struct Structure {
     /// The whole tree in one piece, if rays build the tree; made on demand.
     whole: OnceLock<Built>,
     build_seconds: f64,
+    refitted: Refitted,
     /// Made on demand.
     pub(crate) leaf_depths: OnceLock<LeafDepths>,
     /// Made for the first instance.
@@ -44,22 +56,80 @@ impl Structure {
         monitor: &Monitor,
     ) -> Result<Self> {
         let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|e| Error::Memory(format!("threads: {e}")))?;
+        let pool = pool(threads)?;
         let start = Instant::now();
         let built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
         let build_seconds = start.elapsed().as_secs_f64();
         Ok(Self {
             scene,
             config,
-            built,
             whole: OnceLock::new(),
             build_seconds,
+            refitted: Refitted {
+                times: 0,
+                seconds: 0.0,
+                cost_built: built.shape.sah_cost,
+            },
+            built,
             leaf_depths: OnceLock::new(),
             outline: OnceLock::new(),
         })
+    }
+
+    /// Fits the structure to its triangles at other places, `vertices` those of its scene in their order, on `threads`
+    /// threads; 0 means one per core. The result has the nodes of the build with other bounds. Its answers are those of
+    /// a structure built over the moved triangles; rays may take longer to find them ([`Self::refitted`]).
+    ///
+    /// # Errors
+    /// [`Error::Refit`] if the nodes divide space or their bounds cannot be fitted, or if a triangle can be hit that the
+    /// build left out; [`Error::Shape`] for another number of vertices; [`Error::Memory`] when no threads can start.
+    pub fn refit(&self, vertices: Vec<[f32; 3]>, threads: usize) -> Result<Self> {
+        let Some(refit) = &self.built.refit else {
+            return Err(Error::Refit(self.reason()));
+        };
+        pool(threads)?.install(|| {
+            let scene = Arc::new(self.scene.moved(vertices)?);
+            let start = Instant::now();
+            let built = refit.refit(&scene, &self.config)?;
+            Ok(Self {
+                scene,
+                config: self.config.clone(),
+                built,
+                whole: OnceLock::new(),
+                build_seconds: self.build_seconds,
+                refitted: Refitted {
+                    times: self.refitted.times + 1,
+                    seconds: start.elapsed().as_secs_f64(),
+                    ..self.refitted
+                },
+                leaf_depths: OnceLock::new(),
+                outline: OnceLock::new(),
+            })
+        })
+    }
+
+    /// Why this structure cannot be fitted to moved triangles.
+    fn reason(&self) -> String {
+        let row = self.config.structure();
+        let why = match row.family {
+            "space" | "octants" => "its nodes divide space, not triangles",
+            "oracle" => "it has no nodes",
+            _ => "no fit exists for its kind of bounds",
+        };
+        format!(
+            "{} cannot be fitted to moved triangles: {why}; build it again",
+            row.id
+        )
+    }
+
+    /// Returns whether [`Self::refit`] exists for this kind of structure.
+    pub fn can_refit(&self) -> bool {
+        self.built.refit.is_some()
+    }
+
+    /// Returns the number and the cost of the fits since the structure was built.
+    pub fn refitted(&self) -> Refitted {
+        self.refitted
     }
 
     /// Returns the triangles.
@@ -146,4 +216,12 @@ impl Structure {
     pub fn outline(&self) -> &Outline {
         self.outline.get_or_init(|| Outline::new(&self.scene))
     }
+}
+
+/// Starts `threads` threads; 0 means one per core.
+fn pool(threads: usize) -> Result<rayon::ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::Memory(format!("threads: {e}")))
 }

@@ -50,5 +50,6 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         shape: measure.finish(),
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }

@@ -3,12 +3,12 @@
 //! All other structures are compared with it.
 
 use crate::boxes::{self, Boxes};
+use crate::refit::{Layers, MakePlan};
 use crate::ways::{all, chosen, distinct, together, traversal};
-use crate::{objects, params};
+use crate::{params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::object;
-use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::keep::Keep;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
@@ -82,30 +82,30 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     match width {
         "2" => order.lay_out(
             |tree| tree,
-            |tree, leaves| {
+            |config, tree, leaves, _| {
                 let single = ordered(boxes2(tree, leaves));
                 let groups = together!(tree, leaves, boxes2, shadow_boxes2);
-                Ok(groups.plan(single, config.way().rays))
+                groups.plan(single, config.way().rays)
             },
         ),
         "4" => order.lay_out(
             |tree| tree,
-            |tree, leaves| {
+            |config, tree, leaves, _| {
                 let single = ordered(boxes4(tree, leaves));
                 let groups = together!(tree, leaves, boxes4, shadow_boxes4);
-                Ok(groups.plan(single, config.way().rays))
+                groups.plan(single, config.way().rays)
             },
         ),
         _ => {
             let by_corners = matches!(traversal, "auto" | "flight" | "stream");
             order.lay_out(
                 |tree| if by_corners { tree.by_corners() } else { tree },
-                |tree, leaves| {
+                |config, tree, leaves, _| {
                     let boxes = Boxes {
                         tree: tree.clone(),
                         leaves: leaves.clone(),
                     };
-                    Ok((chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes))
+                    (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes)
                 },
             )
         }
@@ -130,20 +130,18 @@ impl Ordered<'_> {
     fn lay_out<const W: usize>(
         &self,
         place: impl FnOnce(BoxTree<W>) -> BoxTree<W>,
-        plan: impl FnOnce(&Arc<BoxTree<W>>, &Arc<Blocks>) -> Result<Plan>,
+        plan: MakePlan<BoxTree<W>>,
     ) -> Result<Built> {
         let mut leaves = Leaves::new(Keep::Corners);
         let tree = Arc::new(place(BoxTree::new(&self.binary, &mut leaves)?));
         let leaves = Arc::new(leaves.write(self.scene, &self.frame, &self.binary.ids));
         let shape = nested::shape(&*tree, self.frame.bounds());
-        let plan = plan(&tree, &leaves)?;
-        Ok(objects::built(
-            self.config,
-            self.frame,
+        let layers = Layers {
+            frame: self.frame,
             tree,
             leaves,
-            plan,
             shape,
-        ))
+        };
+        Ok(refit::built(self.config, layers, plan))
     }
 }

@@ -110,6 +110,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         shape,
         left_out,
         growing: None,
+        refit: None,
     })
 }
 

@@ -47,6 +47,7 @@ pub fn build<P: PlanePolicy + Send + 'static>(
         shape: Shape::default(),
         left_out: Vec::new(),
         growing: Some(Arc::new(Lazy(tree))),
+        refit: None,
     })
 }
 
@@ -72,6 +73,7 @@ impl Growing for Lazy {
             shape,
             left_out: left_out.to_vec(),
             growing: None,
+            refit: None,
         }
     }
 }

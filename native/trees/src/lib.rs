@@ -19,5 +19,6 @@ pub mod objects;
 pub mod octree;
 pub mod params;
 pub mod planes;
+pub mod refit;
 pub mod registry;
 pub mod ways;

@@ -27,5 +27,6 @@ pub fn built<T: Tree>(
         shape,
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     }
 }

@@ -265,6 +265,7 @@ fn build(
         shape,
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }
 

@@ -9,8 +9,10 @@
 
 use crate::nested::{Content, Nested, NodeRef};
 use crate::object_tree::{ItemKind, ObjectTree};
+use crate::refit::{Below, FitNode, FitTree, Fitted};
 use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
 use prefetch_index::prefetch_index;
@@ -177,5 +179,45 @@ impl<const W: usize> Nested for BoxTree<W> {
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+impl<const W: usize> FitNode for Wide<W> {
+    /// A child without triangles becomes an empty slot.
+    fn fit(&mut self, mut child: impl FnMut(Below) -> Fitted) -> Fitted {
+        let mut all = Fitted::NOTHING;
+        for lane in 0..W {
+            let (link, count) = (self.link[lane], self.count[lane]);
+            let inner = count == INNER;
+            let fitted = match count {
+                0 => continue,
+                INNER => child(Below::Node(link)),
+                _ => child(Below::Leaf(Leaf {
+                    first: link,
+                    count: count as usize,
+                })),
+            };
+            for k in 0..3 {
+                self.bounds[k][lane] = fitted.low(k);
+                self.bounds[3 + k][lane] = fitted.high(k);
+            }
+            if !inner || fitted.count == 0 {
+                self.count[lane] = fitted.count;
+            }
+            all = all.join(fitted);
+        }
+        all
+    }
+}
+
+impl<const W: usize> FitTree for BoxTree<W> {
+    type Node = Wide<W>;
+
+    fn nodes(&self) -> &[Wide<W>] {
+        &self.nodes
+    }
+
+    fn of_nodes(nodes: Vec<Wide<W>>) -> Self {
+        Self { nodes }
     }
 }

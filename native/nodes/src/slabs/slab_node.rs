@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Nodes of bounding interval hierarchies: two planes in twelve bytes, or one plane in eight.
 
+use crate::refit::{Below, FitNode, Fitted};
 use halfspace_geom::Aabb;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::tighten::{Cut, Sides};
+use halfspace_leaf::Leaf;
 use halfspace_ray::{FrameRay, Interval};
 
 /// Stands in place of the axis in leaves.
@@ -49,7 +51,7 @@ pub enum SlabKind {
 }
 
 /// A node with two planes or one.
-pub trait SlabNode: Copy + PartialEq + Sync + std::fmt::Debug {
+pub trait SlabNode: Copy + PartialEq + Send + Sync + std::fmt::Debug + 'static {
     /// An empty leaf.
     const EMPTY: Self;
 
@@ -68,6 +70,9 @@ pub trait SlabNode: Copy + PartialEq + Sync + std::fmt::Debug {
 
     /// Returns the decoded node.
     fn kind(&self) -> SlabKind;
+
+    /// Moves the planes to the triangles of the children below and above; those of an only child are passed twice.
+    fn move_planes(&mut self, axis: usize, children: [Fitted; 2]);
 
     /// Returns the boxes of the children below and above, or of an only child, inside the node's region.
     fn parts(&self, axis: usize, region: &Aabb) -> [Aabb; 2];
@@ -160,6 +165,15 @@ impl SlabNode for Double {
         kind(self.word, self.planes[0])
     }
 
+    fn move_planes(&mut self, axis: usize, [below, above]: [Fitted; 2]) {
+        let planes = if self.word & ALONE == 0 {
+            [below.high(axis), above.low(axis)]
+        } else {
+            [below.low(axis), below.high(axis)]
+        };
+        self.planes = planes.map(f32::to_bits);
+    }
+
     #[inline(always)]
     fn parts(&self, axis: usize, region: &Aabb) -> [Aabb; 2] {
         let [first, second] = self.planes.map(f32::from_bits);
@@ -238,6 +252,16 @@ impl SlabNode for Single {
         kind(self.word, self.plane)
     }
 
+    /// The plane goes on bounding the child that it bounds.
+    fn move_planes(&mut self, axis: usize, [below, above]: [Fitted; 2]) {
+        let plane = if self.word & ABOVE == 0 {
+            below.high(axis)
+        } else {
+            above.low(axis)
+        };
+        self.plane = plane.to_bits();
+    }
+
     #[inline(always)]
     fn parts(&self, axis: usize, region: &Aabb) -> [Aabb; 2] {
         let (mut bounded, plane) = (*region, f32::from_bits(self.plane));
@@ -268,5 +292,38 @@ impl SlabNode for Single {
         } else {
             (leave, keep_max(at - slack, enter))
         }
+    }
+}
+
+/// Fits a node with two planes or one.
+fn fit<N: SlabNode>(node: &mut N, mut child: impl FnMut(Below) -> Fitted) -> Fitted {
+    match node.kind() {
+        SlabKind::Leaf { first, count } => {
+            let fitted = child(Below::Leaf(Leaf { first, count }));
+            *node = N::leaf(first, fitted.count as usize);
+            fitted
+        }
+        SlabKind::Pair { axis, link } => {
+            let children = [link, link + 1].map(|link| child(Below::Node(link)));
+            node.move_planes(axis, children);
+            children[0].join(children[1])
+        }
+        SlabKind::Only { axis, link } => {
+            let only = child(Below::Node(link));
+            node.move_planes(axis, [only; 2]);
+            only
+        }
+    }
+}
+
+impl FitNode for Double {
+    fn fit(&mut self, child: impl FnMut(Below) -> Fitted) -> Fitted {
+        fit(self, child)
+    }
+}
+
+impl FitNode for Single {
+    fn fit(&mut self, child: impl FnMut(Below) -> Fitted) -> Fitted {
+        fit(self, child)
     }
 }

@@ -10,6 +10,7 @@
 use crate::nested::{Content, Nested, NodeRef};
 use crate::object_tree::{ItemKind, ObjectTree};
 use crate::plane_tree::MAX_DEPTH;
+use crate::refit::{FitNode, FitTree};
 use crate::slab_node::{MOST, SlabKind, SlabNode};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
@@ -168,5 +169,17 @@ impl<N: SlabNode> Nested for SlabTree<N> {
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+impl<N: SlabNode + FitNode> FitTree for SlabTree<N> {
+    type Node = N;
+
+    fn nodes(&self) -> &[N] {
+        &self.nodes
+    }
+
+    fn of_nodes(nodes: Vec<N>) -> Self {
+        Self { nodes }
     }
 }

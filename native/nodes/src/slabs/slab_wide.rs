@@ -5,9 +5,11 @@
 use crate::nested::{Content, Nested, NodeRef};
 use crate::object_tree::{ItemKind, ObjectTree};
 use crate::plane_tree::MAX_DEPTH;
+use crate::refit::{Below, FitNode, FitTree, Fitted};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
 use halfspace_geom::tighten::{Sides, Tighten};
+use halfspace_leaf::Leaf;
 use halfspace_leaf::leaves::Leaves;
 
 /// Largest number of children of a node.
@@ -210,5 +212,39 @@ impl<const W: usize> Nested for WideSlabs<W> {
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+impl<const W: usize> FitNode for Node<W> {
+    fn fit(&mut self, mut child: impl FnMut(Below) -> Fitted) -> Fitted {
+        let axis = (self.word & LEAF) as usize;
+        if axis == LEAF as usize {
+            let first = self.planes[0][0].to_bits();
+            let count = self.link() as usize;
+            let fitted = child(Below::Leaf(Leaf { first, count }));
+            self.word = fitted.count << LOW_BITS | self.word & ((1 << LOW_BITS) - 1);
+            return fitted;
+        }
+        let (mut all, link) = (Fitted::NOTHING, self.link());
+        for lane in 0..self.children() {
+            let fitted = child(Below::Node(link + lane));
+            let lane = lane as usize;
+            self.planes[0][lane] = fitted.low(axis);
+            self.planes[1][lane] = fitted.high(axis);
+            all = all.join(fitted);
+        }
+        all
+    }
+}
+
+impl<const W: usize> FitTree for WideSlabs<W> {
+    type Node = Node<W>;
+
+    fn nodes(&self) -> &[Node<W>] {
+        &self.nodes
+    }
+
+    fn of_nodes(nodes: Vec<Node<W>>) -> Self {
+        Self { nodes }
     }
 }

@@ -7,8 +7,8 @@ pub mod params;
 use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT};
 pub use params::{EMPTY, LEAVES};
 
-use crate::objects;
 use crate::params as shared;
+use crate::refit::{self, Layers, MakePlan};
 use crate::ways::{distinct, every_way, together, traversal};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -20,10 +20,10 @@ use halfspace_geom::Aabb;
 use halfspace_geom::tighten::Tighten;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
-use halfspace_nodes::Tree;
 use halfspace_nodes::cost::Costs;
-use halfspace_nodes::nested::{self, Nested};
+use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::refit::FitTree;
 use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::Double;
 use halfspace_nodes::slab_tree::{Gaps, SlabTree};
@@ -76,7 +76,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
             |binary, bounds, leaves| {
                 SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
             },
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
 };
@@ -113,7 +113,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
             |binary, bounds, leaves| {
                 SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
             },
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -144,7 +144,7 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), gaps, leaves),
-            |tree, leaves, _| two_planes(config, tree, leaves),
+            |config, tree, leaves, _| two_planes(config, tree, leaves),
         )
     },
     ..PLAIN
@@ -163,7 +163,7 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
             |binary, bounds, leaves| {
                 SlabTree::new(binary, bounds, tighten(config), Gaps::OneChild, leaves)
             },
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, single_intervals, shadow_single_intervals);
                 groups.plan(
                     one_by_one(slabs::single_slabs(tree, leaves)),
@@ -224,7 +224,7 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
             |binary, bounds, leaves| {
                 SlabTree::new(binary, bounds, tighten(config), Gaps::Leaf, leaves)
             },
-            |tree, leaves, bounds| {
+            |config, tree, leaves, bounds| {
                 let boxes = Arc::new(SlabBoxes {
                     tree: tree.clone(),
                     bounds,
@@ -295,10 +295,10 @@ fn ordered<'a>(
 
 impl Ordered<'_> {
     /// Lays the tree out, writes its leaves and makes its plan.
-    fn lay_out<T: Nested + Tree>(
+    fn lay_out<T: FitTree>(
         &self,
         nodes: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<T>,
-        plan: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Plan,
+        plan: MakePlan<T>,
     ) -> Result<Built> {
         let mut leaves = Leaves::new(shared::keep(self.config));
         let bounds = self.frame.bounds();
@@ -307,16 +307,13 @@ impl Ordered<'_> {
             || nested::shape(&tree, bounds),
             || leaves.write(self.scene, &self.frame, &self.binary.ids),
         );
-        let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
-        let plan = plan(&tree, &leaves, bounds);
-        Ok(objects::built(
-            self.config,
-            self.frame,
-            tree,
-            leaves,
-            plan,
+        let layers = Layers {
+            frame: self.frame,
+            tree: Arc::new(tree),
+            leaves: Arc::new(blocks),
             shape,
-        ))
+        };
+        Ok(refit::built(self.config, layers, plan))
     }
 }
 
@@ -337,7 +334,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
     match children {
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals2, shadow_intervals2);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs2(tree, leaves)),
@@ -347,7 +344,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
         ),
         4 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals4, shadow_intervals4);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs4(tree, leaves)),
@@ -357,7 +354,7 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
         ),
         _ => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
-            |tree, leaves, _| {
+            |config, tree, leaves, _| {
                 let groups = together!(tree, leaves, intervals8, shadow_intervals8);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs8(tree, leaves)),

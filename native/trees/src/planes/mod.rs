@@ -255,6 +255,7 @@ pub fn lay_out(
         shape,
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }
 
@@ -285,5 +286,6 @@ fn boxed(
         plan: plan.with_shadow(config.choice("shadow"), None),
         left_out: Vec::new(),
         growing: None,
+        refit: None,
     })
 }

@@ -112,7 +112,8 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             "ta-b",
             "TA-B",
             Rays::Single,
-            "one by one, by entry and exit points (Havran et al. 1997)",
+            "one by one, by entry and exit points (Havran et al. 1997); measured, it saves 15 to 32 % of the traversal of \
+             Sung and Arvo, not the published 30 to 50, and a picture is not twice as fast",
         ),
         plan: |planes| {
             let (bounded, published) = (ta_b::ta_b, ta_b_1997::ta_b_published);

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Animations on the command line: their frames, the table of the methods, and the report's page with its plots."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from addon.core.base import interrupt
+from addon.core.report import marks, page, plots
+from addon.core.scene import workload
+from addon.core.structures import specs
+
+from ..base.usage import UsageError
+from . import animations, frames
+from .animations import Animation
+from .frames import SPECS, Moved
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
+
+__all__ = ["OPTIONS", "SPECS", "find", "read_frames", "run", "table", "written"]
+
+OPTIONS = ("scenes", "frames", "structures", "size", "threads", "level", "out")
+"""Options of the benchmark that are valid together with `--frames`."""
+
+MOST_FRAMES = 100_000
+
+COLUMNS = (
+    "animation",
+    "structure",
+    "way",
+    "update, ms",
+    "trace, ms",
+    "sum, ms",
+    "drift",
+    "refitted",
+    "rebuilt",
+    "wrong",
+)
+
+INTRODUCTION = (
+    "Each frame: the time to bring the structure to the triangles of the frame (<em>refit</em>: the same nodes, moved "
+    "bounds; <em>rebuild</em>: a new tree; <em>lazy</em>: rays build what they need, which is part of their time), "
+    "the time of all camera rays, and answers compared with brute force. Drift: the expected cost of a ray divided by "
+    "that of the last build."
+)
+
+
+def read_frames(text: str) -> range:
+    """The frames A-B of a command line, both included. Raises UsageError."""
+    first, dash, last = text.partition("-")
+    if not (dash and specs.is_whole(first) and specs.is_whole(last) and int(first) <= int(last)):
+        raise UsageError(f"--frames: expected A-B with A at most B, such as 1-60, got {text!r}")
+    if int(last) - int(first) >= MOST_FRAMES:
+        raise UsageError(f"--frames: at most {MOST_FRAMES:,} frames are possible, got {text!r}")
+    return range(int(first), int(last) + 1)
+
+
+def find(name: str) -> Animation:
+    """A built-in animation, or that of a .blend file. Raises UsageError without Blender, WorkloadError."""
+    if name in animations.NAMES:
+        return animations.built_in(name)
+    found = workload.find(name, (".blend",), animations.NAMES)
+    try:
+        with interrupt.guarded():
+            from addon.blender.measure import moving
+    except ImportError as error:
+        raise UsageError(f"{name}: needs Blender: {error}") from error
+    mesh, view = moving.load(Path(found))
+    return Animation(Path(found).stem, lambda number: animations.Mesh(*mesh(number)), view)
+
+
+def run(
+    native: Native,
+    chosen: Iterable[Animation],
+    numbers: range,
+    listed: Sequence[str],
+    *,
+    size: tuple[int, int],
+    threads: int,
+    say: Callable[[str], None],
+) -> list[Moved]:
+    """All rows of these animations; prints a table of each."""
+    ways = frames.methods(native, listed)
+    rows: list[Moved] = []
+    for animation in chosen:
+        own = list(frames.measure(native, animation, numbers, ways, size=size, threads=threads, say=say))
+        print("\n" + text(table(own)) + "\n", flush=True)
+        rows += own
+    return rows
+
+
+def by_method(rows: Iterable[Moved]) -> dict[tuple[str, str, str], list[Moved]]:
+    """The rows of each animation, structure and way."""
+    found: dict[tuple[str, str, str], list[Moved]] = {}
+    for row in rows:
+        found.setdefault((row["animation"], row["spec"], row["way"]), []).append(row)
+    return found
+
+
+def table(rows: Iterable[Moved]) -> list[tuple[str, ...]]:
+    """One line per animation and method: medians of the frames after the first, the largest drift, and counts."""
+    lines = []
+    for (animation, spec, way), own in by_method(rows).items():
+        later = own[1:] or own
+        update, trace = (1e3 * median(row[key] for row in later) for key in ("update_s", "trace_s"))
+        both = 1e3 * median(row["update_s"] + row["trace_s"] for row in later)
+        drifts = [row["drift"] for row in own if row["drift"] is not None]
+        counts = [sum(row["done"] == done for row in own) for done in ("refitted", "rebuilt")]
+        wrong = sum(row["wrong"] for row in own)
+        drift = f"{max(drifts):.2f}" if drifts else "–"
+        numbers = [f"{update:.2f}", f"{trace:.2f}", f"{both:.2f}", drift, *map(str, counts), str(wrong)]
+        lines.append((animation, spec, way, *numbers))
+    return lines
+
+
+def text(lines: Sequence[tuple[str, ...]]) -> str:
+    """The table for a terminal."""
+    widths = [max(len(line[i]) for line in (COLUMNS, *lines)) for i in range(len(COLUMNS))]
+    put = (str.ljust,) * 3 + (str.rjust,) * (len(COLUMNS) - 3)
+    return "\n".join(
+        "  ".join(side(cell, width) for side, cell, width in zip(put, line, widths, strict=True)).rstrip()
+        for line in (COLUMNS, *lines)
+    )
+
+
+def written(document: dict[str, Any]) -> dict[str, str]:
+    """The files of a report: bench.json, whose key `frames` has the rows of `frames.Moved`, and report.html."""
+    return {
+        "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+        "report.html": page.filled("Moving scenes", INTRODUCTION, document, _body(document["frames"])),
+    }
+
+
+def _body(rows: Sequence[Moved]) -> str:
+    """A section for each animation: table, reasons for rebuilds, plots."""
+    parts = []
+    for animation in dict.fromkeys(row["animation"] for row in rows):
+        own = [row for row in rows if row["animation"] == animation]
+        head = "".join(f"<th>{html.escape(title)}</th>" for title in COLUMNS)
+        body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in line)}</tr>" for line in table(own))
+        parts.append(f"<section><h2>{html.escape(animation)}</h2><p>{len({row['frame'] for row in own})} frames, ")
+        parts.append(f"{own[-1]['triangles']:,} triangles in the last.</p>")
+        parts.append(f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>')
+        parts += [f"<p>{html.escape(line)}</p>" for line in reasons(own)]
+        if plots.problem() is None:
+            parts.append(f"<figure>{plots.svg(partial(draw, rows=own), 6.4)}</figure>")
+        parts.append("</section>")
+    return "".join(parts)
+
+
+def reasons(rows: Iterable[Moved]) -> list[str]:
+    """Sentences on frames in which a structure could not be refitted."""
+    found: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row["why"]:
+            key = row["spec"], row["why"]
+            found[key] = found.get(key, 0) + 1
+    return [f"{spec}: rebuilt instead of refitted in {count} frames: {why}" for (spec, why), count in found.items()]
+
+
+def draw(figure: Any, rows: Sequence[Moved]) -> None:
+    """Update and trace times together, and the drift of the cost, frame by frame."""
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for number, ((_, spec, way), own) in enumerate(by_method(rows).items()):
+        colour = marks.COLOURS[number % len(marks.COLOURS)]
+        places = [row["frame"] for row in own]
+        upper.plot(
+            places, [1e3 * (row["update_s"] + row["trace_s"]) for row in own], color=colour, label=f"{spec}, {way}"
+        )
+        if way == "refit":
+            lower.plot(places, [row["drift"] for row in own], color=colour)
+    upper.set_ylabel("update and rays, ms")
+    upper.set_yscale("log")
+    upper.legend(frameon=False, fontsize="small", ncols=2)
+    lower.set_ylabel("drift of the cost")
+    lower.set_xlabel("frame")
