@@ -14,8 +14,8 @@ ORDER = tuple(
     f"{package}.{room}"
     for package, rooms in (
         ("addon", "refusal"),
-        ("addon.core", "base scene structures session measure choose overlay report"),
-        ("addon.blender", "read settings session samples measure render overlay ui"),
+        ("addon.core", "base scene structures tree session measure choose overlay inspector report"),
+        ("addon.blender", "read settings session samples measure render overlay inspector ui"),
         ("lab", "base reported stability claims growth export bench pictures lessons"),
     )
     for room in rooms.split()

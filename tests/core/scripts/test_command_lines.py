@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import animations
 import bench
 import choose
 import claims
@@ -15,6 +16,7 @@ import compare
 import export
 import extraction
 import growth
+import inspector
 import numpy as np
 import overlay_picture
 import package
@@ -32,6 +34,7 @@ from addon.core.report import results
 from addon.core.scene import workload
 
 COMMANDS = {
+    "animations": animations,
     "bench": bench,
     "choose": choose,
     "claims": claims,
@@ -39,6 +42,7 @@ COMMANDS = {
     "export": export,
     "extraction": extraction,
     "growth": growth,
+    "inspector": inspector,
     "overlay_picture": overlay_picture,
     "package": package,
     "pictures": pictures,
@@ -115,6 +119,8 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("overlay_picture", ["--show", "leaves"], "--show: expected planes"),
         ("overlay_picture", ["--out", "o.txt"], "expected a name that ends in .png"),
         ("pictures", ["--width", "0"], "--width: expected 64 to "),
+        ("inspector", ["sponza-dabrovic", "--width", "0"], "--width: expected 8 to "),
+        ("animations", ["--width", "0"], "--width: expected 64 to "),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
         ("render", ["--percentage", "0"], "--percentage: expected 1 to "),
