@@ -107,7 +107,7 @@ def variables(target: Target, *, run: bool = False) -> dict[str, str]:
         return {}
     library(target)
     prefix = "CARGO_TARGET_" + target.triple.upper().replace("-", "_")
-    found = dict(target.variables)
+    found = dict(target.variables) if run else {}
     if target.compiler:
         found[f"{prefix}_LINKER"] = program(target, target.compiler)
     if run:

@@ -72,7 +72,9 @@ def arguments(
     if target is not None and not target.is_here:
         # The wheel is for the stable interface of all versions of Python: no interpreter of that system is needed.
         folder, options, compiler = f"wheel-{target.name}", ["--target", target.triple], target.compiler
-        variables |= targets.variables(target)
+        # Zig links for Linux; a linker named in the environment would come before it.
+        variables |= {} if target.is_linux else targets.variables(target)
+        targets.library(target)
     if target is not None and not target.is_linux:
         glibc = None
     if glibc is not None:
