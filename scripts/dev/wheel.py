@@ -44,7 +44,7 @@ def sources(root: Path) -> list[Path]:
         # Removed here, these folders are not entered.
         inside[:] = sorted(set(inside) - NOT_IN_THE_WHEEL)
         found += [Path(folder, name) for name in sorted(files)]
-    kinds = {".rs", ".toml", ".lock", ".pyi", ".py"}
+    kinds = {".rs", ".toml", ".lock", ".pyi", ".py", ".md"}
     return [path for path in found if path.is_file() and (path.suffix in kinds or path.name == "LICENSE")]
 
 
