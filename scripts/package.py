@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension zip: `python scripts/package.py [--portable] [--wheel WHEEL ...] [--out DIR]`.
+"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--split]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
-machines of its kind on which Blender runs. Warns if a wheel needs a newer C library than Blender itself.
+machines of its kind on which Blender runs, with --for one for another system. With --split, each system also gets a zip
+of its own. Warns if a wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import environment
+import targets
 import wheel
 
 from addon.core.base import command
@@ -52,7 +54,7 @@ class PackageError(RuntimeError):
     """The extension cannot be packaged. The message gives the reason."""
 
 
-REPORTED = (PackageError, wheel.BuildError, environment.SetupError)
+REPORTED = (PackageError, wheel.BuildError, targets.TargetError, environment.SetupError)
 """Errors that the command reports in one line."""
 
 
@@ -150,31 +152,40 @@ def run_tool(*arguments: str) -> None:
         raise PackageError(f"blender_ext {arguments[0]}: {(done.stdout + done.stderr).strip()}")
 
 
-def portable_wheel() -> Path:
-    """A wheel for all machines of this kind on which Blender runs. Raises wheel.BuildError or environment.SetupError.
+def portable_wheel(name: str | None = None) -> Path:
+    """A wheel for all machines of one system on which Blender runs; None: of this machine's.
 
-    On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same.
+    On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same. Raises
+    wheel.BuildError, targets.TargetError or environment.SetupError.
     """
-    if sys.platform != "linux":
+    if name is None and sys.platform != "linux":
         return wheel.build(ROOT, Path(sys.executable))[0]
+    target = targets.TARGETS.get(name or targets.here())
     with environment.alone():
         environment.prepare_packages(environment.PORTABLE)
-        environment.say("portable native module: looking for changes (a build takes minutes)")
-        return wheel.build(ROOT, environment.PORTABLE.python, glibc=BLENDER_GLIBC)[0]
+        where = target.name if target else "this system"
+        environment.say(f"native module for {where}: looking for changes (a build takes minutes)")
+        return wheel.build(ROOT, environment.PORTABLE.python, glibc=BLENDER_GLIBC, target=target)[0]
 
 
-def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Path:
-    """Build and validate the zip in the folder `out`. Raises PackageError, wheel.BuildError, environment.SetupError.
+def package(
+    wheels: Sequence[Path], out: Path, *, portable: bool = False, systems: Sequence[str] = (), split: bool = False
+) -> list[Path]:
+    """Build and validate the zip in the folder `out`, and with `split` one more per system. Returns the zips.
 
-    portable: build the wheel for all machines of this kind and add it to `wheels`.
+    portable: build the wheel for all machines of this kind and add it to `wheels`. systems: the same for each of these
+    systems. Raises PackageError, wheel.BuildError, targets.TargetError, environment.SetupError.
     """
     import tomllib
 
-    chosen = list(wheels)
-    if portable:
-        chosen.append(portable_wheel())
-    elif not chosen:
+    built = [portable_wheel(name) for name in [None] * portable + list(systems)]
+    chosen = list(dict.fromkeys([*wheels, *built]))
+    if not chosen:
         chosen.append(wheel.build(ROOT, Path(sys.executable))[0])
+    # A folder stands for all wheels in it.
+    chosen = [file for path in chosen for file in (sorted(path.glob("*.whl")) if path.is_dir() else [path])]
+    if not chosen:
+        raise PackageError("the folders hold no wheels")
     for path in chosen:
         if not path.is_file():
             raise PackageError(f"{path}: there is no such wheel")
@@ -183,34 +194,54 @@ def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Pat
             print(f"package: {warning}", file=sys.stderr)
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     out.mkdir(parents=True, exist_ok=True)
-    target = out / f"{manifest['id']}-{manifest['version']}.zip"
+    name = f"{manifest['id']}-{manifest['version']}.zip"
     # Each call has a folder of its own: the tests of two Blenders package side by side.
     with tempfile.TemporaryDirectory(prefix="extension-", dir=out) as folder:
-        staged, fresh = Path(folder) / "extension", Path(folder) / target.name
+        staged, fresh = Path(folder) / "extension", Path(folder) / "zips"
         stage(chosen, staged)
+        fresh.mkdir()
         run_tool("validate", str(staged))
-        run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
-        run_tool("validate", str(fresh))
-        return fresh.replace(target)
+        for options in [[], ["--split-platforms"]] if split else [[]]:
+            run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh / name), *options)
+        zips = sorted(fresh.glob("*.zip"), key=lambda path: (path.name != name, path.name))
+        for path in zips:
+            run_tool("validate", str(path))
+        return [path.replace(out / path.name) for path in zips]
 
 
 def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
+    parser.add_argument(
+        "--wheel",
+        type=Path,
+        action="append",
+        default=[],
+        help="a wheel to bundle, or a folder of wheels; may be repeated",
+    )
     parser.add_argument(
         "--portable",
         action="store_true",
         help="on Linux, build a wheel that runs wherever Blender does (minutes, and a download the first time)",
     )
+    parser.add_argument(
+        "--for",
+        dest="systems",
+        action="append",
+        default=[],
+        choices=[*targets.TARGETS, "all"],
+        help="build a wheel for this system, or for all; may be repeated",
+    )
+    parser.add_argument("--split", action="store_true", help="also make one zip per system")
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
     return command.run("package", arguments, parser.parse_args, run, told=REPORTED)
 
 
 def run(asked: argparse.Namespace) -> int:
     """Package with these arguments. Returns the exit status."""
-    target = package(asked.wheel, asked.out, portable=asked.portable)
-    print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
+    systems = list(targets.TARGETS) if "all" in asked.systems else asked.systems
+    for path in package(asked.wheel, asked.out, portable=asked.portable, systems=systems, split=asked.split):
+        print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
 
 

@@ -10,6 +10,9 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import targets
+from targets import Target
+
 NOT_IN_THE_WHEEL = {"target", "tests", "benches", "examples", "fuzz", "__pycache__"}
 """Names of folders, in every crate of the workspace, whose changes do not change the wheel."""
 
@@ -41,39 +44,65 @@ def sources(root: Path) -> list[Path]:
         # Removed here, these folders are not entered.
         inside[:] = sorted(set(inside) - NOT_IN_THE_WHEEL)
         found += [Path(folder, name) for name in sorted(files)]
-    kinds = {".rs", ".toml", ".lock", ".pyi", ".py"}
+    kinds = {".rs", ".toml", ".lock", ".pyi", ".py", ".md"}
     return [path for path in found if path.is_file() and (path.suffix in kinds or path.name == "LICENSE")]
 
 
-def unwinder() -> Path:
-    """The path of the library that unwinds stacks on Linux, as the system's compiler finds it. Raises BuildError."""
+def unwinder(compiler: str = "cc") -> Path:
+    """The path of the library that unwinds stacks on Linux, as the compiler finds it. Raises BuildError."""
     name = "libgcc_s.so.1"
-    if shutil.which("cc") is None:
-        raise BuildError("cc is not on the PATH: install gcc (the system's packages) first")
-    done = subprocess.run(["cc", f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+    if shutil.which(compiler) is None:
+        raise BuildError(f"{compiler} is not on the PATH: install gcc (the system's packages) first")
+    done = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
     found = Path(done.stdout.strip())
-    if not found.is_absolute():  # cc prints the bare name if it does not find the file
-        raise BuildError(f"cc finds no {name}: install gcc (the system's packages) first")
+    if not found.is_absolute():  # the compiler prints the bare name if it does not find the file
+        raise BuildError(f"{compiler} finds no {name}: install gcc (the system's packages) first")
     return found.resolve()
 
 
-def build(root: Path, python: Path, *, glibc: tuple[int, int] | None = None) -> tuple[Path, bool]:
-    """The wheel in its folder below build, and whether it was built now. Raises BuildError.
+def arguments(
+    python: Path, glibc: tuple[int, int] | None, target: Target | None
+) -> tuple[str, list[str], dict[str, str]]:
+    """The name of the wheel's folder, the options of maturin, and its environment. Raises BuildError, TargetError.
 
-    python: an interpreter whose environment has maturin, and zig if `glibc` is given. glibc: on Linux, the oldest
-    version of the C library with which the wheel must run; None: that of this machine.
+    The parameters are those of `build`.
     """
-    folder = root / "build" / "wheel"
-    options, variables = ["--interpreter", str(python)], {"PYO3_PYTHON": str(python)}
+    variables = {"PYO3_PYTHON": str(python)}
+    folder, options, compiler = "wheel", ["--interpreter", str(python)], "cc"
+    if target is not None and not target.is_here:
+        # The wheel is for the stable interface of all versions of Python: no interpreter of that system is needed.
+        folder, options, compiler = f"wheel-{target.name}", ["--target", target.triple], target.compiler
+        # Zig links for Linux; a linker named in the environment would come before it.
+        variables |= {} if target.is_linux else targets.variables(target)
+        targets.library(target)
+    if target is not None and not target.is_linux:
+        glibc = None
     if glibc is not None:
         name = "manylinux_{}_{}".format(*glibc)
-        folder = folder.with_name(f"wheel-{name}")
-        options += ["--zig", "--compatibility", name]  # it fails where a symbol is newer
+        folder += f"-{name}"
+        # With this name, maturin fails where a symbol is newer.
         # By default zig links its own unwinder. The C library ends threads with the system's, and the two crash on each
         # other's records when Python, at exit, ends a thread that waits for it.
-        options += ["--", f"-Clink-arg={unwinder()}"]
+        options += ["--zig", "--compatibility", name, "--", f"-Clink-arg={unwinder(compiler)}"]
+    elif not compiler:
+        options += ["--zig"]
+    if "--zig" in options:
         # Otherwise looked up on the PATH, which need not contain the environment.
         variables["CARGO_ZIGBUILD_PYTHON_PATH"] = str(python)
+    return folder, options, variables
+
+
+def build(
+    root: Path, python: Path, *, glibc: tuple[int, int] | None = None, target: Target | None = None
+) -> tuple[Path, bool]:
+    """The wheel in its folder below build, and whether it was built now. Raises BuildError or TargetError.
+
+    python: an interpreter whose environment has maturin, and zig if `glibc` is given or `target` has no compiler of its
+    own. glibc: on Linux, the oldest version of the C library with which the wheel must run; None: that of this machine.
+    target: the system on which it must run; None: that of this machine.
+    """
+    name, options, variables = arguments(python, glibc, target)
+    folder = root / "build" / name
     stamp = folder / "fingerprint"
     wanted = fingerprint(root)
     found = sorted(folder.glob("*.whl"))

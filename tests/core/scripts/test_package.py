@@ -13,6 +13,7 @@ import environment
 import imports
 import package
 import pytest
+import targets
 import wheel
 
 
@@ -171,6 +172,53 @@ def test_the_portable_wheel_is_kept_beside_the_usual_one(
     assert variables["CARGO_ZIGBUILD_PYTHON_PATH"] == str(python), "zig need not be on the PATH"
 
 
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All compilers, runners and libraries of all systems."""
+    monkeypatch.setattr(targets.shutil, "which", lambda name: f"/bin/{name}")
+    monkeypatch.setattr(targets, "library", lambda target: Path("/lib"))
+    monkeypatch.setattr(targets, "here", lambda: "linux-x64")
+
+
+@pytest.mark.parametrize(
+    ("name", "glibc", "folder", "options"),
+    [
+        (
+            "linux-x64",
+            (2, 28),
+            "wheel-manylinux_2_28",
+            "--interpreter /env/python --zig --compatibility manylinux_2_28",
+        ),
+        (
+            "linux-arm64",
+            (2, 28),
+            "wheel-linux-arm64-manylinux_2_28",
+            "--target aarch64-unknown-linux-gnu --zig --compatibility manylinux_2_28",
+        ),
+        ("windows-x64", (2, 28), "wheel-windows-x64", "--target x86_64-pc-windows-gnu"),
+        ("macos-arm64", (2, 28), "wheel-macos-arm64", "--target aarch64-apple-darwin --zig"),
+    ],
+)
+def test_a_wheel_for_another_system_is_linked_for_it(
+    installed: None,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    glibc: tuple[int, int],
+    folder: str,
+    options: str,
+) -> None:
+    compilers: list[str] = []
+    monkeypatch.setattr(wheel, "unwinder", lambda compiler: compilers.append(compiler) or Path("/lib/libgcc_s.so.1"))
+    found, words, variables = wheel.arguments(Path("/env/python"), glibc, targets.TARGETS[name])
+    assert found == folder
+    assert " ".join(words).partition(" -- ")[0] == options
+    assert compilers == {"linux-x64": ["cc"], "linux-arm64": ["aarch64-linux-gnu-gcc"]}.get(name, [])
+    linkers = {key: value for key, value in variables.items() if key.endswith("_LINKER")}
+    # Zig must not be replaced by a linker that is named in the environment.
+    expected = {"CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER": "/bin/x86_64-w64-mingw32-gcc"}
+    assert linkers == (expected if name == "windows-x64" else {})
+
+
 @pytest.mark.parametrize(
     ("there", "line"),
     [(None, "cc is not on the PATH: install gcc"), ("/bin/cc", r"cc finds no libgcc_s\.so\.1: install gcc")],
@@ -205,7 +253,10 @@ def test_what_is_asked_for_is_bundled_beside_what_is_given(
     asked: list[tuple[int, int] | None] = []
     bundled: list[str] = []
 
-    def build(_: Path, __: Path, *, glibc: tuple[int, int] | None = None) -> tuple[Path, bool]:
+    def build(
+        _: Path, __: Path, *, glibc: tuple[int, int] | None = None, target: targets.Target | None = None
+    ) -> tuple[Path, bool]:
+        assert target is None or target.is_here
         asked.append(glibc)
         return wheel_with(tmp_path / NAME), True
 
@@ -221,6 +272,36 @@ def test_what_is_asked_for_is_bundled_beside_what_is_given(
     assert asked == [glibc]
     assert ready == prepared
     assert bundled == [given.name] * portable + [NAME]
+
+
+@pytest.mark.parametrize("given", [["--for", "windows-x64", "--for", "linux-x64"], ["--for", "all"], ["--wheel", "."]])
+def test_each_system_gets_a_zip_of_its_own_next_to_the_one_for_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags = {"linux-x64": "manylinux_2_28_x86_64", "linux-arm64": "manylinux_2_28_aarch64", "windows-x64": "win_amd64"}
+    tags["macos-arm64"] = "macosx_11_0_arm64"
+    assert set(tags) == set(targets.TARGETS)
+    monkeypatch.chdir(tmp_path)
+    systems = list(tags) if given[1] in ("all", ".") else given[1::2]
+    files = {name: f"halfspace_native-0.1.0-cp311-abi3-{tags[name]}.whl" for name in systems}
+    if given[1] == ".":
+        for file in files.values():
+            wheel_with(tmp_path / file)
+    monkeypatch.setattr(package, "portable_wheel", lambda name: wheel_with(tmp_path / files[name]))
+    assert package.main([*given, "--split", "--out", str(tmp_path / "out")]) == 0
+    names = ["halfspace-0.1.0.zip", *sorted(f"halfspace-0.1.0-{name.replace('-', '_')}.zip" for name in systems)]
+    assert [Path(line.split(" (")[0]).name for line in capsys.readouterr().out.splitlines()] == names
+    for name in systems:
+        with zipfile.ZipFile(tmp_path / "out" / f"halfspace-0.1.0-{name.replace('-', '_')}.zip") as archive:
+            assert [one for one in archive.namelist() if one.endswith(".whl")] == [f"wheels/{files[name]}"]
+    with zipfile.ZipFile(tmp_path / "out" / names[0]) as archive:
+        inside = [one.removeprefix("wheels/") for one in archive.namelist() if one.endswith(".whl")]
+    assert sorted(inside) == sorted(files.values())
+
+
+def test_an_empty_folder_of_wheels_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert package.main(["--wheel", str(tmp_path), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "package: the folders hold no wheels\n"
 
 
 def test_an_environment_that_cannot_be_set_up_ends_packaging_with_one_line(

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Programs for other systems: how they are built and run here, what is reported if they cannot, and the workflows."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import answers
+import cross
+import package
+import package_python
+import pytest
+import targets
+
+ROOT = Path(__file__).resolve().parents[3]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], dict[str, str]]]:
+    """The programs that were started, which all print one line of answers, with their environments."""
+    seen: list[tuple[list[str], dict[str, str]]] = []
+
+    def run(words: list[str], **named: Any) -> subprocess.CompletedProcess[str]:
+        seen.append((words, named["env"]))
+        return subprocess.CompletedProcess(words, 0, "kd sse4.2 10 5 400 abc\n", "")
+
+    monkeypatch.setattr(cross.subprocess, "run", run)
+    monkeypatch.setattr(targets, "here", lambda: "linux-x64")
+    monkeypatch.setattr(targets, "library", lambda _: Path("/lib"))
+    monkeypatch.setattr(targets.shutil, "which", lambda name: f"/bin/{name}")
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("name", "linker", "runner"),
+    [
+        ("windows-x64", "/bin/x86_64-w64-mingw32-gcc", "/bin/wine"),
+        ("linux-arm64", "/bin/aarch64-linux-gnu-gcc", "/bin/qemu-aarch64 -L /usr/aarch64-linux-gnu"),
+    ],
+)
+def test_tests_of_another_system_run_in_its_runner(
+    ran: list[tuple[list[str], dict[str, str]]], name: str, linker: str, runner: str
+) -> None:
+    assert cross.main(["test", name, "contract"]) == 0
+    ((words, variables),) = ran
+    triple = targets.TARGETS[name].triple
+    assert words[:2] == ["cargo", "test"]
+    assert words[-2:] == ["--", "contract"]
+    assert triple in words
+    prefix = "CARGO_TARGET_" + triple.upper().replace("-", "_")
+    assert variables[f"{prefix}_LINKER"] == linker
+    assert variables[f"{prefix}_RUNNER"] == runner
+
+
+def test_this_system_is_compared_with_the_other(
+    ran: list[tuple[list[str], dict[str, str]]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cross.main(["answers", "linux-arm64", "--rays", "10"]) == 0
+    assert [("--target" in words, words[-1]) for words, _ in ran] == [(False, "10"), (True, "10")]
+    assert capsys.readouterr().out.endswith("1 structures answer with the same bits: linux-x64, linux-arm64\n")
+
+
+@pytest.mark.parametrize(
+    ("other", "wrong"),
+    [
+        ("kd neon 10 5 400 abc\nbvh neon 10 5 300 abc\n", None),
+        ("kd neon 10 5 400 abd\nbvh neon 10 5 300 abc\n", "kd: 10 5 400 abd, not 10 5 400 abc"),
+        ("kd neon 10 5 404 abc\nbvh neon 10 5 300 abc\n", "kd: 10 5 404 abc, not 10 5 400 abc"),
+        ("kd neon 10 5 400 abc\n", "bvh: only one of the two answers"),
+        ("", "bvh: only one of the two answers"),
+    ],
+)
+def test_any_difference_but_the_instruction_set_is_a_failure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], other: str, wrong: str | None
+) -> None:
+    (tmp_path / "a.txt").write_text("kd avx2 10 5 400 abc\nbvh avx2 10 5 300 abc\n", encoding="utf-8")
+    (tmp_path / "b.txt").write_text(other, encoding="utf-8")
+    assert cross.main(["agree", str(tmp_path / "a.txt"), str(tmp_path / "b.txt")]) == int(wrong is not None)
+    said = capsys.readouterr().out
+    assert (f"DIFFERENT b: {wrong}" in said) if wrong else ("2 structures answer with the same bits: a, b" in said)
+
+
+def test_files_without_answers_do_not_agree() -> None:
+    assert cross.differences("b", ["nothing"], ["nothing"]) == ["b: no structure answers"]
+
+
+def _without(name: str) -> Callable[[str], str | None]:
+    return lambda program: None if program == name else f"/bin/{program}"
+
+
+@pytest.mark.parametrize(
+    ("words", "lacks", "line"),
+    [
+        (["test", "macos-arm64"], "", "cross: programs for macos-arm64 run only on that system"),
+        (
+            ["test", "windows-x64"],
+            "wine",
+            "cross: wine, which windows-x64 needs, is not on the PATH: install Debian's packages gcc-mingw-w64-x86-64",
+        ),
+        (["answers", "linux-arm64"], "aarch64-linux-gnu-gcc", "cross: aarch64-linux-gnu-gcc, which linux-arm64 needs"),
+        (["agree", "one"], "", "cross: agree needs two files or more"),
+        (["agree", "one", "two"], "", "cross: [Errno 2] No such file or directory"),
+    ],
+)
+def test_what_is_missing_is_one_line(
+    ran: list[tuple[list[str], dict[str, str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    lacks: str,
+    line: str,
+) -> None:
+    monkeypatch.setattr(targets.shutil, "which", _without(lacks))
+    assert cross.main(words) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(line)
+    assert said.count("\n") == 1
+
+
+def test_a_missing_standard_library_names_the_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    empty = subprocess.CompletedProcess([], 0, f"{tmp_path}\n", "")
+    monkeypatch.setattr(targets.subprocess, "run", lambda *_, **__: empty)
+    monkeypatch.setattr(targets.shutil, "which", lambda name: name)
+    target = targets.TARGETS["windows-x64"]
+    with pytest.raises(targets.TargetError, match="run `rustup target add x86_64-pc-windows-gnu`"):
+        targets.library(target)
+    (tmp_path / "libstd-1.rlib").touch()
+    assert targets.library(target) == tmp_path
+
+
+def test_a_program_that_fails_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(cross.CrossError, match="ended with status 3"):
+        cross.run([sys.executable, "-c", "import sys; sys.exit(3)"], {})
+
+
+def test_the_systems_are_those_of_the_zips() -> None:
+    assert set(targets.TARGETS) <= set(package.PLATFORMS.values())
+
+
+def test_every_structure_answers_with_the_same_bits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "new" / "a.txt"
+    assert answers.main(["--rays", "200", "--out", str(file)]) == 0
+    lines = file.read_text(encoding="utf-8").splitlines()
+    assert lines == capsys.readouterr().out.splitlines()
+    assert len(cross.table(lines)) == len(lines)
+    assert 0 < int(lines[0].split()[3]) < 200, "some rays hit, some miss"
+
+
+def steps(text: str) -> list[str]:
+    """The commands of a workflow with the names of its systems put in, one command a line."""
+    found = re.findall(r"^ +(?:- )?run: ((?!\|).+)$", text, re.MULTILINE)
+    return [line.replace("${{ matrix.system }}", "linux-arm64") for line in found]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflow_calls_scripts_as_they_are(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = path.read_text(encoding="utf-8")
+    called = []
+    for name, module in (("cross", cross), ("package", package), ("package_python", package_python)):
+        monkeypatch.setattr(
+            module, "chosen" if name == "cross" else "run", lambda _, name=name: called.append(name) or 0
+        )
+    for line in steps(text):
+        program, *words = shlex.split(line)
+        if program != "python":
+            continue
+        assert (ROOT / words[0]).is_file(), line
+        main = {"cross": cross.main, "package": package.main, "package_python": package_python.main}
+        if Path(words[0]).stem in main:
+            assert main[Path(words[0]).stem](words[1:]) == 0, line
+    assert called
+    assert set(re.findall(r"system: ([\w-]+),", text)) in (set(), set(targets.TARGETS))
+
+
+@pytest.mark.skipif(shutil.which("actionlint") is None, reason="actionlint is not installed")
+def test_actionlint_finds_nothing() -> None:
+    done = subprocess.run(["actionlint", *map(str, WORKFLOWS)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
