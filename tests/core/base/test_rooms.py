@@ -16,7 +16,7 @@ ORDER = tuple(
         ("addon", "refusal"),
         ("addon.core", "base scene structures tree session measure choose overlay inspector report"),
         ("addon.blender", "read settings session samples measure render overlay inspector ui"),
-        ("lab", "base reported stability claims growth export bench pictures lessons"),
+        ("lab", "base reported stability motion claims growth export bench thesis pictures lessons"),
     )
     for room in rooms.split()
 )
