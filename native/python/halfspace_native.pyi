@@ -105,16 +105,16 @@ class StructureRow(TypedDict):
 class Statistics(TypedDict):
     """Statistics of a build.
 
-    build_seconds: wall-clock time. refits: number of times that the structure was fitted to moved vertices since it was
-    built; refit_seconds: wall-clock time of the last of them, or 0. bytes: nodes and leaves, without the arrays of the
-    scene. All numbers are those of the nodes that rays traverse. references: triangles in all leaves together. links:
-    from leaves to their neighbours, where a structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
-    in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
-    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
-    sah_cost_built: the same when the structure was built.
-    parts_built, parts_waiting: with lazy=1 the subtrees that rays have caused to be built, and those not built yet;
-    all other numbers then describe the part built so far. left_out: features that the scene did not need, each
-    with its reason. dropped_triangles: those without area or with a vertex that is not finite.
+    build_seconds: wall-clock time. refits: number of times that the structure was fitted to moved vertices since it
+    was built; refit_seconds: wall-clock time of the last of them, or 0. bytes: nodes and leaves, without the arrays
+    of the scene. All numbers are those of the nodes that rays traverse. references: triangles in all leaves
+    together. links: from leaves to their neighbours, where a structure stores them. depth_max, depth_mean: of the
+    leaves, the root at 0. leaf_max: triangles in the largest leaf. leaves_large: leaves of more than 64. sah_cost:
+    expected cost of a random ray in the thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same
+    for all structures. sah_cost_built: the same when the structure was built. parts_built, parts_waiting: with
+    lazy=1 the subtrees that rays have caused to be built, and those not built yet; all other numbers then describe
+    the part built so far. left_out: features that the scene did not need, each with its reason. dropped_triangles:
+    those without area or with a vertex that is not finite.
     """
 
     build_seconds: float
