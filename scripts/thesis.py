@@ -85,10 +85,12 @@ def run(asked: argparse.Namespace) -> int:
         rows += [bench.row(scene, tree, place) for tree in chosen]
         for line in tables.lines([row for row in rows if row["model"] == scene.name], known):
             print(tables.as_text(line), flush=True)
+        if asked.out is not None:  # so that a run that is stopped leaves what it has
+            save(asked.out, bench, rows, figures, known)
         if not asked.no_figures:
             figures[scene.name] = bench.figures(scene, place)
-        if asked.out is not None:
-            save(asked.out, bench, rows, figures, known)
+            if asked.out is not None:
+                save(asked.out, bench, rows, figures, known)
     return 1 if any(row["wrong"] for row in rows) else 0
 
 
