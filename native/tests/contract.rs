@@ -51,9 +51,23 @@ fn with(spec: &str, pair: &str) -> String {
     format!("{spec}{}{pair}", if spec.contains(':') { ',' } else { ':' })
 }
 
+/// Forms of trees that other values than the defaults select.
+const FORMS: [&str; 10] = [
+    "bih:split=middle",
+    "bih:split=median,traversal=packet",
+    "bih-n:split=sah",
+    "bih5:cut=split",
+    "bih-bvh:split=median,leaves=corners",
+    "bbox-gs:fanout=any,leaf_size=1",
+    "bbox-gs-bnb:fanout=any,order=given",
+    "rbsp:k=26,axes_depth=3,traversal=projected",
+    "rbsp-kd:set=random,seed=1,traversal=projected",
+    "rbsp-kd:k=13,leaves=scalar,traversal=projected",
+];
+
 /// Returns every structure with each of its ways.
 fn specs() -> Vec<String> {
-    let mut specs = Vec::new();
+    let mut specs: Vec<_> = FORMS.map(str::to_owned).into();
     for tree in TREES {
         if tree.params.iter().any(|p| p.name == "lazy") {
             specs.push(format!("{}:lazy=1", tree.id));

@@ -239,11 +239,6 @@ impl ProjectedTree {
         own == other
     }
 
-    /// Returns the number of planes that are stored whole.
-    pub fn stored_whole(&self) -> usize {
-        self.whole.len()
-    }
-
     /// Returns the size in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.whole) + size_of_val(&self.table)

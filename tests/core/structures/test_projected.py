@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays that are projected onto the directions of a tree meet the nodes of the generic traversal."""
+
+from __future__ import annotations
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+COUNTERS = ("steps_axis", "steps_oblique", "leaves", "leaves_empty", "tests", "verdicts")
+
+
+def triangles(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Small triangles of all orientations, as vertices and indices."""
+    rng = np.random.default_rng(3)
+    corners = rng.uniform(-1, 1, (count, 1, 3)) + 0.1 * rng.normal(size=(count, 3, 3))
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "rbsp:k=3",
+        "rbsp",
+        "rbsp:k=26,axes_depth=4",
+        "rbsp:k=20,set=random,seed=5",
+        "rbsp-kd",
+        "rbsp-kd:k=26,set=spiral",
+        "rbsp:costs=thesis,ties=pbrt,clip=0",
+    ],
+)
+def test_the_nodes_and_the_work_are_those_of_the_generic_traversal(tree: str) -> None:
+    scene = triangles(1500)
+    rng = np.random.default_rng(4)
+    origins = rng.uniform(-2, 2, (3000, 3)).astype(np.float32)
+    aims = scene[0][rng.integers(0, len(scene[0]), len(origins))]
+    directions = (aims - origins).astype(np.float32)
+    # Some rays go along the axes and along diagonals, where speeds along other directions are zero.
+    directions[::4] = rng.integers(-1, 2, (len(directions[::4]), 3)) + np.array([0, 0, 2])
+    joint = "," if ":" in tree else ":"
+    generic, own = (native.build(*scene, f"{tree}{joint}traversal={way}") for way in ("dir", "projected"))
+    assert own.validate() == []
+    assert own.statistics["nodes_oblique"] == generic.statistics["nodes_oblique"] > 0
+    # The numbered nodes are no larger than the nodes that they are made from, but for the table of directions.
+    extra = own.statistics["bytes"] - generic.statistics["bytes"]
+    assert 8 * own.statistics["leaves"] < extra < 16 * 2 * own.statistics["leaves"] + 1000
+    expected, found = (one.closest(origins, directions, counters=True) for one in (generic, own))
+    assert np.array_equal(expected.t, found.t)
+    assert np.array_equal(expected.triangle, found.triangle)
+    assert np.isfinite(found.t).sum() > 500
+    assert expected.counters is not None
+    assert found.counters is not None
+    for name in COUNTERS:
+        assert np.array_equal(expected.counters[name], found.counters[name]), name
+
+
+def test_random_directions_are_drawn_once_for_the_whole_tree() -> None:
+    scene = triangles(400)
+
+    def normals(seed: int) -> set[tuple[float, ...]]:
+        planes = native.build(*scene, f"rbsp:k=5,set=random,seed={seed}").split_polygons()
+        corners, offsets = planes["vertices"], planes["offsets"]
+        found = set()
+        for first, kind in zip(offsets[:-1], planes["kind"], strict=True):
+            a, b, c = corners[first : first + 3].astype(np.float64)
+            normal = np.cross(b - a, c - a)
+            length = float(np.linalg.norm(normal))
+            if kind == 3 and length > 1e-3:
+                unit = normal / length
+                found.add(tuple(np.round(unit * np.sign(unit[np.argmax(np.abs(unit))]), 2) + 0.0))
+        return found
+
+    one, other = normals(1), normals(2)
+    assert len(one & other) < len(one)
+    assert 3 <= len(one) < 30, "few directions, rounding and nodes that nothing else splits aside"
