@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cost of each pixel of a view in a structure: steps, tests or time, as numbers and as false colours."""
+"""Cost of each pixel of a view in a structure: steps, tests, time and more, as numbers and as false colours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import base64
 import math
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from ..base import colours
 from ..base.arrays import F32
 from ..scene import rays
 from ..scene.workload import Workload
-from . import counting
+from . import counting, pixel_costs
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
@@ -53,6 +53,27 @@ QUANTITIES = (
     Quantity(
         "TIME", "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
     ),
+    Quantity(
+        "WASTED",
+        "Wasted tests",
+        "per ray",
+        "Triangles tested on visits of leaves that found no nearer hit than the one known: leaves that hold what lies "
+        "elsewhere, or that are visited too early",
+    ),
+    Quantity(
+        "OVERLAP",
+        "End-point overlap",
+        "axis steps",
+        "Cost of the nodes around the hit whose leaves do not hold the triangle hit, 80 for a test: work that any "
+        "ray to this point does in vain. 0 in structures that divide space",
+    ),
+    Quantity(
+        "ANY_HIT",
+        "Any-hit cost",
+        "per shadow ray",
+        "Nodes visited and triangles tested by the shadow ray from the hit of each pixel to one light",
+    ),
+    Quantity("DEPTH", "Leaf depth", "levels", "Depth of the leaf that holds the hit; the root has depth 0"),
 )
 
 
@@ -89,17 +110,23 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
     """(height, width) float32 of a quantity at each pixel of the workload's view, rows from the bottom.
 
     structure: native, over the workload's triangles. size: width and height, multiples of 8. key: of QUANTITIES.
+    Raises table.TreeError for quantities that need the nodes of a tree.
     """
     width, height = size
     (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
     tiles = rays.tile_order(width, height)
-    if key == "TIME":
-        per_tile = _nanoseconds(structure, primary)
-        values = np.repeat(per_tile, rays.TILE**2)
-    else:
-        values = counting.counters(structure, primary, 0)[COUNTERS[key]].astype(np.float32)
+    values: dict[str, Callable[[], F32]] = {
+        "TIME": lambda: np.repeat(nanoseconds(structure, primary), rays.TILE**2),
+        "WASTED": lambda: pixel_costs.wasted(structure, primary),
+        "OVERLAP": lambda: pixel_costs.overlap(structure, workload, primary),
+        "ANY_HIT": lambda: pixel_costs.any_hit(structure, workload, size),
+        "DEPTH": lambda: pixel_costs.leaf_depths(structure, workload, primary),
+    }
     picture = np.empty(width * height, np.float32)
-    picture[tiles] = values
+    if key in COUNTERS:
+        picture[tiles] = counting.counters(structure, primary, 0)[COUNTERS[key]]
+    else:
+        picture[tiles] = values[key]()
     return picture.reshape(height, width)[::-1].copy()
 
 
@@ -138,8 +165,8 @@ def unpacked(stored: Mapping[str, Any]) -> F32:
     return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
 
 
-def _nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
-    """(tiles,) mean nanoseconds per ray of each tile."""
+def nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
+    """(tiles,) mean nanoseconds per ray of each 64 consecutive rays, on one thread."""
     side = rays.TILE**2
     count = len(primary) // side
     parts = [

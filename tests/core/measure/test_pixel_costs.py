@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of wasted tests, overlap, shadow rays and leaf depth, each against single rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from addon.core.base import native
+from addon.core.measure import costmap
+from addon.core.scene import rays
+from addon.core.scene.workload import Workload, framing_view
+
+SIZE = (32, 24)
+
+
+def boxes() -> Workload:
+    """Tilted triangles over a floor."""
+    rng = np.random.default_rng(5)
+    corners = (rng.random((60, 1, 3)) * [4, 4, 2] + 0.5 * rng.standard_normal((60, 3, 3))).astype(np.float32)
+    floor = np.array([[-2, -2, -1], [6, -2, -1], [6, 6, -1], [-2, -2, -1], [6, 6, -1], [-2, 6, -1]], np.float32)
+    vertices = np.concatenate([corners.reshape(-1, 3), floor])
+    triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Workload("boxes", vertices, triangles, framing_view(vertices, triangles))
+
+
+WORKLOAD = boxes()
+
+
+def built(spec: str) -> Any:
+    return native.load().build(WORKLOAD.vertices, WORKLOAD.triangles, spec)
+
+
+def in_rows(values: Any) -> Any:
+    """Values of rays in tiles as a map, rows from the bottom."""
+    width, height = SIZE
+    picture = np.empty(width * height, np.float32)
+    picture[rays.tile_order(width, height)] = values
+    return picture.reshape(height, width)[::-1]
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "octree-net"])
+def test_maps_agree_with_single_rays(spec: str) -> None:
+    structure = built(spec)
+    primary, shadow = rays.make(WORKLOAD, structure, size=SIZE, seed=0, names=("primary", "shadow"))
+    found = structure.closest(primary.origins, primary.directions, order="tile8", counters=True)
+    hit = found.triangle >= 0
+    assert 0 < hit.sum() < len(hit)
+    assert (costmap.measure(structure, WORKLOAD, SIZE, "WASTED") == in_rows(found.counters["tests_wasted"])).all()
+    # A shadow ray for each hit, in the same order.
+    _, counters = structure.occluded(
+        shadow.origins, shadow.directions, counters=True, t_max=shadow.t_max, order=shadow.order
+    )
+    wanted = np.zeros(len(hit))
+    wanted[hit] = counters["visits"] + counters["tests"]
+    assert (costmap.measure(structure, WORKLOAD, SIZE, "ANY_HIT") == in_rows(wanted)).all()
+    # The leaf that the traversal tests where the ray ends is as deep as the map states.
+    measured = costmap.measure(structure, WORKLOAD, SIZE, "DEPTH")[::-1].reshape(-1)[rays.tile_order(*SIZE)]
+    equal = []
+    for i in np.flatnonzero(hit)[::7]:
+        path = structure.trace_path(primary.origins[i].tolist(), primary.directions[i].tolist())
+        visits, t = path["visits"], path["t"]
+        ends, near = visits["triangle_offsets"], 1e-5 * path["t"]
+        around = np.flatnonzero((visits["enter"] <= t + near) & (visits["leave"] >= t - near))
+        holding = [k for k in around if path["triangle"] in visits["triangles"][ends[k] : ends[k + 1]]]
+        equal.append(measured[i] == visits["depth"][holding].min())
+    assert len(equal) > 10
+    assert all(equal)
+    assert (measured[~hit] == 0).all()
+
+
+def test_only_trees_that_divide_objects_overlap() -> None:
+    assert not costmap.measure(built("kd"), WORKLOAD, SIZE, "OVERLAP").any()
+    assert costmap.measure(built("bvh-sah"), WORKLOAD, SIZE, "OVERLAP").max() >= 80
