@@ -14,7 +14,7 @@ ORDER = tuple(
     f"{package}.{room}"
     for package, rooms in (
         ("addon", "refusal"),
-        ("addon.core", "base scene structures tree session measure choose overlay report"),
+        ("addon.core", "base scene structures tree session measure choose overlay inspector report"),
         ("addon.blender", "read settings session samples measure render overlay ui"),
         ("lab", "base reported stability claims growth export bench pictures lessons"),
     )

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Expected cost, end-point overlap and measured time of each level of a tree.
+
+Time is measured for blocks of 64 camera rays, not promised to be tiles, and fitted as a sum over visited nodes
+and triangle tests (Hoobergs 2019, eq. 3.1). Levels share the mean time of a ray by the steps and tests that a sample of
+rays has on each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..measure import costmap, counting
+from ..overlay import cells
+from ..scene.rays import RaySet
+from ..scene.workload import Workload
+from ..tree import location
+from ..tree.table import LEAF, Table
+from . import replay as replaying
+from .ray_costs import BLOCK, RayCosts
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
+
+SAMPLE, SEED = 192, 7
+"""Number of camera rays whose steps are counted by level, and the seed of their choice."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level. sah: expected cost, and sah_share of the whole tree's. overlap: end-point overlap. steps, tests: of a
+    camera ray, mean over the sample. nanoseconds: of a camera ray, 0 if nothing was timed.
+    """
+
+    level: int
+    nodes: int
+    leaves: int
+    triangles: int
+    sah: float
+    sah_share: float
+    overlap: float
+    steps: float
+    tests: float
+    nanoseconds: float
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Fitted nanoseconds of a step and of a test, of `measured` nanoseconds per ray; explained: R² of the fit."""
+
+    step: float
+    test: float
+    measured: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class Levels:
+    """All levels of a tree, from the root. overlap_error: standard error of the sum of overlaps."""
+
+    levels: tuple[Level, ...]
+    prices: Prices
+    overlap_error: float
+
+    def rows(self) -> Iterator[dict[str, float]]:
+        """The levels as dictionaries, for files."""
+        for level in self.levels:
+            yield asdict(level)
+
+
+def measure(structure: Structure, table: Table, workload: Workload, primary: RayCosts) -> Levels:
+    """The levels of a structure over the workload's triangles. primary: the costs of its camera rays."""
+    points, owners = location.surface(workload.vertices, workload.triangles)
+    overlap = location.overlap(table, points, owners)
+    depth = len(overlap)
+    steps, tests = _by_level(structure, table, primary, depth)
+    prices = _prices(structure, replace(primary.rays, order="none"))
+    # Share the measured time by the fitted prices.
+    weights = prices.step * steps + prices.test * tests
+    shared = prices.measured * weights / weights.sum() if weights.sum() else np.zeros(depth)
+    costs, triangles = (np.bincount(table.depth, weights, depth) for weights in (table.costs, table.counts))
+    leaves = np.bincount(table.depth[table.kind == LEAF], minlength=depth)
+    nodes = np.bincount(table.depth, minlength=depth)
+    whole = float(costs.sum())
+    means = overlap.mean(axis=1) if len(points) else np.zeros(depth)
+    found = tuple(
+        Level(
+            level,
+            int(nodes[level] - leaves[level]),
+            int(leaves[level]),
+            int(triangles[level]),
+            float(costs[level]),
+            float(costs[level]) / whole if whole else 0.0,
+            float(means[level]),
+            float(steps[level]),
+            float(tests[level]),
+            float(shared[level]),
+        )
+        for level in range(depth)
+    )
+    sums = overlap.sum(axis=0)
+    error = float(sums.std() / np.sqrt(len(sums))) if len(sums) else 0.0
+    return Levels(found, prices, error)
+
+
+def _by_level(structure: Structure, table: Table, primary: RayCosts, depth: int) -> tuple[F64, F64]:
+    """Steps and tests per level of a ray, means over a sample of the rays."""
+    rng = np.random.default_rng(SEED)
+    chosen = rng.choice(len(primary), min(SAMPLE, len(primary)), replace=False)
+    steps, tests = np.zeros(depth), np.zeros(depth)
+    for index in chosen:
+        origin, direction = (part[index].tolist() for part in (primary.rays.origins, primary.rays.directions))
+        found = replaying.replay(table, cells.follow(structure, origin, direction))
+        for step in found.steps:
+            steps[step.depth] += 1
+            tests[step.depth] += step.tests
+    count = max(len(chosen), 1)
+    return steps / count, tests / count
+
+
+def _prices(structure: Structure, view: RaySet) -> Prices:
+    """The fit of the measured time of each block of rays; a price that would be negative is 0."""
+    nanoseconds, counters = costmap.nanoseconds(structure, view), counting.counters(structure, view, 0)
+    blocks = len(nanoseconds)
+    if not blocks:
+        return Prices(0.0, 0.0, 0.0, 0.0)
+    both = (counters[name][: blocks * BLOCK].reshape(blocks, BLOCK) for name in ("visits", "tests"))
+    counts = [values.mean(axis=1, dtype=np.float64) for values in both]
+    columns, wanted = np.stack(counts, axis=1), nanoseconds.astype(np.float64)
+    fitted = _positive(columns, wanted)
+    spread = float(((wanted - wanted.mean()) ** 2).sum())
+    rest = float(((wanted - columns @ fitted) ** 2).sum())
+    return Prices(float(fitted[0]), float(fitted[1]), float(wanted.mean()), 1 - rest / spread if spread else 1.0)
+
+
+def _positive(columns: F64, wanted: F64) -> F64:
+    """Least squares of two columns with coefficients of at least 0."""
+    both = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    if (both >= 0).all():
+        return both
+    # With one coefficient at 0, the better of the two single fits.
+    fits = []
+    for k in (0, 1):
+        one = np.zeros(2)
+        square = float(columns[:, k] @ columns[:, k])
+        one[k] = max(float(columns[:, k] @ wanted) / square, 0.0) if square else 0.0
+        fits.append(one)
+    return min(fits, key=lambda fit: float(((wanted - columns @ fit) ** 2).sum()))
+
+
+def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequence[str]:
+    """What the levels add up to. wrong: of `checked` answers, because every time is shown with its errors."""
+    prices = found.prices
+    answers = "" if wrong is None else f"; {wrong:,} of {checked:,} answers wrong"
+    total = sum(level.overlap for level in found.levels)
+    return (
+        f"A camera ray takes {prices.measured:,.0f} ns{answers}",
+        f"Fitted: {prices.step:.1f} ns a node, {prices.test:.1f} ns a test (R² = {prices.explained:.2f})",
+        f"SAH cost {sum(level.sah for level in found.levels):,.1f}, overlap {total:,.1f} ± {found.overlap_error:.1f}",
+    )

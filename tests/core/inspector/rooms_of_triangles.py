@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small scene whose structures are inspected: tilted triangles over a floor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from addon.core.base import native
+from addon.core.scene.workload import Workload, framing_view
+from addon.core.tree import table
+
+SIZE = (48, 32)
+
+
+def scene() -> Workload:
+    rng = np.random.default_rng(11)
+    corners = (rng.random((300, 1, 3)) * [6, 6, 3] + 0.4 * rng.standard_normal((300, 3, 3))).astype(np.float32)
+    floor = np.array([[-2, -2, -1], [8, -2, -1], [8, 8, -1], [-2, -2, -1], [8, 8, -1], [-2, 8, -1]], np.float32)
+    vertices = np.concatenate([corners.reshape(-1, 3), floor])
+    triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Workload("triangles", vertices, triangles, framing_view(vertices, triangles))
+
+
+WORKLOAD = scene()
+
+
+def built(spec: str) -> tuple[Any, table.Table]:
+    """A structure over the scene, and its table."""
+    structure = native.load().build(WORKLOAD.vertices, WORKLOAD.triangles, spec)
+    return structure, table.read(structure, WORKLOAD.vertices, WORKLOAD.triangles)

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The steps of single rays against the traversal's own counters."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from rooms_of_triangles import SIZE, WORKLOAD, built
+
+from addon.core.inspector import ray_costs, reasons, replay
+from addon.core.overlay import cells
+from addon.core.tree.table import LEAF
+
+SPECS = ["kd", "bsp-wn-plus-kd", "bvh-sah", "bih", "obb", "octree-param", "grid", "brute"]
+EXACT = {"kd", "bsp-wn-plus-kd", "bvh-sah"}
+"""Structures whose traversals count one step for each inner node on the ray."""
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_steps_are_those_that_the_traversal_counts(spec: str) -> None:
+    structure, nodes = built(spec)
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    inner = counted = 0
+    for index in range(0, len(costs), 37):
+        origin, direction = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
+        path = cells.follow(structure, origin, direction)
+        made = replay.replay(nodes, path)
+        assert made.tested(len(made)) == path.tests == costs.tests[index]
+        assert [step.leaf for step in made.steps if step.leaf >= 0] == list(range(len(path.cells)))
+        rows = [step.node for step in made.steps]
+        assert len(set(rows)) == len(rows)
+        # Parents come before their children.
+        assert all(nodes.parent[row] < 0 or nodes.parent[row] in rows[:place] for place, row in enumerate(rows))
+        assert all((nodes.kind[step.node] == LEAF) == (step.leaf >= 0) for step in made.steps)
+        inner, counted = inner + made.inner(len(made)), counted + path.steps
+    assert spec not in EXACT or abs(inner - counted) <= 0.03 * counted
+    assert spec == "brute" or inner
+
+
+@pytest.mark.parametrize("spec", ["kd", "bsp-wn-plus-kd", "bvh-sah"])
+def test_each_leaf_of_a_path_is_found_among_the_nodes(spec: str) -> None:
+    structure, nodes = built(spec)
+    path = cells.follow(structure, [-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])
+    assert len(path.cells) > 1
+    offsets = structure.trace_path([-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])["visits"]
+    for visit, leaf in enumerate(replay.leaves(nodes, path)):
+        start, end = offsets["triangle_offsets"][visit : visit + 2]
+        assert sorted(offsets["triangles"][start:end].tolist()) == sorted(
+            nodes.triangles[nodes.triangle_offsets[leaf] : nodes.triangle_offsets[leaf + 1]].tolist()
+        )
+
+
+def test_a_step_states_its_interval_and_its_tests() -> None:
+    structure, nodes = built("kd")
+    path = cells.follow(structure, [-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])
+    made = replay.replay(nodes, path)
+    first = made.steps[0]
+    enter, leave = replay.span(nodes, path, 0)
+    assert (first.node, first.enter, first.leave) == (0, enter, leave)
+    for t in (enter, leave):
+        point = path.origin + t * path.direction
+        assert (np.abs(np.concatenate([point, point]) - nodes.bounds[0]) < 1e-6).any()
+    assert replay.words(nodes, first)[0].startswith("Node 0: ")
+    full = next(step for step in made.steps if step.tests)
+    assert replay.words(nodes, full)[-1] == f"{full.tests} of {nodes.counts[full.node]} triangles tested"
+
+
+def test_a_ray_beside_the_scene_visits_nothing_or_the_root() -> None:
+    structure, nodes = built("bvh-sah")
+    path = cells.follow(structure, [0.0, 0.0, 100.0], [0.0, 0.0, 1.0])
+    made = replay.replay(nodes, path)
+    assert made.tested(len(made)) == 0
+    assert np.isnan(replay.span(nodes, path, 0)).all()
+    assert all("diagonal" in line or "along" in line for line in reasons.reasons(nodes, path, made))
+
+
+def test_reasons_name_the_work_in_vain() -> None:
+    structure, nodes = built("bvh-sah")
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    index = int(ray_costs.worst(costs, "TESTS", 1)[0])
+    path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
+    made = replay.replay(nodes, path)
+    lines = reasons.reasons(nodes, path, made)
+    # Count the tests in leaves without the hit independently, from the native path.
+    visits = structure.trace_path(path.origin.tolist(), path.direction.tolist())["visits"]
+    ends = visits["triangle_offsets"]
+    sizes = np.diff(ends.astype(int)) * visits["tested"]
+    holds = [path.triangle in visits["triangles"][a:b] for a, b in itertools.pairwise(ends)]
+    share = sizes[~np.array(holds)].sum() / sizes.sum()
+    assert any(line.startswith(f"{share:.0%} of the tests are in ") for line in lines)
+    assert reasons.summary(costs, index)[2].startswith(f"{costs.tests[index]:,} tests, ")
+    median = np.median(costs.tests[costs.tests > 0])
+    assert f", {costs.tests[index] / median:.1f} times the median" in reasons.summary(costs, index)[2]

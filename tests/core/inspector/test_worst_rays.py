@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Costs of the rays of a view, their order, the cost of levels, histograms and tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from rooms_of_triangles import SIZE, WORKLOAD, built
+
+from addon.core.inspector import csv_files, histogram, levels, ray_costs, replay
+from addon.core.overlay import cells
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "brute"])
+def test_rays_are_counted_one_by_one_and_ordered(spec: str) -> None:
+    structure, _ = built(spec)
+    gathered = ray_costs.gather(structure, WORKLOAD, SIZE)
+    assert list(gathered) == list(ray_costs.SETS)
+    for name, costs in gathered.items():
+        assert 0 < len(costs) <= SIZE[0] * SIZE[1]
+        assert len(np.unique(costs.pixels, axis=0)) == len(costs)
+        assert (costs.pixels < SIZE).all()
+        for key in ("STEPS", "TESTS"):
+            order = ray_costs.worst(costs, key, 20)
+            values = costs.values(key)
+            assert values[order].tolist() == sorted(values.tolist(), reverse=True)[:20]
+        if name != "shadow":
+            index = int(ray_costs.worst(costs, "TESTS", 1)[0])
+            path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
+            assert path.tests == costs.tests[index]
+
+
+def test_pixels_are_those_that_the_rays_belong_to() -> None:
+    structure, _ = built("kd")
+    gathered = ray_costs.gather(structure, WORKLOAD, SIZE)
+    primary = gathered["primary"]
+    at = {tuple(pixel): index for index, pixel in enumerate(primary.pixels.tolist())}
+    found = structure.closest(primary.rays.origins, primary.rays.directions)
+    for name in ("shadow", "diffuse"):
+        costs = gathered[name]
+        owner = [at[tuple(pixel)] for pixel in costs.pixels.tolist()]
+        ends = primary.rays.origins[owner] + found.t[owner, None] * primary.rays.directions[owner]
+        assert np.abs(ends - costs.rays.origins).max() < 1e-3 * WORKLOAD.diagonal()
+
+
+def test_the_slowest_rays_come_one_from_each_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    structure, _ = built("kd")
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    count = len(costs) // ray_costs.BLOCK
+    monkeypatch.setattr(ray_costs, "_timed", lambda _structure, parts: np.arange(len(parts), dtype=np.float64))
+    indices, nanoseconds = ray_costs.slowest(structure, costs, 5)
+    assert (indices // ray_costs.BLOCK).tolist() == [count - 1 - i for i in range(5)]
+    assert nanoseconds.tolist() == [float(count - 1 - i) for i in range(5)]
+    work = (costs.steps + costs.tests).reshape(count, -1)
+    assert (costs.steps + costs.tests)[indices].tolist() == work.max(axis=1)[::-1][:5].tolist()
+
+
+def test_times_are_positive_numbers() -> None:
+    structure, _ = built("bvh-sah")
+    for costs in ray_costs.gather(structure, WORKLOAD, SIZE).values():
+        indices, nanoseconds = ray_costs.slowest(structure, costs, 3)
+        assert len(indices) == 3
+        assert np.isfinite(nanoseconds).all()
+        assert (np.diff(nanoseconds) <= 0).all()
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "octree-param"])
+def test_levels_sum_to_the_whole(spec: str) -> None:
+    structure, nodes = built(spec)
+    primary = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    found = levels.measure(structure, nodes, WORKLOAD, primary)
+    analysis = structure.analysis()
+    assert sum(level.sah for level in found.levels) == pytest.approx(analysis["sah_nodes"] + analysis["sah_leaves"])
+    assert sum(level.sah_share for level in found.levels) == pytest.approx(1)
+    assert [level.nodes for level in found.levels][: len(analysis["level_nodes"])] == analysis["level_nodes"].tolist()
+    assert [level.leaves for level in found.levels] == analysis["leaf_depths"].tolist()
+    overlap = sum(level.overlap for level in found.levels)
+    assert abs(overlap - analysis["epo"]) <= 5 * found.overlap_error
+    assert sum(level.nanoseconds for level in found.levels) == pytest.approx(found.prices.measured)
+    assert found.prices.step >= 0
+    assert found.prices.test >= 0
+    mean = primary.tests.mean()
+    assert sum(level.tests for level in found.levels) == pytest.approx(mean, rel=0.5)
+    assert "1 of 9 answers wrong" in levels.sentences(found, 1, 9)[0]
+
+
+def test_prices_are_the_least_squares_without_negative_ones() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.random((50, 2))
+    assert levels._positive(columns, columns @ [3.0, 5.0]) == pytest.approx([3, 5])
+    fitted = levels._positive(columns, columns @ [3.0, -1.0])
+    assert (fitted >= 0).all()
+    assert fitted[1] == 0
+
+
+def test_a_range_selects_pixels_and_states_their_share() -> None:
+    values = np.arange(16, dtype=np.float32).reshape(4, 4)
+    made = histogram.histogram(values, 8.0)
+    assert made.counts.sum() == 16
+    assert made.counts[-1] == 8  # from 8 on, at the end of the scale
+    assert histogram.within(values, 2, 5, 8.0).sum() == 4
+    assert histogram.within(values, 2, 8, 8.0).sum() == 14
+    drawn = histogram.ranged(values, 2, 5, 8.0)
+    grey = np.ptp(drawn, axis=2) == 0
+    assert grey.sum() == 12
+    assert histogram.sentence(values, 2, 8, 8.0) == "87.5% of the pixels, 99.2% of the sum"
+
+
+def rows(text: str) -> list[dict[str, Any]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_tables_hold_every_node_ray_step_and_pixel() -> None:
+    structure, nodes = built("kd")
+    made = rows(csv_files.text(csv_files.nodes(nodes)))
+    assert len(made) == len(nodes)
+    assert sum(float(row["sah"]) for row in made) == pytest.approx(nodes.costs.sum())
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["shadow"]
+    made = rows(csv_files.text(csv_files.rays(costs)))
+    assert [int(row["tests"]) for row in made] == costs.tests.tolist()
+    path = cells.follow(structure, [-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])
+    found = replay.replay(nodes, path)
+    made = rows(csv_files.text(csv_files.steps(nodes, found)))
+    assert sum(int(row["tests"]) for row in made) == path.tests
+    made = rows(csv_files.text(csv_files.pixels({"a": np.arange(6, dtype=np.float32).reshape(2, 3)})))
+    assert [float(row["a"]) for row in made] == [3, 4, 5, 0, 1, 2]  # from the top
+    assert csv_files.text([]) == ""
