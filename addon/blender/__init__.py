@@ -3,20 +3,22 @@
 
 import bpy
 
+from .inspector import browsing, exporting, levels, map_cursor, worst
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
 from .render import engine, running, viewport
 from .samples import operators
 from .session import building, reports
-from .settings import overlay_settings, presets, properties
-from .ui import compare_panels, compat, data_panels, manual, overlay_panels, panels, structure
+from .settings import inspector_settings, overlay_settings, presets, properties
+from .ui import compare_panels, compat, data_panels, inspector_panels, manual, overlay_panels, panels, structure
 
 
 def register() -> None:
     """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
     running.start()
     overlay_settings.register()
+    inspector_settings.register()
     properties.register()
     operators.register()
     building.register()
@@ -26,10 +28,13 @@ def register() -> None:
     picking.register()
     cost_maps.register()
     compare_operators.register()
+    for operators_of in (browsing, worst, levels, map_cursor, exporting):
+        operators_of.register()
     structure.register()
     panels.register()
     data_panels.register()
     overlay_panels.register()
+    inspector_panels.register()
     compare_panels.register()
     drawing.register()
     bpy.utils.register_class(engine.HalfspaceEngine)
@@ -45,10 +50,13 @@ def unregister() -> None:
     sky.stop()
     drawing.unregister()
     compare_panels.unregister()
+    inspector_panels.unregister()
     overlay_panels.unregister()
     data_panels.unregister()
     panels.unregister()
     structure.unregister()
+    for operators_of in (exporting, map_cursor, levels, worst, browsing):
+        operators_of.unregister()
     compare_operators.unregister()
     cost_maps.unregister()
     picking.unregister()
@@ -58,5 +66,6 @@ def unregister() -> None:
     building.unregister()
     operators.unregister()
     properties.unregister()
+    inspector_settings.unregister()
     overlay_settings.unregister()
     reports.clear()

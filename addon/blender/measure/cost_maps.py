@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -12,26 +13,54 @@ import numpy as np
 from bpy.props import IntProperty
 
 from ...core.base import native
-from ...core.base.arrays import F32
+from ...core.base.arrays import F32, F64
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
 from ...core.measure import costmap
 from ...core.measure.reference import Reference, affordable
 from ...core.scene import rays
-from ...core.scene.workload import Workload
+from ...core.scene.workload import View, Workload
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
 from ...core.structures.specs import structure_of
 from ..session import trees
-from ..settings import properties
-from . import lettering, workloads
+from ..settings import properties, signals
+from . import map_pictures, workloads
+from .map_pictures import Look
 
 IMAGE = "Halfspace Costs"
-BACK = (0.09, 0.095, 0.11)
-MARGIN, TEXT, BAR = 14, 15.0, 18
-"""Pixels around and between maps, of the letters' height, and of the colour bar's height."""
-
 log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class Kept:
+    """The last maps: title and numbers of each, what they measure, the scene and the rays of their pixels.
+
+    view: of the rays, in the scene frame whose origin is at `origin` in world space. cursor: column and row from the
+    bottom, or None.
+    """
+
+    maps: list[tuple[str, F32]]
+    what: costmap.Quantity
+    scene_uid: int
+    view: View
+    origin: F64
+    cursor: tuple[int, int] | None = None
+
+    def picture(self, scene: Any) -> F32:
+        """The maps with the range of the scene's settings and the cursor."""
+        settings = scene.halfspace.inspector
+        return map_pictures.compose(self.maps, self.what, Look(settings.low / 100, settings.high / 100, self.cursor))
+
+    def ray(self, pixel: tuple[int, int]) -> tuple[F64, F64]:
+        """Origin in world space and direction of the camera ray of a pixel."""
+        height, width = self.maps[0][1].shape
+        directions = rays.pinhole(self.view, (width, height), width / height)
+        return self.view.eye + self.origin, directions[(height - 1 - pixel[1]) * width + pixel[0]]
+
+
+kept: Kept | None = None
+"""The maps that the picture shows."""
 
 
 class HALFSPACE_OT_cost_map(bpy.types.Operator):
@@ -73,6 +102,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
 
     tell: called with each line about omissions.
     """
+    global kept  # noqa: PLW0603 (one picture per Blender)
     group, render = scene.halfspace, scene.render
     size = costmap.shaped(width, (render.resolution_x, render.resolution_y))
     specs = [properties.spec(group)]
@@ -101,7 +131,22 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
                 reference = _reference(structure, workload, size)
             label += f", {choice.Line(spec, wrong=reference.wrong(structure), checked=len(reference)).answers}"
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
-    return compose(maps, costmap.quantity(group.cost))
+    kept = Kept(maps, costmap.quantity(group.cost), scene.session_uid, workload.view, _origin(workload, tree))
+    return kept.picture(scene)
+
+
+def _origin(workload: Workload, tree: trees.Tree | None) -> F64:
+    """World position of the origin of the workload's frame, which is the tree's if there is one."""
+    if tree is not None:
+        return tree.origin
+    assert workload.render_scene is not None, "it was read from the open file"
+    return workload.render_scene.geometry.origin
+
+
+def recolour(scene: Any) -> None:
+    """Draw the last maps of this scene again, after a change of their range or of the cursor."""
+    if kept is not None and kept.scene_uid == scene.original.session_uid and bpy.data.images.get(IMAGE) is not None:
+        keep(kept.picture(scene))
 
 
 def _reference(structure: Any, workload: Workload, size: tuple[int, int]) -> Reference:
@@ -109,33 +154,6 @@ def _reference(structure: Any, workload: Workload, size: tuple[int, int]) -> Ref
     sets = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
     wanted = min(auto.CHECKED, affordable(workload))
     return Reference(native.load(), workload, sets, wanted, seed=0)
-
-
-def compose(maps: list[tuple[str, F32]], what: costmap.Quantity) -> F32:
-    """Maps side by side under their titles, above one colour bar with numbers: (h, w, 3) display values."""
-    height, width = maps[0][1].shape
-    end = costmap.scale_end([values for _, values in maps])
-    line = int(TEXT * 1.4)
-    foot = MARGIN + line + BAR + MARGIN
-    across = MARGIN + len(maps) * (width + MARGIN)
-    picture = np.tile(np.array(BACK, np.float32), (foot + height + 2 * line + MARGIN, across, 1))
-    words = []
-    # Place the maps with their titles.
-    for i, (title, values) in enumerate(maps):
-        x = MARGIN + i * (width + MARGIN)
-        picture[foot : foot + height, x : x + width] = costmap.coloured(values, end)
-        words.append((title, x, foot + height + line + 5.0))
-        words.append((f"{what.label} {what.unit}: {costmap.summary(values)}", x, foot + height + 8.0))
-    # Draw the colour bar and its numbers.
-    bar = across - 2 * MARGIN
-    scale = np.linspace(0, end, bar, dtype=np.float32)
-    picture[MARGIN + line : MARGIN + line + BAR, MARGIN : MARGIN + bar] = costmap.coloured(scale, end)
-    for tick in costmap.ticks(end):
-        text = costmap.number(tick) if tick < end else f"{costmap.number(tick)} {what.unit}"
-        x = MARGIN + bar * tick / end - (lettering.width(text, TEXT) if tick else 0) / (1 if tick == end else 2)
-        words.append((text, x, float(MARGIN)))
-    lettering.write(picture, words, TEXT)
-    return picture
 
 
 def keep(picture: F32) -> Any:
@@ -173,10 +191,14 @@ def show(context: Any, image: Any) -> None:
 
 
 def register() -> None:
-    """Register the operator."""
+    """Register the operator, and listen to the range."""
     bpy.utils.register_class(HALFSPACE_OT_cost_map)
+    signals.range_changed.connect(recolour)
 
 
 def unregister() -> None:
-    """Undo `register`."""
+    """Undo `register`, and forget the maps."""
+    global kept  # noqa: PLW0603
+    signals.range_changed.disconnect(recolour)
     bpy.utils.unregister_class(HALFSPACE_OT_cost_map)
+    kept = None

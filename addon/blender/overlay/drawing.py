@@ -11,11 +11,12 @@ import gpu
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
-from ...core.overlay import beams, cells, planes
+from ...core.overlay import planes
+from ...core.overlay.legend import Entry
 from ..measure import comparing
 from ..session import building, trees
 from ..settings import signals
-from . import picking
+from . import choosing, legend, picking, replaying
 
 OWN_COLOURS = {
     "OBLIQUE": (1.0, 0.72, 0.16),
@@ -48,16 +49,10 @@ class _Drawing:
     passes: tuple[tuple[str, list[_Batches]], ...]
 
 
-PARTS = ("CELLS", "PLANES", "BEAM", "RAY")
-"""The parts in drawing order."""
-
-PICKED = ("BEAM", "RAY")
-"""The parts that depend on the picked ray."""
-
 _drawings: dict[tuple[int, str], _Drawing] = {}
 """By the scene's `session_uid` and the part."""
 
-_handle: Any = None
+_handles: list[Any] = []
 
 
 def colours() -> dict[str, tuple[float, float, float]]:
@@ -79,7 +74,7 @@ def paint(scene: Any, size: tuple[int, int]) -> None:
     tree = trees.last(scene)
     if tree is None or not scene.halfspace.overlay.show:
         return
-    drawings = [_drawing(scene, tree, part) for part in PARTS if part in scene.halfspace.overlay.parts]
+    drawings = [_drawing(scene, tree, part) for part in choosing.parts(scene)]
     with gpu.matrix.push_pop():
         # The matrix contains the world position, so that vertices keep their precision far from the world's origin.
         gpu.matrix.translate(tree.origin.tolist())
@@ -114,8 +109,9 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     """The batches of a part, rebuilt only if the tree, the ray or a setting has changed."""
     uid = scene.original.session_uid
     settings, tints = scene.halfspace.overlay, colours()
-    chosen_by = _chosen_by(scene, part)
-    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()))
+    chosen_by = choosing.chosen_by(scene, tree, part)
+    step = replaying.step(scene) if part == "RAY" else None
+    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()), step)
     known = _drawings.get((uid, part))
     if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
         return known
@@ -123,14 +119,14 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
         chosen = known.chosen
     else:
-        chosen = _choose(tree, part, chosen_by)
+        chosen = choosing.choose(tree, part, chosen_by)
     if chosen is None:
         _drawings.pop((uid, part), None)
         return None
     # Convert the data to batches for each depth test with visible opacity.
-    style = "BOTH" if part in PICKED else settings.style
+    style = "BOTH" if part in choosing.WHOLE else settings.style
     passes = tuple(
-        (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
+        (test, [_batches(level, style) for level in choosing.levels(scene, part, chosen, tints, opacity)])
         for test, opacity in _tests(settings, part)
         if opacity > 0
     )
@@ -138,46 +134,11 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     return _drawings[uid, part]
 
 
-def _chosen_by(scene: Any, part: str) -> tuple[Any, ...]:
-    """The settings that select a part's data."""
-    settings = scene.halfspace.overlay
-    if part == "CELLS":
-        return (settings.least, settings.max_count)
-    if part == "RAY":
-        return (picking.last(scene),)
-    if part == "BEAM":
-        return picking.last(scene), settings.beam_spacing
-    kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
-    return ((settings.depth_min, settings.depth_max), kinds, settings.max_count)
-
-
-def _choose(tree: trees.Tree, part: str, chosen_by: tuple[Any, ...]) -> Any:
-    if part == "CELLS":
-        return cells.choose(tree.structure, *chosen_by)
-    if part == "RAY":
-        (ray,) = chosen_by
-        return None if ray is None else cells.follow(tree.structure, *ray.within(tree.origin))
-    if part == "BEAM":
-        ray, spacing = chosen_by
-        return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
-    return planes.choose(tree.structure, *chosen_by)
-
-
-def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) -> list[planes.Level]:
-    if part == "CELLS":
-        return cells.levels(chosen, opacity, width)
-    if part == "RAY":
-        return cells.path_levels(chosen, tints, opacity, width)
-    if part == "BEAM":
-        return beams.levels(chosen, opacity, width)
-    return planes.levels(chosen, tints, opacity, width)
-
-
 def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
     """Depth tests of a part, with its opacity for each. A ray is drawn entirely, without a test; its triangles coincide
     with the surfaces of objects, where a depth test would tear them into strips.
     """
-    if part in PICKED:
+    if part in choosing.WHOLE:
         return (("ALWAYS", settings.opacity),)
     return ("GREATER", settings.opacity * settings.behind), ("LESS_EQUAL", settings.opacity)
 
@@ -199,6 +160,23 @@ def _draw_view() -> None:
         paint(context.scene, (context.region.width, context.region.height))
 
 
+def legend_of(scene: Any) -> list[Entry]:
+    """The lines of the legend for what is drawn of this scene; none if it is switched off."""
+    overlay = scene.halfspace.overlay
+    if not (overlay.show and overlay.legend):
+        return []
+    return choosing.legend_of(scene, {part: shown(scene, part) for part in choosing.parts(scene)}, colours())
+
+
+def _draw_legend() -> None:
+    """Blender's callback for the pixels of each 3D view."""
+    context = bpy.context
+    if context.space_data.overlay.show_overlays:
+        tools = next((region for region in context.area.regions if region.type == "TOOLS"), None)
+        left = tools.width if tools is not None and context.preferences.system.use_region_overlap else 0
+        legend.draw(legend_of(context.scene), left, context.preferences.system.ui_scale)
+
+
 @persistent
 def _scene_changed(scene: Any, depsgraph: Any) -> None:
     """After each evaluation: record changes, and schedule a rebuild."""
@@ -216,11 +194,11 @@ def _frame_changed(scene: Any, depsgraph: Any) -> None:
 @persistent
 def follow(*_: Any) -> None:
     """Attach to Blender's drawing while any scene shows the overlay, and detach otherwise."""
-    global _handle  # noqa: PLW0603 (Blender's own handle for it)
     wanted = any(scene.halfspace.overlay.show for scene in bpy.data.scenes)
-    if wanted and _handle is None:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_VIEW")
-    elif not wanted and _handle is not None:
+    if wanted and not _handles:
+        for function, when in ((_draw_view, "POST_VIEW"), (_draw_legend, "POST_PIXEL")):
+            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+    elif not wanted and _handles:
         _let_go()
     showing = {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}
     for key in [key for key in _drawings if key[0] not in showing]:
@@ -235,6 +213,7 @@ def _file_loaded(*_: Any) -> None:
     comparing.clear()
     trees.clear()
     picking.clear()
+    replaying.clear()
     _drawings.clear()
     _begin()
 
@@ -256,10 +235,8 @@ def _look_changed(_scene: Any) -> None:
 
 
 def _let_go() -> None:
-    global _handle  # noqa: PLW0603
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
 
 
 def _watched() -> tuple[tuple[Any, Any], ...]:

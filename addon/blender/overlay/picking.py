@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,7 @@ class Ray:
     up: tuple[float, ...] = (0.0, 0.0, 1.0)
     pixel: float = 1e-3
     parallel: bool = False
+    t_max: float = math.inf
 
     def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The same ray in the frame with this origin in world space."""

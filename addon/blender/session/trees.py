@@ -13,7 +13,11 @@ from typing import Any
 import bpy
 
 from ...core.base.arrays import F32, F64, I32
+from ...core.overlay import depths
+from ...core.overlay.depths import Survey
 from ...core.scene.scene import Geometry
+from ...core.tree import table
+from ...core.tree.table import Table
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
@@ -25,7 +29,8 @@ class Tree:
 
     vertices, triangles: (n, 3) float32 and (m, 3) int32, its input. They are needed to check its answers: the native
     structure does not return them, and the scene may have changed or differ between render and viewport. read: the
-    scene's `moment` when the triangles were read. number: a unique id, which outlives the structure.
+    scene's `moment` when the triangles were read. number: a unique id, which outlives the structure. known_table,
+    known_survey: results of `table` and `survey` once they were called; panels show only what is known.
     """
 
     structure: Any
@@ -37,6 +42,20 @@ class Tree:
     scene_uid: int
     read: int
     number: int = field(default_factory=itertools.count(1).__next__)
+    known_table: Table | None = None
+    known_survey: Survey | None = None
+
+    def table(self) -> Table:
+        """The nodes of the tree, read at the first call. Raises TreeError."""
+        if self.known_table is None:
+            self.known_table = table.read(self.structure, self.vertices, self.triangles)
+        return self.known_table
+
+    def survey(self) -> Survey:
+        """The kinds of planes and their levels, looked up at the first call."""
+        if self.known_survey is None:
+            self.known_survey = depths.survey(self.structure)
+        return self.known_survey
 
     @property
     def count(self) -> int:

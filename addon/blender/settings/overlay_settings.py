@@ -29,6 +29,21 @@ def _redraw(group: Any, _context: Any) -> None:
     signals.look_changed.fire(group.id_data)
 
 
+def _start_changed(group: Any, context: Any) -> None:
+    """A depth was chosen by hand: the other end makes room for it."""
+    group.depth_auto = False
+    if group.depth_max < group.depth_min:
+        group.depth_max = group.depth_min
+    _redraw(group, context)
+
+
+def _end_changed(group: Any, context: Any) -> None:
+    group.depth_auto = False
+    if group.depth_min > group.depth_max:
+        group.depth_min = group.depth_max
+    _redraw(group, context)
+
+
 def _follow(group: Any, _context: Any) -> None:
     signals.visibility_changed.fire(group.id_data)
 
@@ -54,6 +69,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
             ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
             ("RAY", "Ray", "The path of the picked ray: its cells in order, planes and triangles", 4),
             ("BEAM", "Beam", "The tile of 64 rays around it: the leaves they visit, the brighter the more rays do", 8),
+            ("NODE", "Node", "The node selected in the inspector, with its children and their triangles", 16),
         ],
         options={"ENUM_FLAG"},
         default={"PLANES", "RAY"},
@@ -76,19 +92,32 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
         update=_rebuild,
     )
     depth_min: IntProperty(  # type: ignore[valid-type]
-        name="Depth Start",
+        name="Depth From",
         description="Smallest depth of nodes whose planes are shown; the root has depth 0",
         default=0,
         min=0,
         max=DEEPEST,
-        update=_redraw,
+        update=_start_changed,
     )
     depth_max: IntProperty(  # type: ignore[valid-type]
-        name="End",
+        name="To",
         description="Largest depth of nodes whose planes are shown. Each level has at most twice as many as the last",
         default=6,
         min=0,
         max=DEEPEST,
+        update=_end_changed,
+    )
+    depth_auto: BoolProperty(  # type: ignore[valid-type]
+        name="Depth Automatic",
+        description="Show the levels from the root on that a line of sight can pass: about five surfaces behind each "
+        "other. Moving an end of the depth turns this off",
+        default=True,
+        update=_redraw,
+    )
+    legend: BoolProperty(  # type: ignore[valid-type]
+        name="Legend",
+        description="Explain the colours in the corner of the view",
+        default=True,
         update=_redraw,
     )
     kinds: EnumProperty(  # type: ignore[valid-type]

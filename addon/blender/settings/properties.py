@@ -13,6 +13,7 @@ from ...core.base import native
 from ...core.measure import costmap
 from ...core.structures import catalogue, relevance, settings
 from . import earlier, quality, signals
+from .inspector_settings import HalfspaceInspectorSettings
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
@@ -222,6 +223,7 @@ BUILD_PROPERTIES: dict[str, Any] = {
         default="auto",
     ),
     "overlay": PointerProperty(type=HalfspaceOverlaySettings),
+    "inspector": PointerProperty(type=HalfspaceInspectorSettings),
     "settings_version": IntProperty(options={"HIDDEN"}, default=1),
 }
 

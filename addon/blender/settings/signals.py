@@ -35,3 +35,6 @@ visibility_changed = Signal()
 
 look_changed = Signal()
 """How the structure is drawn: parts, depths, style, colours."""
+
+range_changed = Signal()
+"""The range of a cost map whose pixels keep their colour."""

@@ -8,12 +8,13 @@ from typing import Any
 import bpy
 
 from ...core.base import native
+from ...core.inspector import replay as replays
 from ...core.overlay import planes
 from ..measure import checking, cost_maps
-from ..overlay import drawing, picking
+from ..overlay import choosing, drawing, picking, replaying
 from ..session import building, trees
 from ..settings import properties
-from . import panels, structure
+from . import inspector_panels, panels, structure
 from .texts import wrapped
 
 
@@ -116,17 +117,11 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         # Select the parts.
         parts = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
         parts.use_property_split = False
-        for part in drawing.PARTS:
+        for part in choosing.PARTS:
             parts.prop_enum(settings, "parts", part)
         # Show the settings of the selected parts only.
         if "PLANES" in settings.parts:
-            column = layout.column(align=True)
-            column.prop(settings, "depth_min")
-            column.prop(settings, "depth_max")
-            flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
-            flow.use_property_split = False
-            for kind in planes.KINDS:
-                flow.prop_enum(settings, "kinds", kind)
+            _depth_and_kinds(layout, settings, trees.last(context.scene))
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
         if "BEAM" in settings.parts:
@@ -145,7 +140,25 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         column.prop(settings, "behind")
         if settings.style != "FILL":
             column.prop(settings, "line_width")
+        column.prop(settings, "legend")
         column.prop(settings, "auto_update")
+
+
+def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None) -> None:
+    """Both ends of the depth, or the levels that are chosen automatically; buttons of the kinds that the tree has."""
+    survey = tree.known_survey if tree is not None else None
+    column = layout.column(align=True)
+    column.prop(settings, "depth_auto")
+    if settings.depth_auto and survey is not None:
+        column.label(text=f"Levels {survey.first()[0]} to {survey.first()[1]} of {max(len(survey.counts) - 1, 0)}")
+    row = column.row(align=True)
+    row.use_property_split = False
+    row.prop(settings, "depth_min", text="From", slider=True)
+    row.prop(settings, "depth_max", text="To", slider=True)
+    flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
+    flow.use_property_split = False
+    for kind in planes.KINDS if survey is None else survey.kinds:
+        flow.prop_enum(settings, "kinds", kind)
 
 
 def _planes(layout: Any, shown: Any) -> None:
@@ -183,10 +196,34 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator(picking.HALFSPACE_OT_pick_ray.bl_idname, icon="EYEDROPPER")
         row.operator(picking.HALFSPACE_OT_forget_ray.bl_idname, text="", icon="X")
+        _replay(layout, context.scene)
         for part in ("RAY", "BEAM"):
             found = drawing.shown(context.scene, part) if part in context.scene.halfspace.overlay.parts else None
             for line in found.lines() if found is not None else ():
                 layout.label(text=line)
+
+
+def _replay(layout: Any, scene: Any) -> None:
+    """The slider that replays the picked ray, with the numbers of its step."""
+    if picking.last(scene) is None:
+        return
+    settings, tree = scene.halfspace.inspector, trees.last(scene)
+    column = layout.column(align=True)
+    column.prop(settings, "replaying")
+    if not settings.replaying:
+        return
+    column.prop(settings, "step", slider=False)
+    found = replaying.known(scene)
+    if tree is None or tree.known_table is None or found is None:
+        return
+    step = min(settings.step, len(found))
+    column.label(text=f"Step {step:,} of {len(found):,}")
+    for line in replays.words(tree.known_table, found.steps[step - 1]) if step else ():
+        column.label(text=line)
+    column.label(text=f"So far {found.inner(step):,} inner nodes, {found.tested(step):,} tests")
+    if found.hidden:
+        column.label(text=f"{found.hidden:,} more nodes before the hit was known")
+    column.operator("halfspace.go_to_node", text="Select This Node", icon="OUTLINER_OB_MESH").to = "STEP"
 
 
 class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
@@ -207,6 +244,7 @@ class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
         layout.prop(context.scene.halfspace, "cost")
         layout.prop(context.scene.halfspace, "second")
         layout.operator(cost_maps.HALFSPACE_OT_cost_map.bl_idname, icon="IMAGE_DATA")
+        inspector_panels.range_and_cursor(layout, context.scene)
 
 
 def _popover(panel: Any, context: Any) -> None:

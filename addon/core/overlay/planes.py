@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F32, I32
+from ..base.arrays import F32, F64, I32
+from ..tree.regions import areas
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
@@ -34,6 +35,9 @@ CROWD, CROWD_FADE = 150, 0.5
 """Number of polygons of a level from which its opacity falls, and the power of that fall: a thousand opaque lines would
 merge into one area.
 """
+
+CLEAR = 5.0
+"""Number of surfaces behind each other from which all of them are fainter (chosen by looking at pictures)."""
 
 PANE = (0.0, 0.11)
 """Opacity of a surface at its centre and at its rim, relative to that of its lines: the rims stay visible, and dozens
@@ -110,6 +114,8 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
     colours: red, green and blue of each kind. opacity, width: of the shallowest level's lines; width in pixels.
     """
     table = np.array([colours[kind] for kind in KINDS], np.float32)
+    behind = float(crossings(planes.vertices, planes.offsets).sum())
+    pane = (PANE[0], PANE[1] * min(1.0, CLEAR / behind if behind > 0 else 1.0))
     made = []
     for depth in reversed(planes.levels):
         polygons = np.flatnonzero(planes.depth == depth)
@@ -119,7 +125,7 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
         strength = opacity * max(FADE**step, FAINTEST) * min(1.0, CROWD / len(polygons)) ** CROWD_FADE
         strengths = np.full(len(planes), strength, np.float32)
         shape = Shape(planes.vertices, planes.offsets, table[planes.kind], strengths)
-        made.append(level(shape, polygons, depth, max(width * THINNING**step, 1.0), PANE))
+        made.append(level(shape, polygons, depth, max(width * THINNING**step, 1.0), pane))
     return made
 
 
@@ -155,6 +161,20 @@ def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: 
         fans.reshape(-1, 3),
         _with_alpha(np.repeat(rgb, 3, axis=0), alpha.reshape(-1)),
     )
+
+
+def crossings(vertices: NDArray[Any], offsets: NDArray[Any]) -> F64:
+    """(p,), probability that a random line through the box around all polygons crosses each: 2 A / S.
+
+    Their sum is the number of surfaces that lie behind each other. vertices, offsets: as in Planes.
+    """
+    if len(offsets) < 2:
+        return np.zeros(0)
+    points = vertices.astype(np.float64)
+    x, y, z = points.max(axis=0) - points.min(axis=0)
+    surface = max(2.0 * (x * y + y * z + z * x), np.finfo(np.float64).tiny)
+    found: F64 = 2.0 * areas(points, offsets.astype(np.int64)) / surface
+    return found
 
 
 def _edges(offsets: I32, polygons: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -37,14 +37,20 @@ class Faces:
 
     def areas(self) -> F64:
         """(f,), area of each face."""
-        sizes = np.diff(self.offsets)
-        if not len(sizes):
-            return np.zeros(0)
-        first = np.repeat(self.vertices[self.offsets[:-1]], sizes, axis=0)
-        following = np.arange(1, len(self.vertices) + 1)
-        following[self.offsets[1:] - 1] = self.offsets[:-1]
-        crossed = np.cross(self.vertices - first, self.vertices[following] - first)
-        return 0.5 * np.linalg.norm(np.add.reduceat(crossed, self.offsets[:-1]), axis=1)
+        return areas(self.vertices, self.offsets)
+
+
+def areas(vertices: F64, offsets: NDArray[np.int64]) -> F64:
+    """(f,), area of plane polygons. vertices: (v, 3). offsets: (f + 1,), first vertex of each; none is empty."""
+    sizes = np.diff(offsets)
+    if not len(sizes):
+        return np.zeros(0)
+    first = np.repeat(vertices[offsets[:-1]], sizes, axis=0)
+    following = np.arange(1, len(vertices) + 1)
+    following[offsets[1:] - 1] = offsets[:-1]
+    crossed = np.cross(vertices - first, vertices[following] - first)
+    found: F64 = 0.5 * np.linalg.norm(np.add.reduceat(crossed, offsets[:-1]), axis=1)
+    return found
 
 
 def faces(walls: F64, offsets: NDArray[Any], bounds: F64) -> Faces:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shapes import cube, with_nodes
 
-from addon.blender.measure import checking, comparing, cost_maps, lettering, workloads
+from addon.blender.measure import checking, comparing, cost_maps, lettering, map_pictures, workloads
 from addon.blender.session import building
 from addon.core.base import native
 from addon.core.measure import costmap, counting
@@ -75,9 +75,9 @@ def test_two_maps_share_one_scale_and_the_bar_shows_it(seen: Any) -> None:
     picture = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(picture)
     picture = picture.reshape(height, width, 4)[..., :3]
-    foot = 2 * cost_maps.MARGIN + cost_maps.BAR + int(cost_maps.TEXT * 1.4)
-    first = picture[foot : foot + 32, cost_maps.MARGIN : cost_maps.MARGIN + 64]
-    second = picture[foot : foot + 32, 2 * cost_maps.MARGIN + 64 : 2 * cost_maps.MARGIN + 128]
+    foot = 2 * map_pictures.MARGIN + map_pictures.BAR + int(map_pictures.TEXT * 1.4)
+    first = picture[foot : foot + 32, map_pictures.MARGIN : map_pictures.MARGIN + 64]
+    second = picture[foot : foot + 32, 2 * map_pictures.MARGIN + 64 : 2 * map_pictures.MARGIN + 128]
     workload = workloads.current("boxes", (64, 32))
     maps = [
         costmap.measure(native.load().build(workload.vertices, workload.triangles, spec), workload, (64, 32), "TESTS")
@@ -87,10 +87,10 @@ def test_two_maps_share_one_scale_and_the_bar_shows_it(seen: Any) -> None:
     assert end == 60  # brute force tests all 60 triangles
     for drawn, values in zip((first, second), maps, strict=True):
         assert np.abs(drawn - costmap.coloured(values, end)).max() < 0.01
-    bar = picture[foot - cost_maps.MARGIN - 5, cost_maps.MARGIN : width - cost_maps.MARGIN]
+    bar = picture[foot - map_pictures.MARGIN - 5, map_pictures.MARGIN : width - map_pictures.MARGIN]
     assert np.abs(bar - costmap.coloured(np.linspace(0, end, len(bar)), end)).max() < 0.02
     titles = picture[foot + 32 :]
-    assert (np.abs(titles - cost_maps.BACK).max(axis=2) > 0.3).mean() > 0.01
+    assert (np.abs(titles - map_pictures.BACK).max(axis=2) > 0.3).mean() > 0.01
     assert bpy.ops.halfspace.cost_map(width=64) == {"FINISHED"}
     assert [image.name for image in bpy.data.images].count(cost_maps.IMAGE) == 1
 
@@ -99,7 +99,7 @@ def test_a_map_of_times_states_the_number_of_wrong_answers(seen: Any, monkeypatc
     from addon.core.measure.reference import Reference
 
     titles: list[str] = []
-    monkeypatch.setattr(cost_maps, "compose", lambda maps, _what: titles.extend(title for title, _ in maps))
+    monkeypatch.setattr(map_pictures, "compose", lambda maps, *_: titles.extend(title for title, _ in maps))
     group = seen.halfspace
     group.structure, group.second, group.cost = "kd", "bvh-sah", "TIME"
     cost_maps.draw(seen, 64)

@@ -131,14 +131,14 @@ def test_nothing_is_drawn_and_nothing_kept_when_switched_off(scene: Any, add: An
 
 
 def test_handlers_come_and_go_with_the_wish(scene: Any) -> None:
-    assert overlay._handle is None
+    assert not overlay._handles
     scene.halfspace.overlay.show = True
-    handle = overlay._handle
-    assert handle is not None
+    handles = list(overlay._handles)
+    assert len(handles) == 2
     scene.halfspace.overlay.show = True
-    assert overlay._handle is handle
+    assert overlay._handles == handles
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert overlay._handle is None
+    assert not overlay._handles
     assert bpy.app.handlers.depsgraph_update_post.count(overlay._scene_changed) == 1
 
 

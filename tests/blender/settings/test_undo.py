@@ -104,4 +104,4 @@ def test_enabling_the_extension_shows_what_the_file_wishes_to_see(seen: Any) -> 
     assert bpy.context.scene.halfspace.overlay.show
     assert bpy.app.timers.is_registered(overlay._begin)
     overlay._begin()
-    assert overlay._handle is not None
+    assert overlay._handles

@@ -7,7 +7,8 @@ import bpy
 import pytest
 
 import addon
-from addon.blender.measure import checking, comparing
+from addon.blender.inspector import levels, worst
+from addon.blender.measure import checking, comparing, cost_maps
 from addon.blender.overlay import drawing as overlay
 from addon.blender.overlay import picking
 from addon.blender.read import sky
@@ -45,15 +46,15 @@ def footprint() -> dict[str, object]:
         "reports": dict(reports._last),
         "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
         "checks": dict(checking._checks),
-        "rays": dict(picking._rays),
+        "rays": (dict(picking._rays), dict(worst._found), dict(levels._measured), cost_maps.kept),
         "comparisons": (dict(comparing._found), comparing._state.work),
-        "drawing": (overlay._handle, dict(overlay._drawings)),
+        "drawing": (list(overlay._handles), dict(overlay._drawings)),
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
         else 1,
         "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin, viewport._tick)],
         "views": len(viewport._working),
-        "listeners": [len(one._listeners) for one in (signals.look_changed, *building.FOLLOWED)],
+        "listeners": [len(one._listeners) for one in (signals.look_changed, signals.range_changed, *building.FOLLOWED)],
         "skies": (len(sky._kept), len(sky._looks)),
     }
 

@@ -15,7 +15,7 @@ ORDER = tuple(
     for package, rooms in (
         ("addon", "refusal"),
         ("addon.core", "base scene structures tree session measure choose overlay inspector report"),
-        ("addon.blender", "read settings session samples measure render overlay ui"),
+        ("addon.blender", "read settings session samples measure render overlay inspector ui"),
         ("lab", "base reported stability claims growth export bench pictures lessons"),
     )
     for room in rooms.split()

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything that the inspector shows as files: tables as CSV, the cost map as PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ...core.base import native
+from ...core.inspector import csv_files
+from ...core.overlay import cells
+from ..measure import cost_maps, pictures
+from ..overlay import picking, replaying
+from ..session import trees
+from . import levels, worst
+
+WHAT = (
+    ("NODES", "Nodes", "All nodes of the tree: place, box, share, SAH cost, triangles", 0),
+    ("STEPS", "Steps of the Ray", "All steps of the picked ray: node, interval, tests", 1),
+    ("RAYS", "Rays", "All rays of the chosen set: pixel, origin, direction, steps, tests", 2),
+    ("LEVELS", "Levels", "SAH cost, overlap and time of each level", 3),
+    ("MAP", "Cost Map, Numbers", "The numbers of each pixel of the last cost map", 4),
+    ("PICTURE", "Cost Map, Picture", "The last cost map as PNG, with its histograms", 5),
+)
+"""What can be written; all as CSV but the last."""
+
+
+class ExportError(ValueError):
+    """There is nothing to write. The message states what to do first."""
+
+
+def text(scene: Any, what: str) -> str:
+    """A table as CSV. Raises ExportError, WorkloadError, TreeError."""
+    if what == "MAP":
+        if cost_maps.kept is None:
+            raise ExportError("Show a cost map first")
+        return csv_files.text(csv_files.pixels(dict(cost_maps.kept.maps)))
+    tree = trees.last(scene)
+    if tree is None:
+        raise ExportError("Build a structure first")
+    rows: dict[str, Callable[[], Any]] = {
+        "NODES": lambda: csv_files.nodes(tree.table()),
+        "STEPS": lambda: csv_files.steps(tree.table(), _replay(scene, tree)),
+        "RAYS": lambda: csv_files.rays(worst.find(scene, tree).costs[scene.halfspace.inspector.rays]),
+    }
+    if what == "LEVELS":
+        return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).levels.rows())
+    return csv_files.text(rows[what]())
+
+
+def _replay(scene: Any, tree: trees.Tree) -> Any:
+    ray = picking.last(scene)
+    if ray is None:
+        raise ExportError("Pick a ray first")
+    found = replaying.replay(scene, tree, cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max))
+    if found is None:
+        raise ExportError("The structure has no tree")
+    return found
+
+
+class HALFSPACE_OT_export_inspector(bpy.types.Operator):
+    """Writes a file."""
+
+    bl_idname = "halfspace.export_inspector"
+    bl_label = "Export"
+    bl_description = "Write what the inspector shows into a file"
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    what: EnumProperty(name="What", items=WHAT)  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Ask for the file."""
+        self.filepath = f"halfspace-{self.what.lower()}{self._suffix()}"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: Any) -> set[str]:
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(self._suffix())
+        try:
+            if self.what == "PICTURE":
+                if cost_maps.kept is None:
+                    raise ExportError("Show a cost map first")
+                pictures.save(path, cost_maps.kept.picture(context.scene))
+            else:
+                path.write_text(text(context.scene, self.what), encoding="utf-8")
+        except (*native.FAILURES, OSError) as error:
+            self.report({"ERROR"}, " ".join(str(error).split()))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {path}")
+        return {"FINISHED"}
+
+    def _suffix(self) -> str:
+        return ".png" if self.what == "PICTURE" else ".csv"
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(HALFSPACE_OT_export_inspector)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_export_inspector)

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""SAH cost, overlap and measured time of each level of the last structure."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.choose import auto
+from ...core.inspector import levels as measuring
+from ...core.inspector.levels import Levels
+from ...core.measure.reference import Reference, affordable
+from ..session import trees
+from . import worst
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The levels of a tree, and sentences about their sums."""
+
+    tree: int
+    levels: Levels
+    lines: tuple[str, ...]
+
+
+_measured: dict[int, Measured] = {}
+"""By the scene's `session_uid`."""
+
+
+def known(scene: Any) -> Measured | None:
+    """The levels of the scene's last tree, if they were measured."""
+    found, tree = _measured.get(scene.original.session_uid), trees.last(scene)
+    return found if found is not None and tree is not None and found.tree == tree.number else None
+
+
+def measure(scene: Any, tree: trees.Tree) -> Measured:
+    """Measure the levels of the scene's tree. Raises WorkloadError, TreeError."""
+    found = worst.find(scene, tree)
+    primary = found.costs["primary"]
+    made = measuring.measure(tree.structure, tree.table(), found.workload, primary)
+    # Every time is shown with the errors of the same structure.
+    reference = Reference(
+        native.load(), found.workload, [primary.rays], min(auto.CHECKED, affordable(found.workload)), seed=0
+    )
+    lines = measuring.sentences(made, reference.wrong(tree.structure), len(reference))
+    measured = Measured(tree.number, made, tuple(lines))
+    _measured[scene.original.session_uid] = measured
+    return measured
+
+
+class HALFSPACE_OT_measure_levels(bpy.types.Operator):
+    """Measures the levels."""
+
+    bl_idname = "halfspace.measure_levels"
+    bl_label = "Measure Levels"
+    bl_description = (
+        "Expected cost, end-point overlap and measured time of each level of the tree, for the rays of the camera's "
+        "view: at which depth is the time spent?"
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None and trees.last(context.scene) is not None
+
+    def execute(self, context: Any) -> set[str]:
+        tree = trees.last(context.scene)
+        assert tree is not None, "see poll"
+        try:
+            measure(context.scene, tree)
+        except native.FAILURES as error:
+            log.error("Halfspace could not measure the levels", exc_info=error)
+            self.report({"ERROR"}, " ".join(str(error).split()))
+            return {"CANCELLED"}
+        trees.redraw_panels()
+        return {"FINISHED"}
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(HALFSPACE_OT_measure_levels)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_measure_levels)
+    _measured.clear()

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The worst camera, shadow and bounce rays of the camera's view through the last structure, one after another."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import IntProperty
+from numpy.typing import NDArray
+
+from ...core.base import native
+from ...core.base.arrays import F64
+from ...core.choose import auto
+from ...core.inspector import ray_costs, reasons
+from ...core.inspector import replay as replays
+from ...core.inspector.ray_costs import RayCosts
+from ...core.measure import costmap
+from ...core.measure.reference import Reference, affordable
+from ...core.overlay import cells
+from ...core.scene.workload import Workload
+from ..measure import workloads
+from ..overlay import picking
+from ..session import trees
+
+MOST = 1000
+"""Number of rays of an order that can be visited."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class Found:
+    """The costs of the rays of a view through one tree. orders: indices and values by set and key. place: of the ray
+    that is shown in the order. lines: about that ray. answers: how many were compared with brute force, and were wrong.
+    """
+
+    tree: int
+    width: int
+    workload: Workload
+    costs: dict[str, RayCosts]
+    orders: dict[tuple[str, str], tuple[NDArray[np.int64], F64]] = field(default_factory=dict)
+    shown: tuple[str, str] = ("", "")
+    place: int = 0
+    lines: tuple[str, ...] = ()
+    answers: str = ""
+
+
+_found: dict[int, Found] = {}
+"""By the scene's `session_uid`."""
+
+
+def known(scene: Any) -> Found | None:
+    """The costs of rays through the scene's last tree, if they were measured."""
+    found, tree = _found.get(scene.original.session_uid), trees.last(scene)
+    return found if found is not None and tree is not None and found.tree == tree.number else None
+
+
+def clear() -> None:
+    """Forget all rays."""
+    _found.clear()
+
+
+def find(scene: Any, tree: trees.Tree) -> Found:
+    """Count the rays of the camera's view, or return the known counts. Raises WorkloadError."""
+    width, found = scene.halfspace.inspector.width, known(scene)
+    if found is not None and found.width == width:
+        return found
+    size = costmap.shaped(width, (scene.render.resolution_x, scene.render.resolution_y))
+    workload = workloads.of_tree(tree, scene.name, size)
+    made = Found(tree.number, width, workload, ray_costs.gather(tree.structure, workload, size))
+    _found[scene.original.session_uid] = made
+    return made
+
+
+def order(found: Found, tree: trees.Tree, name: str, key: str) -> tuple[NDArray[np.int64], F64]:
+    """Indices of the rays of a set from the worst on, and their steps, tests or nanoseconds."""
+    if (name, key) not in found.orders:
+        costs = found.costs[name]
+        if key == "TIME":
+            found.orders[name, key] = ray_costs.slowest(tree.structure, costs, MOST)
+            wanted = min(auto.CHECKED, affordable(found.workload))
+            reference = Reference(native.load(), found.workload, [costs.rays], wanted, seed=0)
+            wrong = reference.wrong(tree.structure)
+            found.answers = f"{wrong:,} of {len(reference):,} answers wrong"
+        else:
+            indices = ray_costs.worst(costs, key, MOST)
+            found.orders[name, key] = indices, costs.values(key)[indices].astype(np.float64)
+    return found.orders[name, key]
+
+
+def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
+    """Pick the ray at this place of the order, and state why it costs what it costs. Raises ValueError without rays."""
+    settings = scene.halfspace.inspector
+    name, key = settings.rays, settings.order
+    indices, values = order(found, tree, name, key)
+    if not len(indices):
+        raise ValueError(f"No {ray_costs.SETS[name].lower()} ray: nothing is hit")
+    place = place % len(indices)
+    index, costs = int(indices[place]), found.costs[name]
+    origin, direction = costs.rays.origins[index], costs.rays.directions[index]
+    world = tuple(float(a) + float(b) for a, b in zip(origin, tree.origin, strict=True))
+    ray = picking.Ray(world, tuple(map(float, direction)), t_max=float(costs.rays.t_max[index]))
+    picking.keep(scene, ray)
+    # State the counts and the reasons.
+    path = cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max)
+    table = tree.table()
+    lines = [f"{place + 1:,} of {len(indices):,} by {key.lower()}"]
+    if key == "TIME":
+        lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.answers}")
+    lines += reasons.summary(costs, index)
+    lines += reasons.reasons(table, path, replays.replay(table, path))
+    if name == "shadow":
+        lines.append("Shown as a search of the nearest hit; the test for any hit may end earlier")
+    found.shown, found.place, found.lines = (name, key), place, tuple(lines)
+    scene.halfspace.overlay.show = True
+    scene.halfspace.overlay.parts |= {"RAY"}
+
+
+class HALFSPACE_OT_worst_ray(bpy.types.Operator):
+    """Shows one of the worst rays."""
+
+    bl_idname = "halfspace.worst_ray"
+    bl_label = "Show Worst Ray"
+    bl_description = (
+        "Count all rays of the camera's view through the last structure, one by one, and show the worst with the "
+        "reasons of its cost"
+    )
+    bl_options = {"REGISTER", "UNDO"}
+
+    move: IntProperty(  # type: ignore[valid-type]
+        name="Move", description="Places from the ray that is shown; 0 for the worst", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None and trees.last(context.scene) is not None
+
+    @classmethod
+    def description(cls, context: Any, properties: Any) -> str:
+        """The tooltip of each button."""
+        words = {0: cls.bl_description, 1: "The next ray, less bad", -1: "The previous ray, worse"}
+        return words.get(properties.move, cls.bl_description)
+
+    def execute(self, context: Any) -> set[str]:
+        scene = context.scene
+        tree = trees.last(scene)
+        assert tree is not None, "see poll"
+        settings = scene.halfspace.inspector
+        try:
+            found = find(scene, tree)
+            is_shown = found.shown == (settings.rays, settings.order)
+            show(scene, tree, found, found.place + self.move if self.move and is_shown else 0)
+        except native.FAILURES as error:
+            log.error("Halfspace could not find the worst rays", exc_info=error)
+            self.report({"ERROR"}, " ".join(str(error).split()))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(HALFSPACE_OT_worst_ray)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_worst_ray)
+    clear()

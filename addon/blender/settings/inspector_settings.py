@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`scene.halfspace.inspector`: the selected node, the step of the picked ray, the order of the worst rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from . import signals
+
+MOST_STEPS = 100_000
+"""Upper end of the step slider; a path ends earlier."""
+
+
+def _redraw(group: Any, _context: Any) -> None:
+    signals.look_changed.fire(group.id_data)
+
+
+def _range_changed(group: Any, _context: Any) -> None:
+    signals.range_changed.fire(group.id_data)
+
+
+class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
+    """What the inspector looks at."""
+
+    node: IntProperty(  # type: ignore[valid-type]
+        name="Node",
+        description="The selected node, counted in preorder; 0 is the root",
+        default=0,
+        min=0,
+        update=_redraw,
+    )
+    alone: BoolProperty(  # type: ignore[valid-type]
+        name="Hide Others",
+        description="Show the selected node, its children and its triangles alone, without planes, leaves and rays",
+        default=False,
+        update=_redraw,
+    )
+    replaying: BoolProperty(  # type: ignore[valid-type]
+        name="Step by Step",
+        description="Show the picked ray up to one step of its traversal",
+        default=False,
+        update=_redraw,
+    )
+    step: IntProperty(  # type: ignore[valid-type]
+        name="Step",
+        description="Number of visited nodes up to which the ray is shown. Drag to replay the traversal",
+        default=1,
+        min=1,
+        max=MOST_STEPS,
+        update=_redraw,
+    )
+    rays: EnumProperty(  # type: ignore[valid-type]
+        name="Rays",
+        description="Which rays are searched for the worst",
+        items=[
+            ("primary", "Camera", "One ray through the centre of each pixel", 0),
+            ("shadow", "Shadow", "From the surface that each camera ray hits to one light", 1),
+            ("diffuse", "Bounce", "From there in a random direction", 2),
+        ],
+        default="primary",
+    )
+    order: EnumProperty(  # type: ignore[valid-type]
+        name="By",
+        description="What makes a ray bad",
+        items=[
+            ("STEPS", "Steps", "Nodes visited, leaves included", 0),
+            ("TESTS", "Tests", "Triangles tested", 1),
+            ("TIME", "Time", "Nanoseconds per ray of 64 neighbours, as they are traced for a picture", 2),
+        ],
+        default="STEPS",
+    )
+    width: IntProperty(  # type: ignore[valid-type]
+        name="Width",
+        description="Number of camera rays side by side that are searched",
+        default=256,
+        min=8,
+        max=2048,
+    )
+    low: FloatProperty(  # type: ignore[valid-type]
+        name="Range From",
+        description="Pixels of the cost map below this share of its scale lose their colour",
+        default=0.0,
+        min=0.0,
+        max=100.0,
+        subtype="PERCENTAGE",
+        update=_range_changed,
+    )
+    high: FloatProperty(  # type: ignore[valid-type]
+        name="To",
+        description="Pixels of the cost map above this share of its scale lose their colour",
+        default=100.0,
+        min=0.0,
+        max=100.0,
+        subtype="PERCENTAGE",
+        update=_range_changed,
+    )
+
+
+def register() -> None:
+    """Register the group; `properties` makes it part of `scene.halfspace`."""
+    bpy.utils.register_class(HalfspaceInspectorSettings)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(HalfspaceInspectorSettings)

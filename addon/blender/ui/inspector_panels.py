@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels of the inspector: the tree, its worst rays and its levels in 3D views, and the maps in Image Editors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.inspector import node_view
+from ...core.tree.table import KIND_LABELS
+from ..inspector import exporting, levels, worst
+from ..measure import cost_maps
+from ..session import trees
+from . import panels
+from .texts import wrapped
+
+MOST_CHILDREN = 8
+"""Largest number of children with a button of their own."""
+
+
+class _InspectorPanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    section = ""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw_header_preset(self, context: Any) -> None:
+        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
+
+
+def _tree(layout: Any, scene: Any) -> trees.Tree | None:
+    """The last structure; without one, a button that builds it."""
+    tree = trees.last(scene)
+    if tree is None:
+        layout.label(text="Nothing built yet", icon="INFO")
+        layout.operator("halfspace.build_structure", icon="MOD_BUILD")
+    return tree
+
+
+class HALFSPACE_PT_view_tree(_InspectorPanel, bpy.types.Panel):
+    """The tree, node by node."""
+
+    bl_label = "Tree"
+    section = "Tree"
+
+    def draw(self, context: Any) -> None:
+        layout, scene = self.layout, context.scene
+        layout.use_property_decorate = False
+        tree = _tree(layout, scene)
+        if tree is None:
+            return
+        settings = scene.halfspace.inspector
+        row = layout.row(align=True)
+        for to, text, icon in (
+            ("ROOT", "Root", "TRIA_UP_BAR"),
+            ("PARENT", "Parent", "TRIA_UP"),
+            ("PREVIOUS", "", "TRIA_LEFT"),
+            ("NEXT", "", "TRIA_RIGHT"),
+        ):
+            row.operator("halfspace.go_to_node", text=text, icon=icon).to = to
+        row = layout.row(align=True)
+        row.operator("halfspace.go_to_node", text="Costliest Child", icon="TRIA_DOWN").to = "COSTLIEST"
+        row.operator("halfspace.go_to_node", text="Costliest Leaf", icon="TRIA_DOWN_BAR").to = "LEAF"
+        row = layout.row(align=True)
+        row.prop(settings, "node")
+        row.prop(settings, "alone", text="", icon="HIDE_ON" if settings.alone else "HIDE_OFF")
+        if tree.known_table is not None:
+            _node(layout, tree, settings.node)
+        _export(layout, "NODES")
+
+
+def _node(layout: Any, tree: trees.Tree, node: int) -> None:
+    """The numbers of a node, and a button for each child."""
+    table = tree.known_table
+    assert table is not None, "the caller looked"
+    node = node if node < len(table) else 0
+    column = layout.column(align=True)
+    for line in node_view.words(table, node):
+        column.label(text=line)
+    children = table.children_of(node)
+    column = layout.column(align=True)
+    whole = float(table.costs_below[0]) or 1.0
+    for number, child in enumerate(children[:MOST_CHILDREN].tolist()):
+        share = table.costs_below[child] / whole
+        text = f"{KIND_LABELS[table.kind[child]]}, {table.references[child]:,} triangles, {share:.1%}"
+        button = column.operator("halfspace.go_to_node", text=text, icon="DOT")
+        button.to, button.index = "CHILD", number
+    if len(children) > MOST_CHILDREN:
+        column.label(text=f"and {len(children) - MOST_CHILDREN:,} more")
+
+
+class HALFSPACE_PT_view_worst(_InspectorPanel, bpy.types.Panel):
+    """The worst rays and their reasons."""
+
+    bl_label = "Worst Rays"
+    section = "Worst Rays"
+
+    def draw(self, context: Any) -> None:
+        layout, scene = self.layout, context.scene
+        layout.use_property_decorate = False
+        if _tree(layout, scene) is None:
+            return
+        settings = scene.halfspace.inspector
+        column = layout.column(align=True)
+        column.row(align=True).prop(settings, "rays", expand=True)
+        column.row(align=True).prop(settings, "order", expand=True)
+        column.prop(settings, "width")
+        row = layout.row(align=True)
+        row.operator("halfspace.worst_ray", text="Worst", icon="VIEWZOOM").move = 0
+        row.operator("halfspace.worst_ray", text="", icon="TRIA_LEFT").move = -1
+        row.operator("halfspace.worst_ray", text="", icon="TRIA_RIGHT").move = 1
+        found = worst.known(scene)
+        for line in found.lines if found is not None else ():
+            wrapped(layout, line)
+        _export(layout, "RAYS")
+
+
+class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
+    """The cost of each level."""
+
+    bl_label = "Levels"
+    section = "Levels"
+
+    def draw(self, context: Any) -> None:
+        layout, scene = self.layout, context.scene
+        if _tree(layout, scene) is None:
+            return
+        layout.operator("halfspace.measure_levels", icon="TIME")
+        found = levels.known(scene)
+        if found is None:
+            return
+        for line in found.lines:
+            wrapped(layout, line)
+        grid = layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
+        for title in ("Level", "Nodes", "SAH", "Overlap", "ns"):
+            grid.label(text=title)
+        for level in found.levels.levels:
+            grid.label(text=f"{level.level}")
+            grid.label(text=f"{level.nodes + level.leaves:,}")
+            grid.label(text=f"{level.sah_share:.1%}")
+            grid.label(text=f"{level.overlap:.3g}")
+            grid.label(text=f"{level.nanoseconds:.1f}")
+        _export(layout, "LEVELS")
+
+
+class HALFSPACE_PT_image_maps(_InspectorPanel, bpy.types.Panel):
+    """The range and the cursor of the cost maps."""
+
+    bl_space_type = "IMAGE_EDITOR"
+    bl_label = "Cost Map"
+    bl_options = set()
+    section = "Cost Maps"
+
+    def draw(self, context: Any) -> None:
+        range_and_cursor(self.layout, context.scene)
+
+
+def range_and_cursor(layout: Any, scene: Any) -> None:
+    """The ends of the range of colours, the numbers under the cursor, and the files of the last cost map."""
+    kept = cost_maps.kept
+    if kept is None or kept.scene_uid != scene.session_uid:
+        layout.label(text="No cost map yet", icon="INFO")
+        return
+    settings = scene.halfspace.inspector
+    row = layout.row(align=True)
+    row.prop(settings, "low", text="From", slider=True)
+    row.prop(settings, "high", text="To", slider=True)
+    layout.operator("halfspace.map_cursor", icon="EYEDROPPER")
+    if kept.cursor is not None:
+        column, row_number = kept.cursor
+        for title, values in kept.maps:
+            layout.label(text=f"{title}: {values[row_number, column]:,.4g}")
+    _export(layout, "MAP")
+    _export(layout, "PICTURE")
+
+
+def _export(layout: Any, what: str) -> None:
+    """A button that writes a file."""
+    label = next(name for key, name, *_ in exporting.WHAT if key == what)
+    layout.operator("halfspace.export_inspector", text=f"Export {label}", icon="EXPORT").what = what
+
+
+CLASSES = (
+    HALFSPACE_PT_view_tree,
+    HALFSPACE_PT_view_worst,
+    HALFSPACE_PT_view_levels,
+    HALFSPACE_PT_image_maps,
+)
+
+
+def register() -> None:
+    """Register the panels."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

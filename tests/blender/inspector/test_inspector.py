@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The inspector's operators: nodes, worst rays, levels, the step of a ray, files."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from drawn import boxes, build, tilted
+from layouts import draw
+
+from addon.blender.inspector import levels, map_cursor, worst
+from addon.blender.measure import cost_maps, map_pictures, pictures
+from addon.blender.overlay import choosing, drawing, picking, replaying
+from addon.blender.session import trees
+from addon.blender.ui import inspector_panels, overlay_panels
+from addon.core.base import native
+from addon.core.overlay import cells
+
+WIDTH, HEIGHT = 200, 150
+
+
+@pytest.fixture
+def seen(scene: Any, add: Any) -> Any:
+    """Tilted plates and boxes before a camera, far from the origin of the frame."""
+    boxes(add)
+    tilted(add)
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 16))
+    scene.render.resolution_x, scene.render.resolution_y = 320, 160
+    scene.halfspace.inspector.width = 64
+    return scene
+
+
+def paint(canvas: Any, scene: Any) -> None:
+    with canvas.bind():
+        drawing.paint(scene, (WIDTH, HEIGHT))
+
+
+@pytest.mark.parametrize("structure", ["kd", "bvh-sah"])
+def test_the_browser_goes_to_parents_children_and_siblings(seen: Any, structure: str) -> None:
+    tree = build(seen, structure)
+    go, settings = bpy.ops.halfspace.go_to_node, seen.halfspace.inspector
+    assert go(to="ROOT") == {"FINISHED"}
+    table = tree.table()
+    assert settings.node == 0
+    assert "NODE" in seen.halfspace.overlay.parts
+    go(to="CHILD", index=1)
+    assert settings.node == table.children_of(0)[1]
+    go(to="NEXT")
+    go(to="PREVIOUS")
+    assert settings.node == table.children_of(0)[1]
+    go(to="PARENT")
+    assert settings.node == 0
+    go(to="COSTLIEST")
+    assert settings.node == table.costliest_child(0)
+    go(to="LEAF")
+    assert settings.node == table.costliest_leaf()
+    with pytest.raises(RuntimeError, match="no such node"):
+        go(to="CHILD", index=0)
+    # A number beyond the last node is the root.
+    settings.node = 10**6
+    go(to="CHILD", index=0)
+    assert settings.node == table.children_of(0)[0]
+
+
+def test_a_selected_node_is_drawn_and_can_be_alone(seen: Any, canvas: Any) -> None:
+    tree = build(seen, "kd")
+    bpy.ops.halfspace.go_to_node(to="COSTLIEST")
+    assert choosing.parts(seen) == ["PLANES", "NODE", "RAY"]
+    paint(canvas, seen)
+    view = drawing.shown(seen, "NODE")
+    table = tree.table()
+    assert view.children == tuple(table.children_of(view.node))
+    assert len(view.corners) == len(table.triangles_of(view.node))
+    texts = [entry.text for entry in drawing.legend_of(seen)]
+    assert "node" in texts
+    assert "plane across X" in texts
+    seen.halfspace.inspector.alone = True
+    assert choosing.parts(seen) == ["NODE"]
+    assert next(entry.text for entry in drawing.legend_of(seen)) == "node"
+    seen.halfspace.overlay.legend = False
+    assert drawing.legend_of(seen) == []
+
+
+@pytest.mark.parametrize("name", ["primary", "shadow", "diffuse"])
+@pytest.mark.parametrize("key", ["STEPS", "TESTS", "TIME"])
+def test_the_worst_ray_is_picked_and_explained(seen: Any, name: str, key: str) -> None:
+    tree = build(seen, "kd")
+    settings = seen.halfspace.inspector
+    settings.rays, settings.order = name, key
+    assert bpy.ops.halfspace.worst_ray() == {"FINISHED"}
+    found, ray = worst.known(seen), picking.last(seen)
+    assert found is not None
+    assert ray is not None
+    costs = found.costs[name]
+    indices, values = worst.order(found, tree, name, key)
+    path = cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max)
+    if name != "shadow":
+        assert path.tests == costs.tests[indices[0]]
+    if key != "TIME":
+        assert values[0] == costs.values(key).max()
+    else:
+        assert any("0 of " in line and "answers wrong" in line for line in found.lines)
+    assert found.lines[0].startswith("1 of ")
+    bpy.ops.halfspace.worst_ray(move=1)
+    assert found.lines[0].startswith("2 of ")
+    assert picking.last(seen) != ray
+    bpy.ops.halfspace.worst_ray(move=-1)
+    assert picking.last(seen) == ray
+    bpy.ops.halfspace.worst_ray(move=-1)
+    assert found.place == len(indices) - 1
+    # Another tree needs other counts.
+    build(seen, "bvh-sah")
+    assert worst.known(seen) is None
+
+
+def test_a_view_without_hits_has_no_shadow_rays(seen: Any) -> None:
+    seen.camera.rotation_euler = (np.pi, 0, 0)
+    build(seen, "kd")
+    seen.halfspace.inspector.rays = "shadow"
+    with pytest.raises(RuntimeError, match="nothing is hit"):
+        bpy.ops.halfspace.worst_ray()
+
+
+def test_a_replayed_ray_ends_at_its_step(seen: Any, canvas: Any) -> None:
+    tree = build(seen, "kd")
+    bpy.ops.halfspace.worst_ray()
+    settings = seen.halfspace.inspector
+    settings.replaying, settings.step = True, 1
+    paint(canvas, seen)
+    found = replaying.known(seen)
+    assert found is not None
+    path = drawing.shown(seen, "RAY")
+    assert "node of this step" in [entry.text for entry in drawing.legend_of(seen)]
+    drawn = []
+    for step in range(1, len(found) + 1):
+        settings.step = step
+        levels_of_step = choosing.levels(seen, "RAY", path, drawing.colours(), 1.0)
+        drawn.append(sum(len(level.triangles) for level in levels_of_step))
+        assert bpy.ops.halfspace.go_to_node(to="STEP") == {"FINISHED"}
+        assert settings.node == found.steps[step - 1].node
+    settings.replaying = False
+    whole = sum(len(level.triangles) for level in choosing.levels(seen, "RAY", path, drawing.colours(), 1.0))
+    assert drawn[0] < drawn[-1]
+    # The last step shows everything, and the node itself.
+    assert drawn[-1] > whole
+    assert tree.known_table is not None
+
+
+def test_levels_are_measured_and_shown(seen: Any) -> None:
+    tree = build(seen, "kd")
+    assert levels.known(seen) is None
+    assert bpy.ops.halfspace.measure_levels() == {"FINISHED"}
+    found = levels.known(seen)
+    assert found is not None
+    statistics = tree.structure.statistics
+    assert sum(level.sah for level in found.levels.levels) == pytest.approx(statistics["sah_cost"], rel=1e-6)
+    texts = draw(inspector_panels.HALFSPACE_PT_view_levels, scene=seen)
+    assert " ".join(found.lines) in " ".join(texts)  # lines are wrapped
+    assert "Overlap" in texts
+
+
+@pytest.mark.parametrize("what", ["NODES", "STEPS", "RAYS", "LEVELS", "MAP", "PICTURE"])
+def test_everything_is_written(seen: Any, tmp_path: Path, what: str) -> None:
+    path = tmp_path / ("map.png" if what == "PICTURE" else "table.csv")
+
+    def export() -> Any:
+        return bpy.ops.halfspace.export_inspector(filepath=str(path), what=what)
+
+    monkey = pytest.MonkeyPatch()
+    monkey.setattr(cost_maps, "kept", None)
+    with pytest.raises(RuntimeError, match="first"):
+        export()
+    monkey.undo()
+    tree = build(seen, "kd")
+    if what == "STEPS":
+        with pytest.raises(RuntimeError, match="Pick a ray first"):
+            export()
+        bpy.ops.halfspace.worst_ray()
+    if what in ("MAP", "PICTURE"):
+        seen.halfspace.cost = "STEPS"
+        assert bpy.ops.halfspace.cost_map(width=64) == {"FINISHED"}
+    assert export() == {"FINISHED"}
+    if what == "PICTURE":
+        assert cost_maps.kept is not None
+        wanted = cost_maps.kept.picture(seen)
+        assert np.abs(pictures.load(path)[..., :3] - wanted).max() < 0.01
+        return
+    rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+    lengths = {
+        "NODES": lambda: len(tree.table()),
+        "STEPS": lambda: len(replaying.known(seen) or ()),
+        "RAYS": lambda: 64 * 32,
+        "LEVELS": lambda: int(tree.table().depth.max()) + 1,
+        "MAP": lambda: 64 * 32,
+    }
+    assert len(rows) == lengths[what]()
+
+
+def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
+    group = seen.halfspace
+    group.structure, group.second, group.cost = "kd", "bvh-sah", "TESTS"
+    build(seen, "kd")
+    bpy.ops.halfspace.cost_map(width=64)
+    kept = cost_maps.kept
+    assert kept is not None
+    assert len(kept.maps) == 2
+    row, column = np.unravel_index(int(kept.maps[0][1].argmax()), kept.maps[0][1].shape)
+    assert bpy.ops.halfspace.map_cursor(column=int(column), row=int(row)) == {"FINISHED"}
+    tree, ray = trees.last(seen), picking.last(seen)
+    assert tree is not None
+    assert ray is not None
+    # The ray of the pixel, traced alone, hits what the camera ray of this pixel hits.
+    workload_ray = np.array(ray.direction)
+    tangent = np.tan(seen.camera.data.angle / 2)
+    x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((row + 0.5) / 32 * 2 - 1) * tangent / 2
+    assert workload_ray == pytest.approx(np.array([x, y, -1]) / np.sqrt(x * x + y * y + 1), abs=1e-6)
+    assert ray.origin == pytest.approx(tuple(seen.camera.location), abs=1e-4)
+    # Both maps show the cursor in the same pixel.
+    picture = kept.picture(seen)
+    for number in (0, 1):
+        left = map_pictures.left(number, 64)
+        crossed = picture[map_pictures.foot() + int(row), left : left + 64]
+        assert (np.abs(crossed - map_pictures.CURSOR_RGB).max(axis=1) < 0.01).sum() == 63
+        assert map_pictures.pixel_at(left + column + 0.5, map_pictures.foot() + row + 0.5, 2, (64, 32)) == (column, row)
+    assert map_pictures.pixel_at(2.0, 2.0, 2, (64, 32)) is None
+    with pytest.raises(RuntimeError, match="64 × 32"):
+        bpy.ops.halfspace.map_cursor(column=64, row=0)
+    map_cursor.place(seen, None)
+    assert kept.cursor is None
+
+
+def test_a_range_takes_colour_from_the_other_pixels(seen: Any) -> None:
+    seen.halfspace.cost = "TESTS"
+    build(seen, "kd")
+    bpy.ops.halfspace.cost_map(width=64)
+    image, kept = bpy.data.images[cost_maps.IMAGE], cost_maps.kept
+    assert kept is not None
+    before = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(before)
+    seen.halfspace.inspector.low = 50.0
+    drawn = kept.picture(seen)
+    assert tuple(image.size) == drawn.shape[1::-1]
+    values = kept.maps[0][1]
+    part = drawn[map_pictures.foot() :, map_pictures.MARGIN :][:32, :64]
+    coloured = np.ptp(part, axis=2) > 0.01
+    end = cost_maps.costmap.scale_end([values])
+    assert (coloured == (values >= end / 2)).mean() > 0.99
+    seen.halfspace.inspector.low = 0.0
+    after = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(after)
+    assert np.array_equal(before, after)
+
+
+def test_depths_are_chosen_until_they_are_set(seen: Any, canvas: Any) -> None:
+    settings = seen.halfspace.overlay
+    tree = build(seen, "octree-net")
+    paint(canvas, seen)
+    shown = drawing.shown(seen)
+    low, high = tree.survey().first()
+    assert (shown.levels.start, shown.levels.stop - 1) == (low, high)
+    assert settings.depth_auto
+    settings.depth_min = 9
+    assert not settings.depth_auto
+    assert settings.depth_max == 9  # the other end makes room
+    settings.depth_max = 3
+    assert settings.depth_min == 3
+
+
+def test_the_panel_offers_only_kinds_of_the_tree(seen: Any, canvas: Any) -> None:
+    tree = build(seen, "octree-net")
+    paint(canvas, seen)
+    assert tree.known_survey is not None
+    assert tree.survey().kinds == ("OCTANTS",)
+    offered: list[str] = []
+
+    class Flow:
+        use_property_split = False
+
+        def prop_enum(self, _data: Any, _name: str, kind: str) -> None:
+            offered.append(kind)
+
+    class Anything:
+        def __getattr__(self, name: str) -> Any:
+            return lambda *_args, **_more: Flow() if name == "grid_flow" else Anything()
+
+    overlay_panels._depth_and_kinds(Anything(), seen.halfspace.overlay, tree)
+    assert offered == ["OCTANTS"]
+    assert native.problem() is None
