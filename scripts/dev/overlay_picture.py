@@ -132,7 +132,7 @@ def run(asked: argparse.Namespace) -> int:
     # Draw at a multiple of the size, save the average, and print what is in the picture.
     if scene.camera is None:
         raise ValueError("the scene has no camera; give it a --view")
-    picture = _drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
+    picture = drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
     pictures.save(asked.out, pictures.halved(picture))
     print(asked.out)
     planes, cells, *picked = (overlay.shown(scene, part) for part in ("PLANES", "CELLS", "RAY", "BEAM"))
@@ -147,7 +147,7 @@ def run(asked: argparse.Namespace) -> int:
     return 0
 
 
-def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:
+def drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:
     """The scene in Solid shading through its camera, and the planes over it: (height, width, 3) display values."""
     import numpy as np
 

@@ -49,12 +49,14 @@ class Tree:
         """The nodes of the tree, read at the first call. Raises TreeError."""
         if self.known_table is None:
             self.known_table = table.read(self.structure, self.vertices, self.triangles)
+            _redraw_panels_soon()
         return self.known_table
 
     def survey(self) -> Survey:
         """The kinds of planes and their levels, looked up at the first call."""
         if self.known_survey is None:
             self.known_survey = depths.survey(self.structure)
+            _redraw_panels_soon()
         return self.known_survey
 
     @property
@@ -177,6 +179,12 @@ def redraw() -> None:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
+
+
+def _redraw_panels_soon() -> None:
+    """Let panels show what has just become known; a view that is being drawn cannot tag regions itself."""
+    if not bpy.app.background:
+        bpy.app.timers.register(redraw_panels)
 
 
 def redraw_panels() -> None:

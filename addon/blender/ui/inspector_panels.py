@@ -140,7 +140,7 @@ class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
         for line in found.lines:
             wrapped(layout, line)
         grid = layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
-        for title in ("Level", "Nodes", "SAH", "Overlap", "ns"):
+        for title in ("Level", "Nodes", "SAH", "EPO", "ns"):
             grid.label(text=title)
         for level in found.levels.levels:
             grid.label(text=f"{level.level}")

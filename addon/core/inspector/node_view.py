@@ -99,7 +99,8 @@ def words(table: Table, node: int) -> list[str]:
         *lines,
         f"{len(table.children_of(node)):,} children, {table.sizes[node]:,} nodes below",
         f"{table.references[node]:,} triangles below",
-        f"{share:.2%} of the SAH cost, {own:.2%} its own steps",
+        f"{share:.2%} of the SAH cost",
+        f"{own:.2%} in its own steps",
         *_saving(table, node),
     ]
 

@@ -49,7 +49,13 @@ QUANTITIES = (
         "per ray",
         "Nodes that the ray of each pixel visits, alone or together with others, leaves included",
     ),
-    Quantity("TESTS", "Triangle tests", "per ray", "Triangles that the ray of each pixel is tested against"),
+    Quantity(
+        "TESTS",
+        "Triangle tests",
+        "per ray",
+        "Triangles that the ray of each pixel is tested against; rays of a tile that is traced as a whole share its "
+        "tests",
+    ),
     Quantity(
         "TIME", "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
     ),
@@ -75,10 +81,6 @@ QUANTITIES = (
     ),
     Quantity("DEPTH", "Leaf depth", "levels", "Depth of the leaf that holds the hit; the root has depth 0"),
 )
-
-
-COUNTERS = {"STEPS": "visits", "TESTS": "tests"}
-"""The counter of each quantity. If rays visit a node together, `steps` counts it for one of them, `visits` for each."""
 
 
 def quantity(key: str) -> Quantity:
@@ -116,17 +118,16 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
     (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
     tiles = rays.tile_order(width, height)
     values: dict[str, Callable[[], F32]] = {
+        "STEPS": lambda: counting.counters(structure, primary, 0)["visits"].astype(np.float32),
+        "TESTS": lambda: pixel_costs.shared(structure, primary, "tests"),
         "TIME": lambda: np.repeat(nanoseconds(structure, primary), rays.TILE**2),
-        "WASTED": lambda: pixel_costs.wasted(structure, primary),
+        "WASTED": lambda: pixel_costs.shared(structure, primary, "tests_wasted"),
         "OVERLAP": lambda: pixel_costs.overlap(structure, workload, primary),
         "ANY_HIT": lambda: pixel_costs.any_hit(structure, workload, size),
         "DEPTH": lambda: pixel_costs.leaf_depths(structure, workload, primary),
     }
     picture = np.empty(width * height, np.float32)
-    if key in COUNTERS:
-        picture[tiles] = counting.counters(structure, primary, 0)[COUNTERS[key]]
-    else:
-        picture[tiles] = values[key]()
+    picture[tiles] = values[key]()
     return picture.reshape(height, width)[::-1].copy()
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,19 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 
-def wasted(structure: Structure, primary: rays.RaySet) -> F32:
-    """(n,), triangle tests on leaf visits that found no nearer hit."""
-    return counting.counters(structure, primary, 0)["tests_wasted"].astype(np.float32)
+def shared(structure: Structure, primary: rays.RaySet, name: str) -> F32:
+    """(n,), a counter of tests; the rays of a tile that is traced as a whole share its number evenly.
+
+    Such a tile counts its tests for one of its rays. primary: in tiles.
+    """
+    counted, alone = (
+        counting.counters(structure, one, 0)[name].astype(np.float32)
+        for one in (primary, replace(primary, order="none"))
+    )
+    if np.array_equal(counted, alone):
+        return counted
+    side = rays.TILE**2
+    return np.repeat(counted.reshape(-1, side).mean(axis=1), side)
 
 
 def overlap(structure: Structure, workload: Workload, primary: rays.RaySet) -> F32:

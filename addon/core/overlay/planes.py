@@ -36,8 +36,10 @@ CROWD, CROWD_FADE = 150, 0.5
 merge into one area.
 """
 
-CLEAR = 5.0
-"""Number of surfaces behind each other from which all of them are fainter (chosen by looking at pictures)."""
+CLEAR, FOG = 5.0, 2.0
+"""Numbers of surfaces behind each other: up to which levels are shown at first, and from which all surfaces are fainter
+(chosen by looking at pictures).
+"""
 
 PANE = (0.0, 0.11)
 """Opacity of a surface at its centre and at its rim, relative to that of its lines: the rims stay visible, and dozens
@@ -115,7 +117,7 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
     """
     table = np.array([colours[kind] for kind in KINDS], np.float32)
     behind = float(crossings(planes.vertices, planes.offsets).sum())
-    pane = (PANE[0], PANE[1] * min(1.0, CLEAR / behind if behind > 0 else 1.0))
+    pane = (PANE[0], PANE[1] * min(1.0, FOG / behind if behind > 0 else 1.0))
     made = []
     for depth in reversed(planes.levels):
         polygons = np.flatnonzero(planes.depth == depth)

@@ -161,7 +161,7 @@ def test_levels_are_measured_and_shown(seen: Any) -> None:
     assert sum(level.sah for level in found.levels.levels) == pytest.approx(statistics["sah_cost"], rel=1e-6)
     texts = draw(inspector_panels.HALFSPACE_PT_view_levels, scene=seen)
     assert " ".join(found.lines) in " ".join(texts)  # lines are wrapped
-    assert "Overlap" in texts
+    assert "EPO" in texts
 
 
 @pytest.mark.parametrize("what", ["NODES", "STEPS", "RAYS", "LEVELS", "MAP", "PICTURE"])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shapes import cube
 
-from addon.blender.measure import checking, cost_maps, workloads
+from addon.blender.measure import checking, cost_maps, map_pictures, workloads
 from addon.blender.session import trees
 from addon.blender.ui import overlay_panels
 from addon.core.base import native
@@ -137,7 +137,7 @@ def test_cost_maps_walk_the_triangles_that_they_were_built_over(seen: Any, chang
         seen.objects["Box 4"].location = (0, 0, 3)
     drawn: list[Any] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cost_maps, "compose", lambda maps, _what: drawn.extend(maps))
+        patch.setattr(map_pictures, "compose", lambda maps, *_: drawn.extend(maps))
         cost_maps.draw(seen, 64)
     bpy.context.view_layer.update()
     workload = (

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import animations
 import bench
 import choose
 import claims
@@ -31,6 +32,7 @@ from addon.core.report import results
 from addon.core.scene import workload
 
 COMMANDS = {
+    "animations": animations,
     "bench": bench,
     "choose": choose,
     "claims": claims,
@@ -113,6 +115,7 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("overlay_picture", ["--show", "leaves"], "--show: expected planes"),
         ("overlay_picture", ["--out", "o.txt"], "expected a name that ends in .png"),
         ("pictures", ["--width", "0"], "--width: expected 64 to "),
+        ("animations", ["--width", "0"], "--width: expected 64 to "),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
         ("render", ["--percentage", "0"], "--percentage: expected 1 to "),
