@@ -11,8 +11,10 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...core.base import native
-from ...core.inspector import csv_files
+from ...core.inspector import csv_files, page
 from ...core.overlay import cells
+from ...core.structures import catalogue
+from ...core.structures.settings import memory_limit
 from ..measure import cost_maps, pictures
 from ..overlay import picking, replaying
 from ..session import trees
@@ -25,8 +27,16 @@ WHAT = (
     ("LEVELS", "Levels", "SAH cost, overlap and time of each level", 3),
     ("MAP", "Cost Map, Numbers", "The numbers of each pixel of the last cost map", 4),
     ("PICTURE", "Cost Map, Picture", "The last cost map as PNG, with its histograms", 5),
+    (
+        "PAGE",
+        "Page",
+        "Maps, worst rays, tree and levels of the last structure, and of the second one of the cost maps",
+        6,
+    ),
 )
-"""What can be written; all as CSV but the last."""
+"""What can be written; all as CSV but the last two."""
+
+SUFFIXES = {"PICTURE": ".png", "PAGE": ".html"}
 
 
 class ExportError(ValueError):
@@ -50,6 +60,21 @@ def text(scene: Any, what: str) -> str:
     if what == "LEVELS":
         return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).levels.rows())
     return csv_files.text(rows[what]())
+
+
+def page_of(scene: Any) -> str:
+    """The page of the last structure, beside the second structure of cost maps. Raises what `text` and builds raise."""
+    tree, group = trees.last(scene), scene.halfspace
+    if tree is None:
+        raise ExportError("Build a structure first")
+    module, found = native.load(), worst.find(scene, tree)
+    structures = [(tree.label, tree.structure)]
+    second = catalogue.load().get(group.second)
+    if second is not None:
+        limit = memory_limit(group.memory_limit)
+        built = module.build(tree.vertices, tree.triangles, group.second, memory_limit=limit)
+        structures.append((second.label, built))
+    return page.as_html(module, found.workload, structures, group.inspector.width)
 
 
 def _replay(scene: Any, tree: trees.Tree) -> Any:
@@ -90,7 +115,8 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
                     raise ExportError("Show a cost map first")
                 pictures.save(path, cost_maps.kept.picture(context.scene))
             else:
-                path.write_text(text(context.scene, self.what), encoding="utf-8")
+                content = page_of(context.scene) if self.what == "PAGE" else text(context.scene, self.what)
+                path.write_text(content, encoding="utf-8")
         except (*native.FAILURES, OSError) as error:
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}
@@ -98,7 +124,7 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
         return {"FINISHED"}
 
     def _suffix(self) -> str:
-        return ".png" if self.what == "PICTURE" else ".csv"
+        return SUFFIXES.get(self.what, ".csv")
 
 
 def register() -> None:

@@ -149,6 +149,7 @@ class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
             grid.label(text=f"{level.overlap:.3g}")
             grid.label(text=f"{level.nanoseconds:.1f}")
         _export(layout, "LEVELS")
+        _export(layout, "PAGE")
 
 
 class HALFSPACE_PT_image_maps(_InspectorPanel, bpy.types.Panel):

@@ -201,6 +201,18 @@ def test_everything_is_written(seen: Any, tmp_path: Path, what: str) -> None:
     assert len(rows) == lengths[what]()
 
 
+def test_the_page_holds_both_structures(seen: Any, tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    with pytest.raises(RuntimeError, match="Build a structure first"):
+        bpy.ops.halfspace.export_inspector(filepath=str(path), what="PAGE")
+    build(seen, "kd")
+    seen.halfspace.second = "bvh-sah"
+    assert bpy.ops.halfspace.export_inspector(filepath=str(path), what="PAGE") == {"FINISHED"}
+    text = path.read_text(encoding="utf-8")
+    assert "kd-tree" in text
+    assert "Bounding volume hierarchy" in text
+
+
 def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
     group = seen.halfspace
     group.structure, group.second, group.cost = "kd", "bvh-sah", "TESTS"

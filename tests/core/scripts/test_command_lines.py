@@ -16,6 +16,7 @@ import compare
 import export
 import extraction
 import growth
+import inspector
 import numpy as np
 import overlay_picture
 import package
@@ -40,6 +41,7 @@ COMMANDS = {
     "export": export,
     "extraction": extraction,
     "growth": growth,
+    "inspector": inspector,
     "overlay_picture": overlay_picture,
     "package": package,
     "pictures": pictures,
@@ -115,6 +117,7 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("overlay_picture", ["--show", "leaves"], "--show: expected planes"),
         ("overlay_picture", ["--out", "o.txt"], "expected a name that ends in .png"),
         ("pictures", ["--width", "0"], "--width: expected 64 to "),
+        ("inspector", ["sponza-dabrovic", "--width", "0"], "--width: expected 8 to "),
         ("animations", ["--width", "0"], "--width: expected 64 to "),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
