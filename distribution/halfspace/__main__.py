@@ -18,6 +18,7 @@ COMMANDS = {
     "compare": "pictures of Halfspace and of Cycles (needs Blender)",
     "export": "a whole tree as a NumPy archive",
     "growth": "how building and tracing grow with the number of triangles",
+    "inspector": "a page of maps, worst rays, trees and levels of structures",
     "render": "a picture without a window",
     "stability": "answers on random and extreme scenes against brute force",
 }

@@ -8,18 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
 import pytest
 from drawn import boxes, build, tilted
 from layouts import draw
+from mathutils import Matrix
 
 from addon.blender.inspector import levels, map_cursor, worst
 from addon.blender.measure import cost_maps, map_pictures, pictures
-from addon.blender.overlay import choosing, drawing, picking, replaying
+from addon.blender.overlay import choosing, drawing, legend, picking, replaying
 from addon.blender.session import trees
 from addon.blender.ui import inspector_panels, overlay_panels
 from addon.core.base import native
 from addon.core.overlay import cells
+from addon.core.overlay.legend import Entry
 
 WIDTH, HEIGHT = 200, 150
 
@@ -84,6 +87,32 @@ def test_a_selected_node_is_drawn_and_can_be_alone(seen: Any, canvas: Any) -> No
     assert next(entry.text for entry in drawing.legend_of(seen)) == "node"
     seen.halfspace.overlay.legend = False
     assert drawing.legend_of(seen) == []
+
+
+def test_the_legend_shows_its_colours_in_the_corner(canvas: Any) -> None:
+    entries = [
+        Entry(((1.0, 0.0, 0.0),), "red"),
+        Entry(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "a scale"),
+        Entry((), "words"),
+    ]
+    x, y = 2 / WIDTH, 2 / HEIGHT
+    pixels_to_clip = Matrix(((x, 0, 0, -1), (0, y, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1)))
+    with canvas.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        framebuffer = gpu.state.active_framebuffer_get()
+        framebuffer.clear(color=(0, 0, 0, 0))
+        gpu.matrix.load_matrix(Matrix.Identity(4))
+        gpu.matrix.load_projection_matrix(pixels_to_clip)
+        legend.draw(entries, 0.0, 1.0)
+        read = framebuffer.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
+    drawn = np.array(read.to_list(), np.float32).reshape(HEIGHT, WIDTH, 4)[..., :3]
+    # Letters are white; the others are the pure colours of the entries.
+    red, green, blue = (np.argwhere(np.abs(drawn - np.eye(3)[k]).max(axis=2) < 0.1) for k in range(3))
+    assert len(red) > 200
+    assert len(green) > 80
+    assert len(blue) > 80
+    # The first entry is the highest, and the colours of a scale go to the right.
+    assert red[:, 0].min() > green[:, 0].max()
+    assert green[:, 1].max() < blue[:, 1].min()
 
 
 @pytest.mark.parametrize("name", ["primary", "shadow", "diffuse"])
