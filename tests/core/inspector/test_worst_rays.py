@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,20 @@ def test_levels_sum_to_the_whole(spec: str) -> None:
     mean = primary.tests.mean()
     assert sum(level.tests for level in found.levels) == pytest.approx(mean, rel=0.5)
     assert "1 of 9 answers wrong" in levels.sentences(found, 1, 9)[0]
+
+
+def test_levels_share_the_measured_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    structure, nodes = built("kd")
+    primary = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    view = replace(primary.rays, order="none")
+    counters = structure.closest(view.origins, view.directions, counters=True).counters
+    blocks = [counters[name].reshape(-1, 64).mean(axis=1) for name in ("visits", "tests")]
+    monkeypatch.setattr(levels.costmap, "nanoseconds", lambda *_: (3 * blocks[0] + 5 * blocks[1]).astype(np.float32))
+    found = levels.measure(structure, nodes, WORKLOAD, primary)
+    assert (found.prices.step, found.prices.test) == pytest.approx((3, 5), rel=1e-3)
+    assert found.prices.explained == pytest.approx(1)
+    wanted = float((3 * blocks[0] + 5 * blocks[1]).mean())
+    assert sum(level.nanoseconds for level in found.levels) == pytest.approx(wanted, rel=1e-5)
 
 
 def test_prices_are_the_least_squares_without_negative_ones() -> None:
