@@ -245,8 +245,8 @@ def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tupl
     shift[:3, 3] = origin
     for p in placements:
         add, scale = p.mesh.box
-        for matrix in np.linalg.inv(p.matrices) @ shift:
+        for k, matrix in enumerate(np.linalg.inv(p.matrices) @ shift):
             rows = tuple(tuple(float(x) for x in row) for row in matrix[:3])
-            frames.append(ObjectFrame(rows, (add, scale)))
+            frames.append(ObjectFrame(rows, (add, scale), p.values[k] if p.values else ()))
             counts.append(len(p.mesh.triangles))
     return tuple(frames), np.repeat(np.arange(len(frames), dtype=np.uint32), counts)
