@@ -91,12 +91,13 @@ def _of_name(name: str) -> int:
     return number
 
 
-def hashed(x: int, y: int = 0) -> int:
-    """Jenkins' lookup3 of two words (2006): its final mix."""
+def hashed(x: Any, y: int = 0) -> Any:
+    """Jenkins' lookup3 of two words (2006): its final mix. `x`: a word, or an int64 array of them."""
+    a: Any
     a = b = c = 0xDEADBEEF + (2 << 2) + 13
     b, a = (b + y) & MASK, (a + x) & MASK
 
-    def turned(word: int, by: int) -> int:
+    def turned(word: Any, by: int) -> Any:
         return (word << by | word >> 32 - by) & MASK
 
     c = ((c ^ b) - turned(b, 14)) & MASK

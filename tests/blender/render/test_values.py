@@ -147,6 +147,27 @@ def flat(scene: Any, makers: dict[str, atlas.Maker]) -> None:
             item.scale = (0.5, 0.5, 1.0)
 
 
+def mappings() -> Iterator[tuple[str, atlas.Maker]]:
+    for kind in ("POINT", "TEXTURE", "VECTOR", "NORMAL"):
+
+        def make(tree: Any, kind: str = kind) -> Any:
+            node, inputs = add(tree, "Mapping", vector_type=kind), {}
+            values = {"Location": (0.3, -0.2, 0.5), "Rotation": (0.4, 0.9, -0.3), "Scale": (0.7, 1.4, 2.1)}
+            for name, value in values.items():
+                if name not in node.inputs:
+                    continue
+                inputs[name] = add(tree, "VectorMath", operation="ADD")
+                inputs[name].inputs[0].default_value = value
+                waves = add(tree, "VectorMath", operation="SCALE")
+                tree.links.new(place(tree, 0.2), waves.inputs[0])
+                tree.links.new(waves.outputs[0], inputs[name].inputs[1])
+                tree.links.new(inputs[name].outputs[0], node.inputs[name])
+            tree.links.new(place(tree, 2.0), node.inputs["Vector"])
+            return node.outputs[0]
+
+        yield kind, shown(make, 0.2)
+
+
 def spectra() -> Iterator[tuple[str, atlas.Maker]]:
     for kelvin in (500.0, 900.0, 1500.0, 2800.0, 4500.0, 6500.0, 9000.0, 20000.0):
         yield f"{kelvin} K", lambda tree, kelvin=kelvin: add(tree, "Blackbody", Temperature=kelvin).outputs[0]
@@ -154,7 +175,7 @@ def spectra() -> Iterator[tuple[str, atlas.Maker]]:
         yield f"{nm} nm", lambda tree, nm=nm: add(tree, "Wavelength", Wavelength=nm).outputs[0]
 
 
-@pytest.mark.parametrize("family", [vector_math, rotations, ranges, curves, colors])
+@pytest.mark.parametrize("family", [vector_math, rotations, mappings, ranges, curves, colors])
 def test_values_are_those_of_cycles(scene: Any, family: Any) -> None:
     makers = dict(family())
     flat(scene, makers)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..nodes import Place, Unsupported
-from .sockets import COLOR, TANGENT, UV
+from .sockets import COLOR, ISLAND, TANGENT, UV
 
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
@@ -62,6 +62,8 @@ def _texture_coordinate(values: Values, node: Place) -> Operand:
 
 
 def _geometry(values: Values, node: Place) -> Operand:
+    if node.socket.name == "Random Per Island":
+        return values.layer(ISLAND, "")
     if node.socket.name not in _GEOMETRY:
         raise Unsupported(f"Geometry: {node.socket.name}")
     return values.coordinate(_GEOMETRY[node.socket.name])

@@ -118,34 +118,50 @@ def _float_curve(values: Values, node: Place) -> Operand:
 
 
 def _mapping(values: Values, node: Place) -> Operand:
-    kind = node.node.vector_type
-    parts = {}
-    for name in ("Location", "Rotation", "Scale"):
-        place = node.input(name)
-        if place is None:
-            parts[name] = Vector((0, 0, 0))
-        elif place.source().socket.is_output:
-            raise Unsupported(f"Mapping with a linked {name}")
-        else:
-            value = values.value(place)
-            parts[name] = Vector(value[:3] if isinstance(value, tuple) else (value,) * 3)
+    kind, vector = node.node.vector_type, values.input(node, "Vector")
+    shift, rotation = (values.input(node, name, (0.0, 0.0, 0.0)) for name in ("Location", "Rotation"))
+    scale = values.input(node, "Scale")
+    if any(isinstance(part, int) for part in (shift, rotation, scale)):
+        return _computed_mapping(values, kind, vector, (shift, rotation, scale))
     # Compose the matrix in Blender's order for each kind of mapping.
-    rotation = Euler(parts["Rotation"]).to_matrix().to_4x4()
-    scale = Matrix.Diagonal((*parts["Scale"], 1))
-    shrink = Matrix.Diagonal((*(1 / factor if factor else 0.0 for factor in parts["Scale"]), 1))
-    shift = Matrix.Translation(parts["Location"])
+    place, turn, size = (
+        Vector(part[:3] if isinstance(part, tuple) else (part,) * 3) for part in (shift, rotation, scale)
+    )
+    turned = Euler(turn).to_matrix().to_4x4()
+    grown = Matrix.Diagonal((*size, 1))
+    shrunk = Matrix.Diagonal((*(1 / factor if factor else 0.0 for factor in size), 1))
+    moved = Matrix.Translation(place)
     match kind:
         case "POINT":
-            matrix = shift @ rotation @ scale
+            matrix = moved @ turned @ grown
         case "TEXTURE":
-            matrix = shrink @ (shift @ rotation).inverted()
+            matrix = shrunk @ (moved @ turned).inverted()
         case "VECTOR":
-            matrix = rotation @ scale
+            matrix = turned @ grown
         case _:
-            matrix = rotation @ shrink
-    vector = values.input(node, "Vector")
+            matrix = turned @ shrunk
     mapped = values.step("matrix", vector, matrix=[list(row) for row in matrix[:3]])
     return values.step("unit", mapped) if kind == "NORMAL" else mapped
+
+
+def _computed_mapping(values: Values, kind: str, vector: Operand, parts: tuple[Operand, Operand, Operand]) -> Operand:
+    """A mapping whose location, rotation or scale is computed."""
+    shift, rotation, scale = parts
+
+    def math(operation: str, a: Operand, b: Operand) -> Operand:
+        return values.step("vector_math", a, b, 0.0, kind=operation)
+
+    def turned(v: Operand, *, inverse: bool = False) -> Operand:
+        return values.step("rotate_euler", v, 0.0, rotation, inverse=inverse)
+
+    match kind:
+        case "POINT":
+            return math("ADD", turned(math("MULTIPLY", vector, scale)), shift)
+        case "TEXTURE":
+            return math("DIVIDE", turned(math("SUBTRACT", vector, shift), inverse=True), scale)
+        case "VECTOR":
+            return turned(math("MULTIPLY", vector, scale))
+    return values.step("unit", turned(math("DIVIDE", vector, scale)))
 
 
 def _vector_rotate(values: Values, node: Place) -> Operand:

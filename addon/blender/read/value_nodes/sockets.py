@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
 
-UV, COLOR, TANGENT = "uv", "color", "tangent"
-"""Kinds of layers: a UV map, a colour attribute, the tangents of a UV map. The name "" is the active one."""
+UV, COLOR, TANGENT, ISLAND = "uv", "color", "tangent", "island"
+"""Kinds of layers: a UV map, a colour attribute, the tangents of a UV map, a random number of each connected part. The
+name "" is the active one.
+"""
 
 
 def is_constant(operand: Operand, value: float) -> bool:
