@@ -106,6 +106,51 @@ def test_tangents_are_those_of_cycles(scene: Any) -> None:
     assert not atlas.differences(ours, theirs)
 
 
+def absurd(output: Callable[[Any], Any]) -> atlas.Maker:
+    """Emission of a value that may be anything."""
+    return lambda tree: shown(tree, output(tree))
+
+
+def test_absurd_values_give_a_picture(scene: Any) -> None:
+    flat = bpy.data.objects.new("Flat", None)
+    flat.scale = (0.0, 1.0, 1.0)
+    scene.collection.objects.link(flat)
+    makers = {
+        "other": absurd(lambda tree: add(tree, "TexCoord", object=flat).outputs["Object"]),
+        "text": absurd(
+            lambda tree: add(tree, "Attribute", attribute_type="OBJECT", attribute_name="words").outputs["Color"]
+        ),
+        "nothing": absurd(
+            lambda tree: add(tree, "Attribute", attribute_type="VIEW_LAYER", attribute_name="").outputs["Color"]
+        ),
+        "infinite": absurd(
+            lambda tree: add(tree, "Attribute", attribute_type="OBJECT", attribute_name="huge").outputs["Color"]
+        ),
+    }
+    for value in (math.nan, math.inf, -math.inf, 3e38, -3e38):
+        makers |= {
+            f"K {value}": absurd(lambda tree, x=value: add(tree, "Blackbody", Temperature=x).outputs[0]),
+            f"nm {value}": absurd(lambda tree, x=value: add(tree, "Wavelength", Wavelength=x).outputs[0]),
+            f"turn {value}": absurd(
+                lambda tree, x=value: add(tree, "VectorRotate", Angle=x, Axis=(x, x, 0)).outputs[0]
+            ),
+            f"steps {value}": absurd(
+                lambda tree, x=value: add(tree, "MapRange", interpolation_type="STEPPED", Steps=x, Value=x).outputs[0]
+            ),
+        }
+    atlas.sheet(scene, makers, grid(1))
+    for item in scene.objects:
+        if item.type == "MESH":
+            item["words"], item["huge"], item.scale = "red", [math.inf, math.nan, 1e300], (0.5, 0.5, 1.0)
+    atlas.configure(scene, 1, 0)
+    found = atlas.rendered(scene, makers, "HALFSPACE")
+    assert {name for name, tile in found.items() if not (tile == tile).all() or abs(tile).max() > 1e38} == set()
+    report = reports.last(scene)
+    assert report is not None
+    assert any("object without size" in line for line in report.warnings)
+    assert any("not finite" in line for line in report.warnings)
+
+
 def bowl(output: str, kind: str, **settings: Any) -> atlas.Maker:
     """A shader that scatters, and glows by a property of the path."""
 
