@@ -3,19 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.arrays import F32, F64, U32
 from ...core.scene.scene import ObjectFrame
-from .object_values import hashed
-from .value_nodes import COLOR, ISLAND, TANGENT, UV
+from .value_nodes import COLOR, ISLAND, POINTINESS, TANGENT, UV
+from .vertex_layers import islands, pointiness
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from .meshes import Placement
 
 Key = tuple[str, str]
@@ -32,7 +30,7 @@ def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
     mesh.loop_triangles.foreach_get("loops", corners)
     found = {}
     for kind, name in keys:
-        values = {UV: _uv, COLOR: _color, TANGENT: _tangents, ISLAND: _islands}[kind](mesh, name, corners)
+        values = READERS[kind](mesh, name, corners)
         if values is not None:
             found[kind, name] = np.ascontiguousarray(values.reshape(len(corners) // 3, 3, -1), np.float32)
     return found
@@ -51,7 +49,7 @@ def _width(mesh: Any, kind: str, name: str) -> int:
             return 0
         stored = TYPES[attribute.data_type][0]
         return 3 if stored == 1 else stored
-    if kind == ISLAND:
+    if kind in (ISLAND, POINTINESS):
         return 3
     if _uv_map(mesh, name) is None:
         return 0
@@ -131,37 +129,6 @@ def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
     return np.repeat(rows.take(faces, axis=0), 3, axis=0)
 
 
-def _islands(mesh: Any, _: str, corners: U32) -> F32:
-    """A random number in [0, 1] for each connected part of the mesh, three times."""
-    edges = np.empty(len(mesh.edges) * 2, np.int32)
-    if len(edges):
-        mesh.attributes[".edge_verts"].data.foreach_get("value", edges)
-    vertices = np.empty(len(mesh.loops), np.int32)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
-    numbers = hashed(lowest_neighbours(len(mesh.vertices), edges.reshape(-1, 2))) / np.float32(0xFFFFFFFF)
-    values = numbers.astype(np.float32).take(vertices.take(corners))
-    return np.repeat(values[:, None], 3, axis=1)
-
-
-def lowest_neighbours(count: int, edges: NDArray[Any]) -> NDArray[np.int64]:
-    """The lowest vertex of each vertex's connected part, (count,). edges: (n, 2).
-
-    Labels spread along edges and are then followed to their own labels, which halves long chains.
-    """
-    labels = np.arange(count, dtype=np.int64)
-    while True:
-        lowest = labels[edges].min(axis=1) if len(edges) else np.zeros(0, np.int64)
-        # Hook the labels of both ends, so that whole parts are joined at once.
-        new = labels.copy()
-        for end in edges.T:
-            np.minimum.at(new, labels[end], lowest)
-            np.minimum.at(new, end, lowest)
-        new = new[new]
-        if (new == labels).all():
-            return labels
-        labels = new
-
-
 def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     """Blender's own tangents (x, y, z) and the sign of the bitangent."""
     uv_map = _uv_map(mesh, name)
@@ -203,6 +170,16 @@ def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     tangent /= np.where(length > 0, length, 1)
     values = np.concatenate([tangent, np.where(area < 0, -1.0, 1.0)[:, None]], axis=1).astype(np.float32)
     return np.repeat(values, 3, axis=0)
+
+
+READERS: dict[str, Callable[[Any, str, U32], F32 | None]] = {
+    UV: _uv,
+    COLOR: _color,
+    TANGENT: _tangents,
+    ISLAND: lambda mesh, _, corners: islands(mesh, corners),
+    POINTINESS: lambda mesh, _, corners: pointiness(mesh, corners),
+}
+"""The readers of layers by their kind: values of a mesh's layer at the corners of its triangles."""
 
 
 def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -13,8 +13,9 @@ import pytest
 from shapes import cube, material, node, read
 
 from addon.blender.read import layers, meshes
-from addon.blender.read.layers import lowest_neighbours, read_layers
+from addon.blender.read.layers import read_layers
 from addon.blender.read.value_nodes import ISLAND
+from addon.blender.read.vertex_layers import lowest_neighbours
 from addon.core.scene.scene import SceneError
 
 KEY = ("tangent", "UVMap")

@@ -97,6 +97,7 @@ def test_coordinates_are_those_of_cycles(scene: Any, lens: str) -> None:
 
 def test_tangents_are_those_of_cycles(scene: Any) -> None:
     makers = {axis: read("Tangent", "Tangent", direction_type="RADIAL", axis=axis) for axis in "XYZ"}
+    makers |= {"pointiness": read("NewGeometry", "Pointiness", 3.0, -1.0)}
     makers |= {"map": read("Tangent", "Tangent", direction_type="UV_MAP"), "geometry": read("NewGeometry", "Tangent")}
     atlas.sheet(scene, makers, ball())
     for item in scene.objects:

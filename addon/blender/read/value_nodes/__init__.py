@@ -10,7 +10,7 @@ from .coordinates import COORDINATES
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
-from .sockets import COLOR, ISLAND, TANGENT, UV, constant, is_constant
+from .sockets import COLOR, ISLAND, POINTINESS, TANGENT, UV, constant, is_constant
 from .textures import TEXTURES
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..nodes import Place
     from ..values import Values
 
-__all__ = ["COLOR", "ISLAND", "NODES", "TANGENT", "UV", "constant", "is_constant"]
+__all__ = ["COLOR", "ISLAND", "NODES", "POINTINESS", "TANGENT", "UV", "constant", "is_constant"]
 
 NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **TEXTURES,

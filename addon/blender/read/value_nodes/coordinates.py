@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..nodes import Place, Unsupported
-from .sockets import COLOR, ISLAND, TANGENT, UV
+from .sockets import COLOR, ISLAND, POINTINESS, TANGENT, UV
 
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
@@ -62,10 +62,11 @@ def _texture_coordinate(values: Values, node: Place) -> Operand:
 
 
 def _geometry(values: Values, node: Place) -> Operand:
-    if node.socket.name == "Random Per Island":
-        return values.layer(ISLAND, "")
-    if node.socket.name not in _GEOMETRY:
+    layer = {"Random Per Island": ISLAND, "Pointiness": POINTINESS}.get(node.socket.name)
+    if layer is not None and values.background:
         raise Unsupported(f"Geometry: {node.socket.name}")
+    if layer is not None:
+        return values.layer(layer, "")
     return values.coordinate(_GEOMETRY[node.socket.name])
 
 

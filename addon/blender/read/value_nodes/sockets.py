@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
 
-UV, COLOR, TANGENT, ISLAND = "uv", "color", "tangent", "island"
-"""Kinds of layers: a UV map, a colour attribute, the tangents of a UV map, a random number of each connected part. The
-name "" is the active one.
+UV, COLOR, TANGENT, ISLAND, POINTINESS = "uv", "color", "tangent", "island", "pointiness"
+"""Kinds of layers: a UV map, a colour attribute, the tangents of a UV map, a random number of each connected part,
+pointiness. The name "" is the active one.
 """
 
 
