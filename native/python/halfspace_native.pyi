@@ -862,7 +862,8 @@ class RenderScene:
         whether colours are decoded after interpolation. An image without pixels is missing: pink.
     layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
     objects: dictionaries of "to_object", (3, 4), scene to object space, and "generated",
-        (2, 3), offset and then factor that map object space to 0..1 in the object's box.
+        (2, 3), offset and then factor that map object space to 0..1 in the object's box, and "values",
+        rows of four floats that the steps "object_value" read by "column" (none).
     object_index: (m,) uint32, the object of each triangle; None = the first for all.
     origin: (3,), the world position of the scene's origin.
     indices: object and material indices for the passes of that name; None = all 0. "first" (n,) int32,

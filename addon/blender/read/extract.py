@@ -15,6 +15,7 @@ from ...core.scene.instances import Layout, choose
 from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, World
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
+from .object_values import Instance, Value
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
@@ -47,6 +48,7 @@ class _Group:
     materials: np.ndarray[Any, Any]
     matrices: list[np.ndarray[Any, Any]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    values: list[tuple[Value, ...]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -119,11 +121,16 @@ def find(
     By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
     """
     layer = depsgraph.view_layer_eval
-    reader = _Reader(notes, uvs, depsgraph.ids, layer)
+    reader = _Reader(notes, uvs, depsgraph)
     # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
-            reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
+            reader.visit(
+                instance.object,
+                instance.matrix_world,
+                instance.parent if instance.is_instance else None,
+                instance.random_id,
+            )
     reader.note_layers()
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
@@ -149,10 +156,12 @@ def find(
 class _Reader:
     """The state of one pass over the depsgraph's instances."""
 
-    def __init__(self, notes: Notes, uvs: bool, blocks: Any, layer: Any) -> None:
+    def __init__(self, notes: Notes, uvs: bool, depsgraph: Any) -> None:
         self.notes = notes
         self.uvs = uvs
-        self.palette = materials.Palette(notes, blocks, layer.material_override)
+        layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
+        owners = (layer, scene, scene.world)
+        self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners)
         self.lights: list[Light] = []
         self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
@@ -166,15 +175,16 @@ class _Reader:
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
-    def visit(self, item: Any, matrix_world: Any, parent: Any = None) -> None:
-        """Read one object at one place; `parent` is its instancer, if any."""
+    def visit(self, item: Any, matrix_world: Any, parent: Any = None, number: int = 0) -> None:
+        """Read one object at one place; `parent` is its instancer, if any, and `number` random for each instance."""
         kind = item.type
         matrix = np.array(matrix_world, np.float64)
         if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
             if self._surfaces:
-                self._place(item, matrix, self._seen(item, parent))
+                instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
+                self._place(instance, matrix, self._seen(item, parent))
         elif kind == "LIGHT":
             light = lights.read_light(item, matrix, self.notes)
             if light is not None:
@@ -186,13 +196,16 @@ class _Reader:
     def placements(self) -> list[meshes.Placement]:
         """The placements, in order of appearance."""
         return [
-            meshes.Placement(group.mesh, np.stack(group.matrices), tuple(group.names), group.materials)
+            meshes.Placement(
+                group.mesh, np.stack(group.matrices), tuple(group.names), group.materials, tuple(group.values)
+            )
             for (mesh, _), group in self._groups.items()
             if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
 
-    def _place(self, item: Any, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
+    def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
+        item = instance.item
         name = item.name_full  # linked files may contain objects of equal names
         self._check_once(item, name)
         if not np.isfinite(matrix).all():
@@ -213,6 +226,7 @@ class _Reader:
             group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
         group.matrices.append(matrix)
         group.names.append(name)
+        group.values.append(instance.values(self.palette.layers.object_values))
 
     def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The key and arrays of the object's mesh, read once for all its instances, and its materials."""

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.arrays import F32, F64, U32
 from ...core.scene.scene import ObjectFrame
-from .value_nodes import COLOR, TANGENT, UV
+from .value_nodes import COLOR, ISLAND, POINTINESS, TANGENT, UV
+from .vertex_layers import islands, pointiness
 
 if TYPE_CHECKING:
     from .meshes import Placement
@@ -29,7 +30,7 @@ def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
     mesh.loop_triangles.foreach_get("loops", corners)
     found = {}
     for kind, name in keys:
-        values = {UV: _uv, COLOR: _color, TANGENT: _tangents}[kind](mesh, name, corners)
+        values = READERS[kind](mesh, name, corners)
         if values is not None:
             found[kind, name] = np.ascontiguousarray(values.reshape(len(corners) // 3, 3, -1), np.float32)
     return found
@@ -48,6 +49,8 @@ def _width(mesh: Any, kind: str, name: str) -> int:
             return 0
         stored = TYPES[attribute.data_type][0]
         return 3 if stored == 1 else stored
+    if kind in (ISLAND, POINTINESS):
+        return 3
     if _uv_map(mesh, name) is None:
         return 0
     return 4 if kind == TANGENT else 2
@@ -169,6 +172,16 @@ def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     return np.repeat(values, 3, axis=0)
 
 
+READERS: dict[str, Callable[[Any, str, U32], F32 | None]] = {
+    UV: _uv,
+    COLOR: _color,
+    TANGENT: _tangents,
+    ISLAND: lambda mesh, _, corners: islands(mesh, corners),
+    POINTINESS: lambda mesh, _, corners: pointiness(mesh, corners),
+}
+"""The readers of layers by their kind: values of a mesh's layer at the corners of its triangles."""
+
+
 def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Offset and then scale that map positions of the mesh to its texture space, 0 to 1."""
     place, size = np.array(mesh.texspace_location), np.array(mesh.texspace_size)
@@ -245,8 +258,8 @@ def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tupl
     shift[:3, 3] = origin
     for p in placements:
         add, scale = p.mesh.box
-        for matrix in np.linalg.inv(p.matrices) @ shift:
+        for k, matrix in enumerate(np.linalg.inv(p.matrices) @ shift):
             rows = tuple(tuple(float(x) for x in row) for row in matrix[:3])
-            frames.append(ObjectFrame(rows, (add, scale)))
+            frames.append(ObjectFrame(rows, (add, scale), p.values[k] if p.values else ()))
             counts.append(len(p.mesh.triangles))
     return tuple(frames), np.repeat(np.arange(len(frames), dtype=np.uint32), counts)

@@ -16,7 +16,7 @@ from .surfaces import Surface
 from .values import Layers, Values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 DEFAULT = Material("(no material)")
 
@@ -44,9 +44,11 @@ class Palette:
     layers: corner attributes that the materials of `blocks`, or of those met since, read.
     """
 
-    def __init__(self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None) -> None:
+    def __init__(
+        self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None, owners: Sequence[Any] = ()
+    ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is read. override: a material that replaces all others.
+        before the first mesh is read. override: a material that replaces all others. owners: see `Values`.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -57,6 +59,7 @@ class Palette:
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
         self._override = override
+        self._owners = owners
         for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
@@ -115,7 +118,12 @@ class Palette:
         key = material.original.as_pointer()
         if key not in self._read:
             remarks: dict[str, None] = {}
-            values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"))
+            values = Values(
+                self.layers,
+                self.gallery,
+                lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"),
+            )
+            values.material_index, values.owners = float(material.pass_index), self._owners
             self._read[key] = _Read(_material(material, values), tuple(remarks), frozenset(values.images))
         return self._read[key]
 

@@ -18,6 +18,7 @@ from ...core.base.arrays import F32, F64, I32
 from ...core.scene.instances import InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
+from .object_values import Value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -131,13 +132,15 @@ class Placement:
     """A mesh and all its instances with the same materials.
 
     matrices: (k, 4, 4) float64, mesh to world, regular. names: the k objects. materials: (slots,) int32, the scene's
-    material for each slot, at least one; slots beyond the last use the last, as in Blender.
+    material for each slot, at least one; slots beyond the last use the last, as in Blender. values: for each object
+    those that materials read, see `object_values`.
     """
 
     mesh: MeshArrays
     matrices: F64
     names: tuple[str, ...]
     materials: I32
+    values: tuple[tuple[Value, ...], ...] = ()
 
 
 def assemble(

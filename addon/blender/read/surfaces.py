@@ -67,8 +67,16 @@ class Surface:
                 # Check this before reading its inputs, which may be long chains.
                 if self._has_room(principled=kind in PRINCIPLED):
                     SHADERS[kind](self, source, weight)
-            case _:
-                raise Unsupported(source.node.bl_label)
+            case kind:
+                self._unknown(kind, source, weight)
+
+    def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
+        """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
+        if node.input("Color") is None or kind.startswith("ShaderNodeVolume"):
+            raise Unsupported(node.node.bl_label)
+        self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
+        if self._has_room(principled=False):
+            self.add("diffuse", weight, node, color=self.color(node))
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
         """Read both shaders of a Mix Shader, each with its part of the weight."""

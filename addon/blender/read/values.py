@@ -7,13 +7,14 @@ its own value.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .nodes import NUMBERS, Place, Remark, Unsupported, converted
+from .object_values import Key, found
 from .value_nodes import NODES, UV, constant
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class Layers:
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
+        self.object_values: list[Key] = []
 
     def number(self, kind: str, name: str) -> int:
         """The number of a layer, added if new."""
@@ -40,6 +42,13 @@ class Layers:
         if key not in self.keys:
             self.keys.append(key)
         return self.keys.index(key)
+
+    def object_value(self, key: Key) -> int:
+        """The number of a value of objects, added if new."""
+        self.objects = True
+        if key not in self.object_values:
+            self.object_values.append(key)
+        return self.object_values.index(key)
 
 
 class Values:
@@ -58,12 +67,15 @@ class Values:
         """background: for a world. wait: whether to wait for slow nodes, while `keep_going` returns True.
 
         sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
-        program.
+        program. material_index: that of the material. owners: data blocks whose properties are attributes of the view
+        layer.
         """
         self.steps: list[Step] = []
         self.images: set[int] = set()
         self.layers, self.gallery, self.remark, self.background = layers, gallery, remark, background
         self.wait, self.keep_going = wait, keep_going
+        self.material_index = 0.0
+        self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
         # Operands by output or coordinate, and the outputs whose inputs are being read, to detect loops.
@@ -79,7 +91,10 @@ class Values:
 
     def coordinate(self, kind: str) -> int:
         """The step for a property of the shading point, such as its position."""
-        if kind in ("object", "generated", "object_normal") and not self.background:
+        if (
+            kind in ("object", "generated", "object_normal", "tangent_x", "tangent_y", "tangent_z")
+            and not self.background
+        ):
             self.layers.objects = True
         return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind, **self._shift))
 
@@ -87,6 +102,27 @@ class Values:
         """The step for the value of a layer at the shading point."""
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number, **self._shift))
+
+    def of_object(self, kind: str, name: str) -> Operand:
+        """The step for a value of the shaded object, see `object_values`."""
+        if self.background:
+            raise Unsupported("A value of an object in a world")
+        column = self.layers.object_value((kind, name))
+        return self.once((kind, name), lambda: self.step("object_value", column=column))
+
+    def of_view_layer(self, name: str) -> Operand:
+        """A property of the view layer, the scene or its world; 0 if none has it."""
+        return found(self.owners, name) or (0.0, 0.0, 0.0, 0.0)
+
+    def object_space(self, item: Any) -> Operand:
+        """The position in the space of another object."""
+        if self.background:
+            raise Unsupported("Texture Coordinate: Object of another object in a world")
+        matrix = np.array(item.matrix_world, np.float64)
+        if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-30:
+            raise Unsupported("Texture Coordinate: Object of an object without size")
+        rows = np.linalg.inv(matrix)[:3].tolist()
+        return self.step("matrix", self.coordinate("position"), matrix=rows)
 
     @property
     def shifted(self) -> bool:

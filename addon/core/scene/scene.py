@@ -91,11 +91,13 @@ class ObjectFrame:
     """An object's coordinate frames for textures.
 
     to_object: (3, 4), scene frame to object space. generated: (2, 3), offset added to a position in object space, then
-    scale, which map the object's box to 0 to 1.
+    scale, which map the object's box to 0 to 1. values: other values of the object, by the numbers of "object_value"
+    steps; missing ones are 0.
     """
 
     to_object: tuple[tuple[float, ...], ...]
     generated: tuple[tuple[float, ...], ...]
+    values: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

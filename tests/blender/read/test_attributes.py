@@ -13,6 +13,9 @@ import pytest
 from shapes import cube, material, node, read
 
 from addon.blender.read import layers, meshes
+from addon.blender.read.layers import read_layers
+from addon.blender.read.value_nodes import ISLAND
+from addon.blender.read.vertex_layers import lowest_neighbours
 from addon.core.scene.scene import SceneError
 
 KEY = ("tangent", "UVMap")
@@ -168,3 +171,22 @@ def test_tangents_are_turned_within_the_memory_that_is_counted(triangles: int, p
     found = layer.reshape(places, triangles, 3, 4)
     assert np.allclose(found[..., :3], expected, rtol=1e-6, atol=1e-7)
     assert (found[..., 3] == tangents[..., 3]).all()
+
+
+def test_islands_are_the_connected_parts_of_a_mesh() -> None:
+    chain = np.stack([np.arange(999), np.arange(1, 1000)], axis=1)[::-1]
+    edges = np.concatenate([chain, [[1001, 1003], [1003, 1002], [1006, 1005]]])
+    found = lowest_neighbours(1007, edges)
+    assert (found[:1000] == 0).all()
+    assert found[1000:].tolist() == [1000, 1001, 1001, 1001, 1004, 1005, 1005]
+    assert lowest_neighbours(0, np.zeros((0, 2), np.int32)).tolist() == []
+
+
+def test_each_island_has_a_random_number() -> None:
+    mesh = bpy.data.meshes.new("Two")
+    mesh.from_pydata([(x, y, 0) for x in (0, 1, 2, 3) for y in (0, 1)], [], [(0, 1, 3, 2), (4, 5, 7, 6)])
+    found = read_layers(mesh, [(ISLAND, "")])[ISLAND, ""]
+    assert found.shape == (4, 3, 3)
+    numbers = np.unique(found)
+    assert len(numbers) == 2
+    assert 0 <= numbers[0] < numbers[1] <= 1

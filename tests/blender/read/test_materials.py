@@ -204,14 +204,25 @@ def test_bad_nodes_make_remarks_not_exceptions() -> None:
     assert any("Broken" in line for line in notes)
 
 
-def test_an_unknown_shader_falls_back_to_the_viewport_look() -> None:
+def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
     block = material("Hairy")
-    block.diffuse_color = (0.25, 0.5, 0.75, 1)
     plug(block, "ShaderNodeBsdfHair")
+    next(n for n in block.node_tree.nodes if n.type == "BSDF_HAIR").inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
+    found, notes = converted(block)
+    assert [closure.kind for closure in found.closures] == ["diffuse"]
+    assert found.closures[0].inputs["color"] == pytest.approx((0.2, 0.5, 0.7, 1.0))
+    assert len(notes) == 1
+    assert "Hair" in notes[0]
+
+
+def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:
+    block = material("Cut out")
+    block.diffuse_color = (0.25, 0.5, 0.75, 1)
+    plug(block, "ShaderNodeHoldout")
     found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert len(notes) == 1
-    assert "Hair" in notes[0]
+    assert "Holdout" in notes[0]
 
 
 def test_materials_without_output_or_shader_are_black() -> None:

@@ -9,5 +9,6 @@ pub mod keys;
 pub mod rays;
 pub mod scene;
 pub mod shader;
+pub mod steps;
 pub mod surface;
 pub mod textures;

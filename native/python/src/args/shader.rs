@@ -6,14 +6,13 @@
 
 use crate::args::arrays::{check_copy, describe};
 use crate::args::keys::{Keys, list};
+use crate::args::steps::{self, COORDINATES};
 use crate::args::textures;
 use halfspace_base::error::{Error, Result};
 use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
 use halfspace_render::values::image::{Extension, Image, Interpolation};
 use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
-use halfspace_render::values::program::{
-    Bump, Coordinate, Ease, Gradient, Op, Operand, Shift, Step, Value,
-};
+use halfspace_render::values::program::{Bump, Gradient, Op, Operand, Shift, Step, Value};
 use halfspace_render::values::varying::{Layer, ObjectFrame, Varying};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -50,24 +49,6 @@ const INPUTS: &[(&str, Input)] = &[
     ("diffuse_roughness", Input::DiffuseRoughness),
 ];
 
-/// Coordinates by their names in dictionaries.
-const COORDINATES: &[(&str, Coordinate)] = &[
-    ("generated", Coordinate::Generated),
-    ("object", Coordinate::Object),
-    ("object_normal", Coordinate::ObjectNormal),
-    ("position", Coordinate::Position),
-    ("normal", Coordinate::Normal),
-    ("true_normal", Coordinate::TrueNormal),
-    ("incoming", Coordinate::Incoming),
-    ("reflection", Coordinate::Reflection),
-    ("backfacing", Coordinate::Backfacing),
-    ("camera_ray", Coordinate::CameraRay),
-    ("shadow_ray", Coordinate::ShadowRay),
-    ("diffuse_ray", Coordinate::DiffuseRay),
-    ("glossy_ray", Coordinate::GlossyRay),
-    ("transmission_ray", Coordinate::TransmissionRay),
-];
-
 /// Gradient textures by Blender's names.
 const GRADIENTS: &[(&str, Gradient)] = &[
     ("LINEAR", Gradient::Linear),
@@ -77,13 +58,6 @@ const GRADIENTS: &[(&str, Gradient)] = &[
     ("RADIAL", Gradient::Radial),
     ("QUADRATIC_SPHERE", Gradient::QuadraticSphere),
     ("SPHERICAL", Gradient::Spherical),
-];
-
-/// Interpolations of Map Range by Blender's names.
-const EASES: &[(&str, Ease)] = &[
-    ("LINEAR", Ease::Linear),
-    ("SMOOTHSTEP", Ease::Smooth),
-    ("SMOOTHERSTEP", Ease::Smoother),
 ];
 
 /// Interpolations of images by their names in dictionaries.
@@ -175,7 +149,7 @@ pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
 /// Reads the program of a material or background.
 pub fn program(keys: &Keys<'_, '_>) -> Result<Vec<Step>> {
     let name = format!("{}['program']", keys.name);
-    let known = [STEP_KEYS, textures::KEYS].concat();
+    let known = [STEP_KEYS, steps::KEYS, textures::KEYS].concat();
     list(&name, keys.find("program").as_ref(), |dict, index| {
         let keys = Keys::new(dict, format!("{name}[{index}]"), &known)?;
         // Read the operands from a list, a tuple or any other sequence.
@@ -198,7 +172,7 @@ pub fn program(keys: &Keys<'_, '_>) -> Result<Vec<Step>> {
 }
 
 /// Reads an index below 65536.
-fn index(keys: &Keys<'_, '_>, key: &str) -> Result<u16> {
+pub fn index(keys: &Keys<'_, '_>, key: &str) -> Result<u16> {
     let number = keys.count(key)?;
     u16::try_from(number)
         .map_err(|_| Error::Spec(format!("{}['{key}'] must be below 65536", keys.name)))
@@ -208,6 +182,9 @@ fn index(keys: &Keys<'_, '_>, key: &str) -> Result<u16> {
 fn op(keys: &Keys<'_, '_>) -> Result<Op> {
     let name = keys.text("op")?;
     if let Some(op) = textures::texture(keys, &name)? {
+        return Ok(op);
+    }
+    if let Some(op) = steps::step(keys, &name)? {
         return Ok(op);
     }
     Ok(match name.as_str() {
@@ -238,14 +215,13 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
         "matrix" => Op::Matrix(rows(keys, "matrix")?),
         "unit" => Op::Unit,
         "ramp" => Op::Ramp(table(keys)?.into(), keys.flag_or("smooth", true)?),
-        "curves" => Op::Curves(table(keys)?.into()),
+        "curves" => Op::Curves(table(keys)?.into(), keys.flag_or("extend", false)?),
         "checker" => Op::Checker(!keys.flag_or("color", true)?),
         "gradient" => Op::Gradient(keys.choice("kind", GRADIENTS)?),
         "invert" => Op::Invert,
         "gamma" => Op::Gamma,
         "bright_contrast" => Op::BrightContrast,
         "hue_saturation" => Op::HueSaturation,
-        "map_range" => Op::MapRange(keys.choice("kind", EASES)?, keys.flag_or("clamp", true)?),
         "clamp" => Op::Clamp,
         "fresnel" => Op::Fresnel,
         "layer_fresnel" => Op::LayerFresnel,
@@ -294,6 +270,16 @@ fn table(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
     rows.into_iter()
         .map(|row| Value::try_from(row).map_err(|_| wrong()))
         .collect()
+}
+
+/// Reads the values of an object, rows of four floats; none by default.
+fn object_values(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
+    let Some(value) = keys.find("values") else {
+        return Ok(Vec::new());
+    };
+    value
+        .extract()
+        .map_err(|_| keys.wrong("values", "rows of four floats", &value))
 }
 
 /// Reads images: dictionaries of `name`, `pixels`, (h, w, 4) float32, rows from the bottom up, and `srgb`, whether
@@ -373,7 +359,7 @@ pub fn varying(
         let keys = Keys::new(
             dict,
             format!("objects[{index}]"),
-            &["to_object", "generated"],
+            &["to_object", "generated", "values"],
         )?;
         let generated = keys.numbers("generated", &[2, 3])?;
         #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
@@ -381,6 +367,7 @@ pub fn varying(
         Ok(ObjectFrame {
             to_object: rows(&keys, "to_object")?,
             generated,
+            values: object_values(&keys)?,
         })
     })?;
     let object_index = match object_index.filter(|v| !v.is_none()) {

@@ -5,6 +5,7 @@ use crate::camera::lens::{Lens, LensParams};
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
+use crate::values::view::View;
 use halfspace_ray::Ray;
 
 pub mod filter;
@@ -53,6 +54,7 @@ pub struct Camera {
     /// Depths of the near and far clipping planes.
     clip: [f32; 2],
     lens: Option<Lens>,
+    view: View,
 }
 
 impl Camera {
@@ -93,10 +95,18 @@ impl Camera {
             let v = [0, 1, 2].map(|k| (sx * x[k] + sy * y[k] - depth * z[k]) as f32);
             Vec3::from(v)
         };
+        let origin = Vec3::from(column(3).map(|v| v as f32));
+        let forward = at(0.0, 0.0, 1.0).normalized();
         Ok(Self {
             perspective,
-            origin: Vec3::from(column(3).map(|v| v as f32)),
-            forward: at(0.0, 0.0, 1.0).normalized(),
+            origin,
+            forward,
+            view: View {
+                origin,
+                axes: [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), forward],
+                window: params.window.map(|x| x as f32),
+                perspective,
+            },
             corner: at(left, bottom, f64::from(u8::from(perspective))),
             right: at((right - left) / f64::from(width), 0.0, 0.0),
             up: at(0.0, (top - bottom) / f64::from(height), 0.0),
@@ -118,6 +128,11 @@ impl Camera {
             None => self.sharp_ray(x, y),
             Some(it) => self.lens_ray(x, y, it, it.sample(lens())),
         }
+    }
+
+    /// Returns the camera's frame.
+    pub fn view(&self) -> &View {
+        &self.view
     }
 
     /// Whether the camera is a pinhole (or sharp orthographic) one.

@@ -4,10 +4,11 @@
 use crate::film::PixelSample;
 use crate::math::vector::Vec3;
 use crate::path::calls::{Calls, Cancelled};
-use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT};
+use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT, Path};
 use crate::path::wavefront::Context;
 use crate::scene::surface::Surface;
 use crate::values::program::Value;
+use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
@@ -16,8 +17,8 @@ use halfspace_ray::{Hit, Ray};
 struct Light {
     slot: u32,
     value: Vec3,
-    /// Number of transparent surfaces passed.
-    transparent: u16,
+    /// The path from which the ray starts, and the transparent surfaces passed since.
+    history: History,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
 }
@@ -40,14 +41,14 @@ impl ShadowRays {
         self.light.clear();
     }
 
-    /// Adds a ray. `value`: the light it brings to pixel sample `slot`.
+    /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample.
     #[inline(always)]
-    pub fn push(&mut self, ray: Ray, slot: u32, value: Vec3) {
+    pub fn push(&mut self, ray: Ray, path: &Path, value: Vec3) {
         self.rays.push(ray);
         self.light.push(Light {
-            slot,
+            slot: path.slot,
             value,
-            transparent: 0,
+            history: path.shadow_history(),
             invisible: 0,
         });
     }
@@ -139,18 +140,24 @@ impl ShadowRays {
                 let surface = Surface::of(scene, &hit, d);
                 // Filter the light by the surface, unless shadow rays do not see it.
                 if surface.material.visible.to(RayKind::Shadow) {
-                    let point = || surface.shading_point(scene, d, RayKind::Shadow);
+                    carried.history.length += hit.t * Vec3::from(ray.d).length();
+                    let point = || {
+                        let mut point = surface.shading_point(scene, d, RayKind::Shadow);
+                        point.view = Some(context.camera.view());
+                        point.history = carried.history;
+                        point
+                    };
                     let unscattered =
                         surface
                             .material
                             .unscattered_reduced(&scene.images, point, registers);
                     carried.value = carried.value * unscattered.transparent;
-                    carried.transparent += 1;
+                    carried.history.transparent += 1;
                 } else {
                     carried.invisible += 1;
                 }
                 // Continue while some light is left and the interval is not exhausted.
-                if carried.transparent < MAX_TRANSPARENT
+                if carried.history.transparent < MAX_TRANSPARENT
                     && carried.invisible < MAX_INVISIBLE
                     && carried.value.max_abs() > 0.0
                     && ray.t_max > hit.t

@@ -5,6 +5,7 @@ use crate::light::Receiver;
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
 use crate::path::random::VertexSamples;
+use crate::values::view::{Bounces, History};
 use crate::values::visibility::RayKind;
 
 /// Largest number of transparent surfaces that a path, or a shadow ray, passes.
@@ -42,6 +43,8 @@ pub struct Path {
     pub camera: bool,
     /// How the path scattered last.
     pub kind: RayKind,
+    /// Number of bounces by kind.
+    bounces: Bounces,
 }
 
 impl Path {
@@ -64,6 +67,60 @@ impl Path {
             invisible: 0,
             camera: true,
             kind: RayKind::Camera,
+            bounces: Bounces::default(),
+        }
+    }
+
+    /// Scatters with a ray of this kind.
+    #[inline(always)]
+    pub fn scatter(&mut self, kind: RayKind) {
+        self.kind = kind;
+        self.bounce += 1;
+        // Count the bounce by its kind.
+        let Bounces {
+            all,
+            diffuse,
+            glossy,
+            transmission,
+        } = &mut self.bounces;
+        *all = all.saturating_add(1);
+        let count = match kind {
+            RayKind::Diffuse => diffuse,
+            RayKind::Glossy => glossy,
+            RayKind::Transmission => transmission,
+            RayKind::Camera | RayKind::Shadow => return,
+        };
+        *count = count.saturating_add(1);
+    }
+
+    /// Returns what programs would know if the path scattered with a ray of this kind, at this distance along it.
+    #[inline(always)]
+    pub fn history_after(&self, kind: RayKind, distance: f32) -> History {
+        let mut next = *self;
+        next.scatter(kind);
+        History {
+            length: distance,
+            ..next.history(0.0)
+        }
+    }
+
+    /// Returns what programs know of a shadow ray from the path's vertex.
+    #[inline(always)]
+    pub fn shadow_history(&self) -> History {
+        History {
+            length: 0.0,
+            transparent: 0,
+            bounces: self.bounces,
+        }
+    }
+
+    /// Returns what programs know of the path, at this distance along its ray.
+    #[inline(always)]
+    pub fn history(&self, distance: f32) -> History {
+        History {
+            length: self.passed + distance,
+            transparent: self.transparent,
+            bounces: self.bounces,
         }
     }
 

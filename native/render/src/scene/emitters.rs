@@ -8,6 +8,7 @@ use crate::scene::attributes::Attributes;
 use crate::values::image::Image;
 use crate::values::shading_point::ShadingPoint;
 use crate::values::varying::Varying;
+use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Tracer;
 
@@ -65,6 +66,8 @@ impl EmissionProbe<'_> {
                     ray: RayKind::Diffuse,
                     edges: [b - a, c - a],
                     footprint: 0.0,
+                    view: None,
+                    history: History::default(),
                 };
                 let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
                 sum += unscattered.emission.mean_abs();

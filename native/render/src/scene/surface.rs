@@ -8,6 +8,7 @@ use crate::math::vector::{Frame, Vec3, offset_origin};
 use crate::scene::RenderScene;
 use crate::scene::attributes::At;
 use crate::values::shading_point::ShadingPoint;
+use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
@@ -107,6 +108,8 @@ impl<'a> Surface<'a> {
             ray,
             edges: [1, 2].map(|k| Vec3::from(self.corners[k]) - Vec3::from(self.corners[0])),
             footprint: 0.0,
+            view: None,
+            history: History::default(),
         }
     }
 

@@ -163,6 +163,7 @@ mod tests {
             objects: vec![ObjectFrame {
                 to_object,
                 generated: [[0.0; 3], [1.0; 3]],
+                ..Default::default()
             }],
             ..Default::default()
         };

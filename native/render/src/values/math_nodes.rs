@@ -46,6 +46,8 @@ named! {
         Scale = "SCALE", Normalize = "NORMALIZE", Absolute = "ABSOLUTE", Minimum = "MINIMUM",
         Maximum = "MAXIMUM", Floor = "FLOOR", Ceil = "CEIL", Fraction = "FRACTION",
         Modulo = "MODULO", Sine = "SINE", Cosine = "COSINE", Tangent = "TANGENT",
+        Refract = "REFRACT", Faceforward = "FACEFORWARD", Power = "POWER", Sign = "SIGN",
+        Round = "ROUND", Wrap = "WRAP", Snap = "SNAP",
     }
 }
 
@@ -193,6 +195,17 @@ fn zip(a: Vec3, b: Vec3, f: impl Fn(f32, f32) -> f32) -> Vec3 {
     }
 }
 
+/// Refracts the direction `a` at a surface with unit normal `n` and this ratio of indices; 0 if it is reflected totally.
+fn refract(a: Vec3, n: Vec3, eta: f32) -> Vec3 {
+    let cosine = n.dot(a);
+    let k = 1.0 - eta * eta * (1.0 - cosine * cosine);
+    if k < 0.0 {
+        Vec3::ZERO
+    } else {
+        a * eta - n * (eta * cosine + k.sqrt())
+    }
+}
+
 impl VectorMath {
     /// Evaluates the operation for the node's inputs; a scalar result is returned in all three components.
     pub fn eval(self, a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
@@ -223,6 +236,23 @@ impl VectorMath {
             Self::Sine => a.map(f32::sin),
             Self::Cosine => a.map(f32::cos),
             Self::Tangent => a.map(f32::tan),
+            Self::Refract => refract(a, b.normalized_or(Vec3::ZERO), c.x),
+            Self::Faceforward => {
+                if c.dot(b) < 0.0 {
+                    a
+                } else {
+                    -a
+                }
+            }
+            Self::Power => zip(a, b, power),
+            Self::Sign => a.map(sign),
+            Self::Round => a.map(|x| (x + 0.5).floor()),
+            Self::Wrap => Vec3 {
+                x: wrap(a.x, b.x, c.x),
+                y: wrap(a.y, b.y, c.y),
+                z: wrap(a.z, b.z, c.z),
+            },
+            Self::Snap => zip(a, b, |a, b| divide(a, b).floor() * b),
         }
     }
 }
@@ -320,6 +350,22 @@ pub fn from_hsv([h, s, v]: [f32; 3]) -> Vec3 {
     }
 }
 
+/// Converts a colour to hue (0..1), saturation and lightness.
+pub fn to_hsl(c: Vec3) -> [f32; 3] {
+    let [h, _, high] = to_hsv(c);
+    let low = c.x.min(c.y).min(c.z);
+    let (range, sum) = (high - low, high + low);
+    let l = 0.5 * sum;
+    let s = divide(range, if l > 0.5 { 2.0 - sum } else { sum });
+    [h, s, l]
+}
+
+/// Converts hue, saturation and lightness to a colour.
+pub fn from_hsl([h, s, l]: [f32; 3]) -> Vec3 {
+    let chroma = (1.0 - (2.0 * l - 1.0).abs()) * s;
+    (from_hsv([h, 1.0, 1.0]) - Vec3::splat(0.5)) * chroma + Vec3::splat(l)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -351,6 +397,8 @@ mod tests {
             assert!((same - a).length() < 1e-6, "{name}: {same:?}");
         }
         assert!((from_hsv(to_hsv(a)) - a).length() < 1e-6);
+        assert!((from_hsl(to_hsl(a)) - a).length() < 1e-6);
+        assert_eq!(to_hsl(vec3(0.0, 1.0, 0.0)), [1.0 / 3.0, 1.0, 0.5]);
         assert_eq!(to_hsv(vec3(0.0, 1.0, 0.0)), [1.0 / 3.0, 1.0, 1.0]);
     }
 }

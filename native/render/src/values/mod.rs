@@ -7,6 +7,8 @@ pub mod math_nodes;
 pub mod normal_map;
 pub mod program;
 pub mod shading_point;
+pub mod spectrum;
 pub mod texture;
 pub mod varying;
+pub mod view;
 pub mod visibility;

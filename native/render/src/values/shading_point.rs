@@ -4,6 +4,7 @@
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{Coordinate, Shift, Value};
 use crate::values::varying::{ObjectFrame, Varying};
+use crate::values::view::{History, View};
 use crate::values::visibility::RayKind;
 
 /// A point to be shaded.
@@ -31,6 +32,10 @@ pub struct ShadingPoint<'a> {
     pub edges: [Vec3; 2],
     /// Width of a pixel at the point, in scene units; 0 where heights have no differences.
     pub footprint: f32,
+    /// The camera; `None` where light arrives that no path has brought.
+    pub view: Option<&'a View>,
+    /// The path that arrives here.
+    pub history: History,
 }
 
 impl<'a> ShadingPoint<'a> {
@@ -48,6 +53,8 @@ impl<'a> ShadingPoint<'a> {
             ray,
             edges: [Vec3::ZERO; 2],
             footprint: 0.0,
+            view: None,
+            history: History::default(),
         }
     }
 
@@ -108,14 +115,7 @@ impl<'a> ShadingPoint<'a> {
             }
             Coordinate::Position => self.position_at(shift) + Vec3::from(self.varying.origin),
             Coordinate::Object => self.in_object(shift),
-            Coordinate::Generated => {
-                // Without an object, generated coordinates equal those of object space.
-                let [add, scale] = self
-                    .object()
-                    .map_or([[0.0; 3], [1.0; 3]], |o| o.generated)
-                    .map(Vec3::from);
-                (self.in_object(shift) + add) * scale
-            }
+            Coordinate::Generated => self.generated(shift),
             Coordinate::ObjectNormal => self.normal_in_object(self.outward()),
             Coordinate::Normal => self.normal,
             Coordinate::TrueNormal => self.geometric,
@@ -129,12 +129,27 @@ impl<'a> ShadingPoint<'a> {
             Coordinate::DiffuseRay => truth(self.ray == RayKind::Diffuse),
             Coordinate::GlossyRay => truth(self.ray == RayKind::Glossy),
             Coordinate::TransmissionRay => truth(self.ray == RayKind::Transmission),
+            Coordinate::Parametric => vec3(self.weights[0], self.weights[1], 0.0),
+            Coordinate::TangentX | Coordinate::TangentY | Coordinate::TangentZ => {
+                self.tangent_around(which)
+            }
+            _ => self.seen(which, shift),
         };
         [v.x, v.y, v.z, 1.0]
     }
 
+    /// The position of the point or beside it within the object's box, from 0 to 1.
+    pub(super) fn generated(&self, shift: Shift) -> Vec3 {
+        // Without an object, generated coordinates equal those of object space.
+        let [add, scale] = self
+            .object()
+            .map_or([[0.0; 3], [1.0; 3]], |o| o.generated)
+            .map(Vec3::from);
+        (self.in_object(shift) + add) * scale
+    }
+
     /// The position of the point or beside it, in object space.
-    fn in_object(&self, shift: Shift) -> Vec3 {
+    pub(super) fn in_object(&self, shift: Shift) -> Vec3 {
         let p = self.position_at(shift);
         let Some(object) = self.object() else {
             return p;
@@ -165,7 +180,7 @@ impl<'a> ShadingPoint<'a> {
 }
 
 /// Returns the columns of the inverse's linear part, up to a common positive factor.
-fn columns_to_world(to_object: &[[f32; 4]; 3]) -> [Vec3; 3] {
+pub(super) fn columns_to_world(to_object: &[[f32; 4]; 3]) -> [Vec3; 3] {
     let [x, y, z] = to_object.map(|r| vec3(r[0], r[1], r[2]));
     // The determinant of a mirrored object is negative.
     let sign = 1.0_f32.copysign(x.dot(y.cross(z)));
@@ -191,6 +206,8 @@ pub(super) mod tests {
             ray: RayKind::Camera,
             edges: [vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0)],
             footprint: 0.01,
+            view: None,
+            history: History::default(),
         }
     }
 
@@ -220,6 +237,7 @@ pub(super) mod tests {
                 objects: vec![ObjectFrame {
                     to_object,
                     generated: [[0.0; 3], [1.0; 3]],
+                    ..Default::default()
                 }],
                 ..Default::default()
             };

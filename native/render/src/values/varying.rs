@@ -12,13 +12,15 @@ pub struct Layer {
     pub values: Vec<f32>,
 }
 
-/// Texture coordinates of an object.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Texture coordinates and other values of an object.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ObjectFrame {
     /// Scene to object transform; rows.
     pub to_object: [[f32; 4]; 3],
     /// Offset and then factor that map a position in object space to 0..1 within the object's box.
     pub generated: [[f32; 3]; 2],
+    /// Other values, by the numbers that programs use; missing ones are 0.
+    pub values: Vec<[f32; 4]>,
 }
 
 /// Data that vary over the triangles, other than geometry and normals.
@@ -62,6 +64,9 @@ impl Varying {
             })?;
             finite(object.generated.as_flattened(), || {
                 format!("objects[{i}]['generated']")
+            })?;
+            finite(object.values.as_flattened(), || {
+                format!("objects[{i}]['values']")
             })?;
         }
         if !self.object_index.is_empty() && self.object_index.len() != triangles {

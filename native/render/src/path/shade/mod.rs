@@ -221,6 +221,8 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let mut point = surface.shading_point(scene, d, path.kind);
         // Reflected rays see about as much of a surface as a camera at their origin would.
         point.footprint = self.context.camera.pixel_width(path.passed + distance);
+        point.view = Some(self.context.camera.view());
+        point.history = path.history(distance);
         material.program.run(&scene.images, &point, out.registers);
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {

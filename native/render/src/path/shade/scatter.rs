@@ -139,8 +139,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         path.min_pdf = path.min_pdf.min(scatter.pdf);
         path.passed = 0.0;
         path.camera = false;
-        path.kind = scatter.kind;
-        path.bounce += 1;
+        path.scatter(scatter.kind);
         if let Some(ray) = self.beam_ray(surface, direction, &scatter, path, out) {
             return Some(ray);
         }

@@ -13,7 +13,8 @@ mod pure;
 mod textures;
 
 pub use crate::values::program::op::{
-    Bump, CellOutput, Cells, Coordinate, Ease, Gradient, Noise, Op, Shift, Spread,
+    Bump, CellOutput, Cells, ColorModel, Coordinate, Ease, Gradient, Noise, Op, Shift, Space,
+    Spread, VectorKind,
 };
 use crate::values::program::pure::pure;
 
@@ -101,6 +102,10 @@ impl Program {
                 }
                 Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
                 Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
+                Op::ObjectValue(column) => point.object_value(*column),
+                Op::Transform(kind, from, to) => {
+                    vector(point.transformed(rgb(arg(0)), *kind, *from, *to))
+                }
                 Op::Fresnel => {
                     // Inside the surface light leaves, so the relative index is inverted.
                     let ior = arg(0)[0].max(1e-5);

@@ -41,6 +41,36 @@ pub enum Coordinate {
     GlossyRay,
     /// 1 after a refraction.
     TransmissionRay,
+    /// Length of the ray since it scattered.
+    RayLength,
+    /// Number of times that the path scattered.
+    RayDepth,
+    /// Number of its diffuse bounces.
+    DiffuseDepth,
+    /// Number of its glossy bounces.
+    GlossyDepth,
+    /// Number of its refractions.
+    TransmissionDepth,
+    /// Number of transparent surfaces that it passed.
+    TransparentDepth,
+    /// Direction around the X axis of the object's box, perpendicular to the shading normal.
+    TangentX,
+    /// The same around Y.
+    TangentY,
+    /// The same around Z.
+    TangentZ,
+    /// Barycentric weights of the triangle's first two corners.
+    Parametric,
+    /// Position in camera space, with Z along the view.
+    Camera,
+    /// Unit vector from the camera to the point, in camera space.
+    ViewVector,
+    /// Depth of the point behind the camera's plane.
+    ViewDepth,
+    /// Distance of the point from the camera.
+    ViewDistance,
+    /// Position in the picture, from 0 to 1 along each side.
+    Window,
 }
 
 /// Where a value is computed: at the shaded point, or beside it for the differences of heights.
@@ -88,6 +118,39 @@ pub enum Ease {
     Smooth,
     /// Polynomial of degree five.
     Smoother,
+    /// Linear, in a number of equal steps.
+    Stepped,
+}
+
+/// A model of colours other than RGB.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColorModel {
+    /// Hue, saturation, value.
+    Hsv,
+    /// Hue, saturation, lightness.
+    Hsl,
+}
+
+/// A space that vectors are given in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Space {
+    /// Blender's world.
+    World,
+    /// The space of the object that is shaded.
+    Object,
+    /// The camera's, with Z along the view.
+    Camera,
+}
+
+/// Kind of a vector that is transformed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VectorKind {
+    /// A position.
+    Point,
+    /// A direction and its length.
+    Vector,
+    /// A normal, which is returned with unit length.
+    Normal,
 }
 
 /// Number of coordinates that a texture uses, and what it returns. One coordinate is the fourth.
@@ -175,8 +238,8 @@ pub enum Op {
     Unit,
     /// Table over 0..1; whether to interpolate.
     Ramp(Arc<[Value]>, bool),
-    /// One table per channel, blended in by the second argument.
-    Curves(Arc<[Value]>),
+    /// One table per channel, blended in by the second argument; `true`: continued beyond its ends.
+    Curves(Arc<[Value]>, bool),
     /// Checker of position, first colour, second colour, scale; `true`: returns the factor instead of a colour.
     Checker(bool),
     /// Fractal noise.
@@ -202,8 +265,24 @@ pub enum Op {
     BrightContrast,
     /// Hue/Saturation/Value: colour, hue, saturation, value, factor.
     HueSaturation,
-    /// Map Range: value, from min, from max, to min, to max; whether the result is clamped.
+    /// Map Range: value, from min, from max, to min, to max, steps; whether the result is clamped.
     MapRange(Ease, bool),
+    /// Map Range of each component of vectors.
+    MapRangeVector(Ease, bool),
+    /// Conversion of a colour from RGB to a model (`true`), or back.
+    Convert(ColorModel, bool),
+    /// Colour of a black body: temperature.
+    Blackbody,
+    /// Colour of a wavelength, nm.
+    Wavelength,
+    /// Rotation of a vector around a centre, an axis and an angle.
+    RotateAxis,
+    /// Rotation of a vector around a centre by Euler angles; `true`: inverted.
+    RotateEuler(bool),
+    /// Value of the object that is shaded, see [`ObjectFrame::values`](crate::values::varying::ObjectFrame).
+    ObjectValue(u16),
+    /// Vector Transform between two spaces.
+    Transform(VectorKind, Space, Space),
     /// Clamp: value, min, max.
     Clamp,
     /// Fresnel: index of refraction.
@@ -228,6 +307,8 @@ impl Op {
             Self::Image { .. }
                 | Self::Attribute(..)
                 | Self::Coordinate(..)
+                | Self::ObjectValue(_)
+                | Self::Transform(..)
                 | Self::Fresnel
                 | Self::LayerFresnel
                 | Self::LayerFacing
@@ -240,7 +321,7 @@ impl Op {
     /// Returns the number of arguments.
     pub fn arity(&self) -> usize {
         match self {
-            Self::Attribute(..) | Self::Coordinate(..) => 0,
+            Self::Attribute(..) | Self::Coordinate(..) | Self::ObjectValue(_) => 0,
             Self::Image { .. }
             | Self::Alpha
             | Self::Channel(_)
@@ -248,6 +329,10 @@ impl Op {
             | Self::Mean
             | Self::Matrix(_)
             | Self::Unit
+            | Self::Convert(..)
+            | Self::Blackbody
+            | Self::Wavelength
+            | Self::Transform(..)
             | Self::Ramp(..)
             | Self::Gradient(_)
             | Self::Fresnel
@@ -255,7 +340,7 @@ impl Op {
             | Self::LayerFacing => 1,
             Self::Invert
             | Self::Gamma
-            | Self::Curves(_)
+            | Self::Curves(..)
             | Self::NormalMap(_)
             | Self::NormalMapSpace(_)
             | Self::WhiteNoise(_) => 2,
@@ -265,10 +350,11 @@ impl Op {
             | Self::Combine
             | Self::BrightContrast
             | Self::Magic(_)
+            | Self::RotateEuler(_)
             | Self::Clamp => 3,
-            Self::Checker(_) => 4,
-            Self::HueSaturation | Self::MapRange(..) => 5,
-            Self::Bump(_) => 6,
+            Self::Checker(_) | Self::RotateAxis => 4,
+            Self::HueSaturation => 5,
+            Self::Bump(_) | Self::MapRange(..) | Self::MapRangeVector(..) => 6,
             Self::Wave(..) => 7,
             Self::Noise(_) | Self::Voronoi(_) => 9,
             Self::Brick(..) => 10,

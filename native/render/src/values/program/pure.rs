@@ -2,9 +2,10 @@
 //! Operations whose result depends on their arguments only.
 
 use crate::math::vector::{Vec3, vec3};
-use crate::values::math_nodes::{from_hsv, to_hsv};
+use crate::values::math_nodes::{from_hsl, from_hsv, to_hsl, to_hsv};
 use crate::values::program::textures::texture;
-use crate::values::program::{Ease, Gradient, Op, Value, number, rgb, vector};
+use crate::values::program::{ColorModel, Ease, Gradient, Op, Value, number, rgb, vector};
+use crate::values::spectrum;
 
 /// Evaluates a pure operation. `arg`: returns an argument.
 pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
@@ -38,7 +39,7 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         Op::Matrix(rows) => transform(rows, v(0)),
         Op::Unit => vector(v(0).normalized_or(Vec3::ZERO)),
         Op::Ramp(table, smooth) => lookup(table, x(0), *smooth),
-        Op::Curves(table) => vector(curves(table, v(0), x(1))),
+        Op::Curves(table, extend) => vector(curves(table, *extend, v(0), x(1))),
         Op::Checker(as_number) => {
             // Either the factor or one of the two colours.
             let first = on_first_square(v(0) * x(3));
@@ -68,12 +69,52 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
             vector(v(0).map(|x| ((1.0 + c) * x + b - 0.5 * c).max(0.0)))
         }
         Op::HueSaturation => vector(hue_saturation(v(0), [x(1), x(2), x(3)], x(4))),
-        Op::MapRange(ease, clamp) => {
-            let ranges = [x(1), x(2), x(3), x(4)];
-            number(map_range(*ease, *clamp, x(0), ranges))
-        }
+        Op::MapRange(..)
+        | Op::MapRangeVector(..)
+        | Op::Convert(..)
+        | Op::Blackbody
+        | Op::Wavelength
+        | Op::RotateAxis
+        | Op::RotateEuler(_) => mapped(op, arg),
         Op::Clamp => number(x(0).max(x(1)).min(x(2))),
         // All other operations depend on the point and are handled by `Program::run`.
+        _ => [0.0; 4],
+    }
+}
+
+/// Evaluates an operation that maps ranges, converts colours or rotates vectors; black for any other.
+fn mapped(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
+    let x = |k: usize| arg(k)[0];
+    let v = |k: usize| rgb(arg(k));
+    match op {
+        Op::MapRange(ease, clamp) => {
+            // An empty range maps to 0, except with vectors.
+            if x(1) == x(2) {
+                return number(0.0);
+            }
+            let ranges = [x(1), x(2), x(3), x(4)];
+            number(map_range(*ease, *clamp, x(0), ranges, x(5)))
+        }
+        Op::MapRangeVector(ease, clamp) => {
+            let [a, b, c] = [0, 1, 2].map(|k| {
+                let ranges = [1, 2, 3, 4].map(|i| arg(i)[k]);
+                map_range(*ease, *clamp, arg(0)[k], ranges, arg(5)[k])
+            });
+            [a, b, c, 1.0]
+        }
+        Op::Convert(model, to) => {
+            let c = v(0);
+            vector(match (model, to) {
+                (ColorModel::Hsv, true) => to_hsv(c).into(),
+                (ColorModel::Hsl, true) => to_hsl(c).into(),
+                (ColorModel::Hsv, false) => from_hsv(c.array()),
+                (ColorModel::Hsl, false) => from_hsl(c.array()),
+            })
+        }
+        Op::Blackbody => vector(spectrum::blackbody(x(0))),
+        Op::Wavelength => vector(spectrum::wavelength(x(0))),
+        Op::RotateAxis => vector(v(1) + around(v(0) - v(1), v(2), x(3))),
+        Op::RotateEuler(invert) => vector(v(1) + euler(v(0) - v(1), v(2), *invert)),
         _ => [0.0; 4],
     }
 }
@@ -93,11 +134,49 @@ fn transform(rows: &[[f32; 4]; 3], p: Vec3) -> Value {
 
 /// Maps each channel through its curve and blends with the original by `t`.
 #[inline(always)]
-fn curves(table: &[Value], c: Vec3, t: f32) -> Vec3 {
-    let r = lookup(table, c.x, true)[0];
-    let g = lookup(table, c.y, true)[1];
-    let b = lookup(table, c.z, true)[2];
-    c * (1.0 - t) + vec3(r, g, b) * t
+fn curves(table: &[Value], extend: bool, c: Vec3, t: f32) -> Vec3 {
+    let at = |x: f32, k: usize| lookup(table, x, true)[k] + beyond(table, x, k, extend);
+    let mapped = vec3(at(c.x, 0), at(c.y, 1), at(c.z, 2));
+    c * (1.0 - t) + mapped * t
+}
+
+/// Returns what a table's last segment adds beyond the end of its range; 0 within, or if it does not `extend`.
+#[inline(always)]
+fn beyond(table: &[Value], x: f32, k: usize, extend: bool) -> f32 {
+    let n = table.len();
+    if !extend || n < 2 || (0.0..=1.0).contains(&x) {
+        return 0.0;
+    }
+    let (end, inner, past) = if x < 0.0 {
+        (table[0][k], table[1][k], -x)
+    } else {
+        (table[n - 1][k], table[n - 2][k], x - 1.0)
+    };
+    (end - inner) * past * (n - 1) as f32
+}
+
+/// Rotates a vector around an axis of any length, by an angle in radians (Rodrigues' formula).
+fn around(p: Vec3, axis: Vec3, angle: f32) -> Vec3 {
+    let k = axis.normalized_or(Vec3::ZERO);
+    if k == Vec3::ZERO {
+        return p;
+    }
+    let (sin, cos) = angle.sin_cos();
+    p * cos + k.cross(p) * sin + k * (k.dot(p) * (1.0 - cos))
+}
+
+/// Rotates a vector around X, then Y, then Z by these angles in radians, or back.
+fn euler(p: Vec3, angles: Vec3, invert: bool) -> Vec3 {
+    let [x, y, z] = [
+        vec3(1.0, 0.0, 0.0),
+        vec3(0.0, 1.0, 0.0),
+        vec3(0.0, 0.0, 1.0),
+    ];
+    if invert {
+        around(around(around(p, z, -angles.z), y, -angles.y), x, -angles.x)
+    } else {
+        around(around(around(p, x, angles.x), y, angles.y), z, angles.z)
+    }
 }
 
 /// Whether a position lies in a cell of the checker's first colour.
@@ -120,15 +199,18 @@ fn hue_saturation(c: Vec3, [hue, saturation, value]: [f32; 3], t: f32) -> Vec3 {
 /// Maps `x` from one interval to another, optionally clamped to the second. `ranges`: ends of the first, then of
 /// the second.
 #[inline(always)]
-fn map_range(ease: Ease, clamp: bool, x: f32, ranges: [f32; 4]) -> f32 {
+fn map_range(ease: Ease, clamp: bool, x: f32, ranges: [f32; 4], steps: f32) -> f32 {
     let [from, from_end, to, to_end] = ranges;
-    if from == from_end {
-        return 0.0;
-    }
-    // Position in the first interval, eased, then mapped to the second.
-    let t = (x - from) / (from_end - from);
+    // Position in the first interval, 0 if that is empty, eased, then mapped to the second.
+    let t = if from == from_end {
+        0.0
+    } else {
+        (x - from) / (from_end - from)
+    };
     let t = match ease {
         Ease::Linear => t,
+        Ease::Stepped if steps > 0.0 => (t * (steps + 1.0)).floor() / steps,
+        Ease::Stepped => 0.0,
         Ease::Smooth => {
             let t = t.clamp(0.0, 1.0);
             t * t * (3.0 - 2.0 * t)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ...core.scene.scene import Operand
-    from .nodes import Place
-    from .values import Values
+    from ....core.scene.scene import Operand
+    from ..nodes import Place
+    from ..values import Values
 
 DIMENSIONS = {"1D": 1, "2D": 2, "3D": 3, "4D": 4}
 

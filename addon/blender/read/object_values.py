@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values of objects and view layers that materials read: the node Object Info, and custom or own properties."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Key = tuple[str, str]
+"""The kind of a value, INFO, OBJECT or INSTANCER, and its name."""
+
+Value = tuple[float, float, float, float]
+
+INFO, OBJECT, INSTANCER = "INFO", "OBJECT", "INSTANCER"
+
+MASK = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class Instance:
+    """An evaluated object at one place. parent: its instancer, if any. number: the instance's random number."""
+
+    item: Any
+    parent: Any
+    location: tuple[float, ...]
+    number: int = 0
+
+    def values(self, keys: Sequence[Key]) -> tuple[Value, ...]:
+        """The values of these keys; 0 where there is none."""
+        return tuple(self._value(*key) or (0.0, 0.0, 0.0, 0.0) for key in keys)
+
+    def _value(self, kind: str, name: str) -> Value | None:
+        item = self.item
+        if kind == INFO:
+            match name:
+                case "Location":
+                    return as_value(self.location)
+                case "Color":
+                    return as_value(item.color)
+                case "Object Index":
+                    return as_value(item.pass_index)
+            return as_value(self._random())
+        owner = self.parent if kind == INSTANCER and self.parent is not None else item
+        return found([owner, owner.data], name)
+
+    def _random(self) -> float:
+        """The random number that Cycles gives an object: by its name, or by the number of an instance."""
+        number = self.number if self.parent is not None else hashed(_of_name(self.item.name))
+        return number / MASK
+
+
+def found(owners: Iterable[Any], name: str) -> Value | None:
+    """The first custom property of this name, or else own property at this path."""
+    for owner in owners:
+        if owner is None:
+            continue
+        value = as_value(owner.get(name))
+        if value is None:
+            try:
+                value = as_value(owner.path_resolve(name))
+            except ValueError:
+                continue
+        if value is not None:
+            return value
+    return None
+
+
+def as_value(value: Any) -> Value | None:
+    """A number, vector or colour as four numbers; None for anything else, or if it is not finite."""
+    if isinstance(value, (bool, int, float)):
+        numbers = [float(value)] * 3
+    else:
+        try:
+            numbers = [float(x) for x in value]
+        except (TypeError, ValueError):
+            return None
+    # Numbers beyond f32 are infinite in the native module.
+    if len(numbers) not in (3, 4) or not np.abs(numbers).max() <= np.finfo(np.float32).max:
+        return None
+    r, g, b, a = (*numbers, 1.0)[:4]
+    return (r, g, b, a)
+
+
+def _of_name(name: str) -> int:
+    number = 0
+    for byte in name.encode():
+        number = (number * 37 + (byte if byte < 128 else byte - 256)) & MASK
+    return number
+
+
+def hashed(x: Any, y: int = 0) -> Any:
+    """Jenkins' lookup3 of two words (2006): its final mix. `x`: a word, or an int64 array of them."""
+    a: Any
+    a = b = c = 0xDEADBEEF + (2 << 2) + 13
+    b, a = (b + y) & MASK, (a + x) & MASK
+
+    def turned(word: Any, by: int) -> Any:
+        return (word << by | word >> 32 - by) & MASK
+
+    c = ((c ^ b) - turned(b, 14)) & MASK
+    a = ((a ^ c) - turned(c, 11)) & MASK
+    b = ((b ^ a) - turned(a, 25)) & MASK
+    c = ((c ^ b) - turned(b, 16)) & MASK
+    a = ((a ^ c) - turned(c, 4)) & MASK
+    b = ((b ^ a) - turned(a, 14)) & MASK
+    return ((c ^ b) - turned(b, 24)) & MASK

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conversion of the value nodes of shader trees: a function in NODES writes the steps of one of a node's outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from .coordinates import COORDINATES
+from .normals import NORMALS
+from .numbers import NUMBERS
+from .pictures import PICTURES
+from .sockets import COLOR, ISLAND, POINTINESS, TANGENT, UV, constant, is_constant
+from .textures import TEXTURES
+
+if TYPE_CHECKING:
+    from ....core.scene.scene import Operand
+    from ..nodes import Place
+    from ..values import Values
+
+__all__ = ["COLOR", "ISLAND", "NODES", "POINTINESS", "TANGENT", "UV", "constant", "is_constant"]
+
+NODES: dict[str, Callable[[Values, Place], Operand]] = {
+    **TEXTURES,
+    **PICTURES,
+    **COORDINATES,
+    **NUMBERS,
+    **NORMALS,
+    "ShaderNodeRGB": lambda _, node: constant(node.socket),
+    "ShaderNodeValue": lambda _, node: constant(node.socket),
+}
