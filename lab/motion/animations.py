@@ -39,7 +39,7 @@ def _grid(rows: int, columns: int) -> I32:
     """Two triangles for each cell of a grid of rows × columns cells, by the numbers of its points."""
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).reshape(-1)
     quads = corner[:, None] + np.array([0, 1, columns + 1, columns + 2])
-    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [3, 2, 1]]]).astype(np.int32)
+    return np.ascontiguousarray(np.concatenate([quads[:, [0, 1, 2]], quads[:, [3, 2, 1]]]), np.int32)
 
 
 def _turns(angles: F64) -> F64:

@@ -30,6 +30,14 @@ class Structure:
             "triangles": triangles,
         }
 
+    def refit(self, vertices: Any, *, threads: int = 0) -> Structure:
+        """Refuses, as trees of planes do."""
+        raise RefitError("built again")
+
+
+class RefitError(ValueError):
+    """As in the native module."""
+
 
 class Cancelled(RuntimeError):
     pass
@@ -38,6 +46,8 @@ class Cancelled(RuntimeError):
 class FakeNative:
     """build_seconds and render_seconds: how long the work lasts unless it is cancelled. error: what a build raises,
     job_error: what a render reports."""
+
+    RefitError = RefitError
 
     Monitor = Monitor
 

@@ -17,7 +17,8 @@ from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
-from ...core.session import coarse
+from ...core.session import coarse, refits
+from ...core.session.refits import FOLLOWED
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
 from ...core.structures.settings import RenderSettings, memory_limit
@@ -44,7 +45,7 @@ BUILD_SHARE = 0.1
 log = logging.getLogger(__name__)
 
 _kept: list[Any] = []
-"""Structures of the last picture's meshes, kept while Blender's persistent data is enabled."""
+"""Structures of the last picture and its meshes, kept while Blender's persistent data is enabled."""
 
 
 class HalfspaceEngine(bpy.types.RenderEngine):
@@ -194,7 +195,7 @@ class _Picture:
                 built.reasons.append("as set: Choose for Me needs flattened instances, see Instances")
         session = built.session
         meshes = session.building.meshes if session.building is not None else []
-        _kept[:] = meshes if self.scene.render.use_persistent_data else []
+        _kept[:] = [session.structure, *meshes] if self.scene.render.use_persistent_data else []
         self._note_dropped(read.scene.geometry, session.structure.statistics)
         return built
 
@@ -209,9 +210,12 @@ class _Picture:
             spec,
             threads=settings.threads,
             memory_limit=memory_limit(self.group.memory_limit),
+            followed=FOLLOWED if self.scene.render.use_persistent_data else None,
             keep_going=self._building,
         )
-        return _Built(session, spec, label)
+        done = session.building.done if session.building is not None else ""
+        reasons = [f"Persistent data: the structure was {done}"] if done else []
+        return _Built(session, spec, label, reasons)
 
     def _build_chosen(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
         """Choose the structure with the least predicted time, with the reasons and the number of compared answers."""
@@ -414,6 +418,6 @@ def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> N
 
 def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
     return (
-        f"{label} | Build {statistics['build_seconds']:.2f} s | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
+        f"{label} | {refits.told(statistics)} | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
         f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
     )

@@ -110,6 +110,8 @@ class Viewport:
             spec, progress = preview.preparing
             label = catalogue.load()[specs.structure_of(spec)].label
             parts.insert(0, f"{label}: {progress:.0%}")
+        elif preview.followed:
+            parts.append(f"Structure {preview.followed}")
         if self._skipped:
             more = f" (and {len(self._skipped) - 1} more)" if len(self._skipped) > 1 else ""
             parts.append(self._skipped[0] + more)

@@ -63,7 +63,9 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     column = row.column(align=True)
     column.label(text=tree.label)
     column.label(text=f"{tree.count:,} triangles")
-    column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {checking.words(tree)}")
+    made = f"Refitted in {numbers['refit_seconds']:.3f} s" if numbers.get("refits") else ""
+    made = made or f"Built in {numbers['build_seconds']:.2f} s"
+    column.label(text=f"{made}, {checking.words(tree)}")
     column.label(text=f"{numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
     column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")

@@ -242,6 +242,13 @@ class Preview:
         """The configuration that is being built and its progress, 0 to 1, or None."""
         return None if self._preparing is None else self._preparing.progress
 
+    @property
+    def followed(self) -> str:
+        """What was done with the structure when the scene last changed: "refitted", or "rebuilt" with the reason; "" if
+        it is the first of its triangles.
+        """
+        return "" if self._ready is None else self._ready.building.done
+
     def advance(self) -> bool:
         """Start and finish work without blocking. Returns whether there is something new to show."""
         self._leaving = [job for job in self._leaving if not job.native.finished]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from ..scene.instances import InstancedGeometry
 from ..structures.trees import TREES, Trees
+from . import refits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from ..scene.instances import AnyGeometry, Mesh
     from ..scene.scene import Camera, Geometry, Scene
     from ..structures.settings import RenderSettings
+    from .refits import Followed
 
 POLL_SECONDS = 0.05
 """Interval of progress checks in seconds; a cancel takes effect after at most this time."""
@@ -40,7 +42,9 @@ class RenderError(RuntimeError):
 class _Work:
     """The work of a build's thread and its results. It holds no reference to its waiter, which may thus be freed."""
 
-    def __init__(self, native: Native, spec: str, threads: int, memory_limit: int | None) -> None:
+    def __init__(
+        self, native: Native, spec: str, threads: int, memory_limit: int | None, followed: Followed | None
+    ) -> None:
         self.structure: AnyStructure | None = None
         self.error: BaseException | None = None
         self.meshes: list[Structure] = []
@@ -48,6 +52,8 @@ class _Work:
         self.cancelled = False
         self.monitor = native.Monitor()
         self.part = (0.0, 1.0)
+        self.done: list[str] = []
+        self._followed = followed
         self._native, self._spec = native, spec
         self._options: BuildOptions = {"threads": threads, "memory_limit": memory_limit}
 
@@ -76,9 +82,20 @@ class _Work:
         self.part = (before, share)
         if self.cancelled:  # cancelled before this build or between two meshes
             self.monitor.cancel()
-        return self._native.build(
-            triangles.vertices, triangles.triangles, self._spec, monitor=self.monitor, **self._options
-        )
+        # Fit the structure of the same triangles at other places, where one is in use.
+        shape = b"" if self._followed is None else refits.topology(triangles)
+        old = None if self._followed is None else self._followed.find(shape, self._spec)
+        structure = None
+        if old is not None and not self.cancelled:
+            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"])
+            self.done.append(done)
+        if structure is None:
+            structure = self._native.build(
+                triangles.vertices, triangles.triangles, self._spec, monitor=self.monitor, **self._options
+            )
+        if self._followed is not None:
+            self._followed.keep(shape, self._spec, structure)
+        return structure
 
 
 class Building:
@@ -97,16 +114,17 @@ class Building:
         threads: int = 0,
         memory_limit: int | None = None,
         trees: Trees = TREES,
+        followed: Followed | None = None,
     ) -> None:
         """Start to build `spec` over these triangles; 0 threads means one per core.
 
         memory_limit: bytes that the build may use; None for the native module's limit. trees: cache of the meshes'
-        structures.
+        structures. followed: structures in use, which are fitted instead where only vertices moved; None = none are.
         """
         self.geometry = geometry
         self.spec = spec
         self.memory_limit = memory_limit
-        self._work = work = _Work(native, spec, threads, memory_limit)
+        self._work = work = _Work(native, spec, threads, memory_limit, followed)
         # Not a method of this class: the thread must not keep this object alive.
         self._thread = threading.Thread(target=work.run, args=(geometry, trees), name="halfspace-build", daemon=True)
         self._thread.start()
@@ -130,6 +148,13 @@ class Building:
     def meshes_built(self) -> int:
         """The number of those structures that were built anew."""
         return self._work.meshes_built
+
+    @property
+    def done(self) -> str:
+        """What became of structures of the same triangles at other places: "refitted", or "rebuilt" with the reason; ""
+        if there were none.
+        """
+        return ", ".join(dict.fromkeys(self._work.done))
 
     @property
     def usable(self) -> bool:
@@ -161,6 +186,7 @@ def build(
     spec: str,
     *,
     trees: Trees = TREES,
+    followed: Followed | None = None,
     keep_going: KeepGoing,
     **options: Unpack[BuildOptions],
 ) -> Building:
@@ -168,7 +194,7 @@ def build(
 
     Raises Cancelled, or the native module's exceptions.
     """
-    building = Building(native, geometry, spec, trees=trees, **options)
+    building = Building(native, geometry, spec, trees=trees, followed=followed, **options)
     try:
         while not building.wait(POLL_SECONDS):
             if not keep_going(building.progress):
@@ -265,11 +291,12 @@ class Session:
         spec: str,
         *,
         trees: Trees = TREES,
+        followed: Followed | None = None,
         keep_going: KeepGoing,
         **options: Unpack[BuildOptions],
     ) -> Session:
         """Build the structure and pass on materials, lights and world. Raises as `build` does."""
-        building = build(native, scene.geometry, spec, trees=trees, keep_going=keep_going, **options)
+        building = build(native, scene.geometry, spec, trees=trees, followed=followed, keep_going=keep_going, **options)
         return replace(cls.over(native, scene, building.result()), building=building)
 
     @classmethod

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from ..base.equality import same
 from ..scene.instances import InstancedGeometry
+from .refits import FOLLOWED, Followed
 from .session import Building
 
 if TYPE_CHECKING:
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 class Stock:
     """Weak references to all live builds: deleting the last user's reference frees or cancels a build."""
 
-    def __init__(self) -> None:
+    def __init__(self, followed: Followed | None = None) -> None:
+        """followed: structures that are fitted where only vertices moved; None = those of this stock."""
+        self._followed = Followed() if followed is None else followed
         self._buildings: weakref.WeakSet[Building] = weakref.WeakSet()
 
     def find(self, geometry: AnyGeometry, spec: str, memory_limit: int | None = None) -> Building | None:
@@ -37,7 +40,7 @@ class Stock:
         """The build that `find` returns, or a new one, which is started. options: of `Building`."""
         building = self.find(geometry, spec, options.get("memory_limit"))
         if building is None:
-            building = Building(native, geometry, spec, **options)
+            building = Building(native, geometry, spec, followed=self._followed, **options)
             self._buildings.add(building)
         return building
 
@@ -50,5 +53,5 @@ def _same_triangles(old: AnyGeometry, new: AnyGeometry) -> bool:
     return same(old.triangles, new.triangles) and same(old.vertices, new.vertices)
 
 
-STOCK = Stock()
-"""Blender's stock. A tree depends only on its triangles and its spec, so all users can share it."""
+STOCK = Stock(FOLLOWED)
+"""Blender's stock. Answers depend on the triangles alone, built or fitted, so all users can share a tree."""

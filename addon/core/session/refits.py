@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Structures that follow moved triangles: fitted where only vertices moved, built again where that costs rays too much.
+
+A fitted structure has the nodes of its build around the triangles where they are now, so its answers are the same and
+only the time of its rays differs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import weakref
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, Structure
+    from ..scene.instances import Mesh
+    from ..scene.scene import Geometry
+
+DRIFT = 1.5
+"""Largest expected cost of a ray in a fitted structure, as a multiple of that at its build; beyond it, it is built
+again (chosen: rays then take about half as long again).
+"""
+
+REFITTED = "refitted"
+TOO_DEAR = f"rebuilt: rays through the fitted tree would cost more than {DRIFT:g} times as much"
+REFUSED = "rebuilt: its triangles cannot be followed"
+
+
+def topology(triangles: Geometry | Mesh) -> bytes:
+    """A digest of the number of vertices and of the triangles' indices: equal where only vertices can have moved."""
+    digest = hashlib.blake2b(str((triangles.vertices.shape, triangles.triangles.shape)).encode(), digest_size=16)
+    digest.update(triangles.triangles.data if triangles.triangles.size else b"")
+    return digest.digest()
+
+
+def fitted(native: Native, before: Structure, triangles: Geometry | Mesh, threads: int) -> tuple[Structure | None, str]:
+    """The structure fitted to these triangles, which are those that it was built over or have moved since, and what was
+    done. None, and the reason, if it must be built again.
+    """
+    try:
+        structure = before.refit(triangles.vertices, threads=threads)
+    except native.RefitError:
+        return None, REFUSED
+    statistics = structure.statistics
+    if statistics["sah_cost"] > DRIFT * statistics["sah_cost_built"]:
+        return None, TOO_DEAR
+    return structure, REFITTED
+
+
+def told(statistics: dict[str, Any]) -> str:
+    """How the structure of a picture was made and in what time, as shown to the user."""
+    if statistics.get("refits"):
+        return f"Refitted {statistics['refit_seconds']:.3f} s"
+    return f"Build {statistics['build_seconds']:.2f} s"
+
+
+class Followed:
+    """Weak references to the newest structure in use of each topology and configuration. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._known: weakref.WeakValueDictionary[tuple[bytes, str], Structure] = weakref.WeakValueDictionary()
+        self._lock = threading.Lock()
+
+    def find(self, shape: bytes, spec: str) -> Structure | None:
+        """The structure in use of this configuration over triangles of this topology, or None."""
+        with self._lock:
+            return self._known.get((shape, spec))
+
+    def keep(self, shape: bytes, spec: str, structure: Structure) -> None:
+        """Remember a structure while it is in use."""
+        with self._lock:
+            self._known[shape, spec] = structure
+
+
+FOLLOWED = Followed()
+"""Blender's structures."""

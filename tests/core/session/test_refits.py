@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Structures that follow moved triangles from one picture to the next: what is fitted, and what is built again."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+from addon.core.scene.scene import Geometry
+from addon.core.session import refits
+from addon.core.session.refits import Followed
+from addon.core.session.session import Building, build
+from addon.core.session.stock import Stock
+from addon.core.structures.trees import Trees
+from lab.motion import animations
+
+
+def geometry(frame: int, scatter: float = 0.0, name: str = "wave") -> Geometry:
+    """The triangles of an animation's frame."""
+    mesh = animations.built_in(name).frame(frame)
+    vertices = mesh.vertices + scatter * np.random.default_rng(1).normal(size=mesh.vertices.shape)
+    count = len(mesh.triangles)
+    return Geometry(vertices.astype(np.float32), mesh.triangles, np.zeros(count, np.int32), origin=np.zeros(3))
+
+
+def built(frame: Any, spec: str, followed: Followed | None) -> Building:
+    return build(native, frame, spec, trees=Trees(), followed=followed, keep_going=lambda _: True)
+
+
+@pytest.mark.parametrize("spec", ["bvh-sah", "bih", "bih-n"])
+def test_moved_vertices_are_fitted(spec: str) -> None:
+    followed = Followed()
+    first = built(geometry(0), spec, followed)
+    assert first.done == ""
+    later = built(geometry(1), spec, followed)
+    assert later.done == refits.REFITTED
+    structure = later.result()
+    assert structure.spec == first.result().spec
+    assert structure.statistics["refits"] == 1
+    assert refits.told(structure.statistics).startswith("Refitted")
+    assert refits.told(first.result().statistics).startswith("Build")
+    # The answers are those of the moved triangles.
+    now = geometry(1)
+    down = np.tile(np.array([[0.0, 0.0, -1.0]], np.float32), (500, 1))
+    origins = np.random.default_rng(2).uniform((-3, -3, 3), (3, 3, 3), (500, 3)).astype(np.float32)
+    expected = native.build(now.vertices, now.triangles, "brute").closest(origins, down)
+    assert np.array_equal(structure.closest(origins, down).t, expected.t)
+    assert np.isfinite(expected.t).all()
+
+
+def test_a_tree_that_no_longer_fits_is_built_again() -> None:
+    followed = Followed()
+    first = built(geometry(0), "bvh-sah", followed)
+    scattered = built(geometry(0, scatter=2.0), "bvh-sah", followed)
+    assert scattered.done == refits.TOO_DEAR
+    assert scattered.result().statistics["refits"] == 0
+    assert first.result().statistics["refits"] == 0
+
+
+def test_only_equal_triangles_in_use_of_equal_spec_are_followed() -> None:
+    followed = Followed()
+    first = built(geometry(0), "bvh-sah", followed)
+    assert built(geometry(1), "bih", followed).done == ""
+    assert built(geometry(0, name="armature"), "bvh-sah", followed).done == ""
+    assert built(geometry(1), "bvh-sah", None).done == ""
+    # What nobody uses any more is forgotten.
+    del first
+    gc.collect()
+    assert built(geometry(1), "bvh-sah", followed).done == ""
+
+
+def test_planes_are_built_again_and_say_so() -> None:
+    followed = Followed()
+    first = built(geometry(0), "kd", followed)
+    assert built(geometry(1), "kd", followed).done == refits.REFUSED
+    assert first.done == ""
+
+
+def test_a_stock_fits_what_it_holds() -> None:
+    stock = Stock()
+    first = stock.take(native, geometry(0), "bih-sah")
+    first.result()
+    second = stock.take(native, geometry(1), "bih-sah")
+    second.result()
+    assert second.done == refits.REFITTED
+    assert stock.take(native, geometry(1), "bih-sah") is second
+
+
+def test_topologies_differ_by_triangles_and_by_the_number_of_vertices() -> None:
+    one, moved = geometry(0), geometry(1)
+    assert refits.topology(one) == refits.topology(moved)
+    turned = Geometry(one.vertices, one.triangles[::-1].copy(), one.material_index, origin=one.origin)
+    more = Geometry(
+        np.concatenate([one.vertices, one.vertices[:1]]), one.triangles, one.material_index, origin=one.origin
+    )
+    assert len({refits.topology(each) for each in (one, turned, more)}) == 3
