@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from . import beams, intervals, kd, shadows, thesis
+from . import beams, intervals, kd, polygons, shadows, thesis
 from .claims import Claim
 
-PAPERS = (kd, intervals, beams, shadows, thesis)
+PAPERS = (kd, intervals, beams, polygons, shadows, thesis)
 """The papers' modules, in the order of the report."""
 
 CLAIMS: tuple[Claim, ...] = tuple(claim for paper in PAPERS for claim in paper.CLAIMS)

@@ -9,6 +9,8 @@ _FRAME_RAY = "native/ray/src/frame_ray.rs"
 _QUERY = "native/ray/src/query.rs"
 _STREAM = "native/trace/src/stream"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
+_POLYGONS = "native/polybeam/src"
+_OWNED = ("lib", "tests::each_ray_is_in_one_beam_in_the_cells_on_its_way")
 
 TRAVERSALS = (
     Fault(
@@ -125,5 +127,47 @@ TRAVERSALS = (
         "inv.simd_lt(splat(0.0))",
         "inv.simd_lt(splat(f32::NEG_INFINITY))",
         ("groups", "rays_that_go_together_answer_like_brute_force"),
+    ),
+    Fault(
+        "edges of a polygon cut in their middle",
+        f"{_POLYGONS}/polygon.rs",
+        "last_height / (last_height - height)",
+        "0.5 + 0.0 * last_height",
+        ("lib", "polygon::tests::both_parts_of_a_clipped_polygon_have_its_area"),
+    ),
+    Fault(
+        "a polygon smaller than its beam",
+        f"{_POLYGONS}/beam.rs",
+        "self.polygon.below(&heights, tolerance)",
+        "self.polygon.below(&heights, -0.01)",
+        _OWNED,
+    ),
+    Fault(
+        "rays on a line in both parts of a beam",
+        f"{_POLYGONS}/line.rs",
+        "self.line.lower_is_first(m) == self.lower_first",
+        "self.line.lower_is_first(m) || !self.lower_first",
+        _OWNED,
+    ),
+    Fault(
+        "a beam handed on to a larger cell as if it were a small one",
+        f"{_POLYGONS}/traversal.rs",
+        "beam.low.map(|x| x & !(edge - 1))",
+        "beam.low.map(|x| x | (edge & 0))",
+        _OWNED,
+    ),
+    Fault(
+        "the last bin of each row of a polygon left out",
+        f"{_POLYGONS}/raster.rs",
+        "self.first[bin(left)]..self.first[bin(right) + 1]",
+        "self.first[bin(left)]..self.first[bin(right)]",
+        _OWNED,
+    ),
+    Fault(
+        "rays that end in the first leaf with triangles",
+        f"{_POLYGONS}/leaf.rs",
+        "done & eight.open",
+        "(done | 0xff) & eight.open",
+        _OWNED,
     ),
 )
