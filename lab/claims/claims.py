@@ -46,6 +46,9 @@ CHECKED = 20_000
 REPEATS = {True: 3, False: 7}
 """Number of timed passes after a warm-up pass, and of builds: in a quick run (True) and a full one."""
 
+COUNTED = 1 << 21
+"""Rays that are counted at once: a multiple of what any kernel takes at once."""
+
 BUILD_SECONDS = 60
 """Processor seconds after which no further round of builds begins: the slowest build takes minutes."""
 
@@ -326,8 +329,13 @@ class Lab:
         return time.process_time() - start
 
     def _count(self, structure: Structure, rays: RaySet) -> dict[str, float]:
-        counters = counting.counters(structure, rays, 1)
-        return {name: float(np.mean(column)) for name, column in counters.items()} if len(rays) else {}
+        sums: dict[str, float] = {}
+        # The counters of tens of millions of rays would not fit the memory.
+        for first in range(0, len(rays), COUNTED):
+            part = rays.take(slice(first, first + COUNTED))
+            for name, column in counting.counters(structure, part, 1).items():
+                sums[name] = sums.get(name, 0.0) + float(np.sum(column, dtype=np.float64))
+        return {name: total / len(rays) for name, total in sums.items()}
 
     def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
         """Compare a sample of rays with brute force, bit for bit."""

@@ -44,8 +44,9 @@
 pub use ::{
     halfspace_base as base, halfspace_builders as builders, halfspace_geom as geom,
     halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nearest as nearest,
-    halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_ray as ray,
-    halfspace_render as render, halfspace_scalar as scalar, halfspace_scene as scene,
-    halfspace_structure as structure, halfspace_trace as trace, halfspace_trees as trees,
+    halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_polybeam as polybeam,
+    halfspace_ray as ray, halfspace_render as render, halfspace_scalar as scalar,
+    halfspace_scene as scene, halfspace_structure as structure, halfspace_trace as trace,
+    halfspace_trees as trees,
 };
 pub use halfspace_trees::registry;

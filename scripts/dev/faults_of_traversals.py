@@ -13,6 +13,8 @@ _SCALAR = "native/leaf/src/scalar/mod.rs"
 
 ONE_BY_ONE = ("lib", "scalar::tests::no_hit_is_ever_rejected_and_proven_hits_are_hits")
 """Leaf tests of one triangle at a time."""
+_POLYGONS = "native/polybeam/src"
+_OWNED = ("lib", "tests::each_ray_is_in_one_beam_in_the_cells_on_its_way")
 
 TRAVERSALS = (
     Fault(
@@ -199,5 +201,47 @@ TRAVERSALS = (
         "first + Self::offset(block) as usize + 1",
         "first + 1",
         ("lib", "scalar::tests::leaves_of_several_blocks_hold_their_triangles"),
+    ),
+    Fault(
+        "edges of a polygon cut in their middle",
+        f"{_POLYGONS}/polygon.rs",
+        "last_height / (last_height - height)",
+        "0.5 + 0.0 * last_height",
+        ("lib", "polygon::tests::both_parts_of_a_clipped_polygon_have_its_area"),
+    ),
+    Fault(
+        "a polygon smaller than its beam",
+        f"{_POLYGONS}/beam.rs",
+        "self.polygon.below(&heights, tolerance)",
+        "self.polygon.below(&heights, -0.01)",
+        _OWNED,
+    ),
+    Fault(
+        "rays on a line in both parts of a beam",
+        f"{_POLYGONS}/line.rs",
+        "self.line.lower_is_first(m) == self.lower_first",
+        "self.line.lower_is_first(m) || !self.lower_first",
+        _OWNED,
+    ),
+    Fault(
+        "a beam handed on to a larger cell as if it were a small one",
+        f"{_POLYGONS}/traversal.rs",
+        "beam.low.map(|x| x & !(edge - 1))",
+        "beam.low.map(|x| x | (edge & 0))",
+        _OWNED,
+    ),
+    Fault(
+        "the last bin of each row of a polygon left out",
+        f"{_POLYGONS}/raster.rs",
+        "self.first[bin(left)]..self.first[bin(right) + 1]",
+        "self.first[bin(left)]..self.first[bin(right)]",
+        _OWNED,
+    ),
+    Fault(
+        "rays that end in the first leaf with triangles",
+        f"{_POLYGONS}/leaf.rs",
+        "done & eight.open",
+        "(done | 0xff) & eight.open",
+        _OWNED,
     ),
 )

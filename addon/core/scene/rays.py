@@ -64,7 +64,7 @@ class RaySet:
         """The keyword arguments of `closest` and `occluded` for these rays. threads: 0 = one per core."""
         return {"t_max": self.t_max, "order": self.order, "threads": threads}
 
-    def take(self, indices: NDArray[np.int64]) -> RaySet:
+    def take(self, indices: NDArray[np.int64] | slice) -> RaySet:
         """The rays with these indices; for tiles the indices must keep every 64 rays together."""
         return RaySet(
             self.name,

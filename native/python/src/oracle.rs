@@ -11,7 +11,7 @@ use halfspace_base::error::Error;
 use halfspace_oracle::exact_closest;
 use halfspace_ray::Hit;
 use halfspace_scene::Triangles;
-use halfspace_trace::threads::in_chunks;
+use halfspace_trace::threads::{Shares, in_chunks};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 
@@ -42,12 +42,18 @@ fn exact(
             // Test each ray against all triangles.
             let scene = Triangles::new(vertices, indices)?;
             let blank = (Hit::MISS, false);
-            let (answers, _) = in_chunks(rays, threads.0, false, blank, |rays, answers, _| {
-                for (ray, answer) in rays.iter().zip(answers) {
-                    let exact = exact_closest(&scene, ray);
-                    *answer = (exact.hit, exact.on_boundary);
-                }
-            })?;
+            let (answers, _) = in_chunks(
+                rays,
+                Shares::usual(threads.0),
+                false,
+                blank,
+                |rays, answers, _| {
+                    for (ray, answer) in rays.iter().zip(answers) {
+                        let exact = exact_closest(&scene, ray);
+                        *answer = (exact.hit, exact.on_boundary);
+                    }
+                },
+            )?;
             Ok::<_, Error>(answers.into_iter().unzip::<_, _, Vec<_>, Vec<_>>())
         })
         .map_err(raise)?;

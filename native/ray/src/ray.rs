@@ -194,6 +194,12 @@ pub trait Tracer: Sync {
     fn near_rays(&self) -> Option<Aabb> {
         None
     }
+    /// Returns the largest number of rays in this order that are worth tracing at once on one thread, for any hits or
+    /// for nearest hits; `None` if batches beyond the usual size gain nothing.
+    fn batch(&self, order: Order, any: bool) -> Option<usize> {
+        let _ = (order, any);
+        None
+    }
     /// Writes for each ray the depth of the last leaf whose triangles were tested for its nearest hit, for display; 0
     /// if there is none or if depths are unknown.
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {

@@ -3,6 +3,7 @@
 //! kind of tree.
 
 use crate::way::Rays;
+use halfspace_ray::Order;
 use halfspace_ray::query::{Any, Closest, Query};
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use std::sync::Arc;
@@ -102,6 +103,15 @@ impl Plan {
             }
             _ => self,
         }
+    }
+
+    /// Returns the largest batch that its kernel gains from, for any hits or for nearest hits of rays in this order.
+    pub fn batch(&self, order: Order, any: bool) -> Option<usize> {
+        if any {
+            return self.shadow.as_ref()?.kernel.batch();
+        }
+        let tiles = self.tiles.as_ref().filter(|_| order == Order::Tiles);
+        tiles.or(self.closest.as_ref())?.kernel.batch()
     }
 
     /// Returns the route of each kind of batch.

@@ -207,6 +207,10 @@ impl Tracer for AtLevel<'_> {
         }
     }
 
+    fn batch(&self, order: Order, any: bool) -> Option<usize> {
+        self.structure.built.plan.batch(order, any)
+    }
+
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         let plan = &self.structure.built.plan;
         let single: &dyn SingleRays = &*plan.single;
@@ -245,6 +249,10 @@ impl Tracer for Structure {
 
     fn takes_tiles(&self) -> bool {
         self.built.plan.tiles.is_some()
+    }
+
+    fn batch(&self, order: Order, any: bool) -> Option<usize> {
+        self.built.plan.batch(order, any)
     }
 
     fn near_rays(&self) -> Option<Aabb> {

@@ -32,6 +32,11 @@ pub trait Kernel<Q: Query>: Debug + Send + Sync {
         false
     }
 
+    /// The largest number of rays that are worth tracing at once; `None` if batches beyond the usual size gain nothing.
+    fn batch(&self) -> Option<usize> {
+        None
+    }
+
     /// Bytes that rays in random order read from, if the kernel gains from near rays following one another; `None` if
     /// it does not.
     fn working_set(&self) -> Option<usize> {

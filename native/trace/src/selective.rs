@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! All hits of rays, and hits with the triangles that rays can see, on several threads.
 
-use crate::threads::{CHUNK, share_out};
+use crate::threads::{CHUNK, Shares, share_out};
 use halfspace_base::error::{Error, Result};
 use halfspace_base::memory::check_room;
 use halfspace_ray::counters::Log;
@@ -165,7 +165,7 @@ fn chunk_by_chunk<T: Clone + Send>(
     let finite = Finite::default();
     share_out(
         chunks,
-        threads,
+        Shares::usual(threads),
         |buffer, (i, answers): (usize, &mut [T])| {
             let first = i * CHUNK;
             if !finite.allows(rays, first..first + answers.len()) {

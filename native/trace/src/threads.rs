@@ -16,7 +16,35 @@ use std::thread::Builder;
 /// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
 pub const CHUNK: usize = STREAM;
 
-/// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
+/// How many rays a worker takes at once, and how many workers there are.
+#[derive(Debug, Clone, Copy)]
+pub struct Shares {
+    /// Number of threads; 0 means one per processor.
+    pub threads: usize,
+    /// Number of rays in a chunk.
+    pub chunk: usize,
+}
+
+impl Shares {
+    /// Chunks of the usual size.
+    pub fn usual(threads: usize) -> Self {
+        Self {
+            threads,
+            chunk: CHUNK,
+        }
+    }
+
+    /// Chunks for a kernel that takes up to `most` rays at once: one per thread if that is enough.
+    fn large(threads: usize, rays: usize, most: Option<usize>) -> Self {
+        let chunk = most.map_or(CHUNK, |most| {
+            let share = rays.div_ceil(wanted(threads)).next_multiple_of(CHUNK);
+            share.clamp(CHUNK, most.max(CHUNK))
+        });
+        Self { threads, chunk }
+    }
+}
+
+/// Runs `work` on chunks of rays, their answers and their counters.
 ///
 /// # Errors
 /// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
@@ -25,7 +53,7 @@ pub const CHUNK: usize = STREAM;
 /// [`Error::NonFinite`]: halfspace_base::error::Error::NonFinite
 pub fn in_chunks<T: Clone + Send>(
     rays: Rays<'_>,
-    threads: usize,
+    shares: Shares,
     counted: bool,
     blank: T,
     work: impl Fn(&[Ray], &mut [T], Option<&mut [RayCounters]>) + Sync,
@@ -42,17 +70,17 @@ pub fn in_chunks<T: Clone + Send>(
     // Divide answers and counters into chunks.
     let mut counts_left = counts.as_mut_slice();
     let chunks: Vec<_> = answers
-        .chunks_mut(CHUNK)
+        .chunks_mut(shares.chunk)
         .enumerate()
         .map(|(i, answers)| {
             let own = if counted { answers.len() } else { 0 };
             let (counts, rest) = std::mem::take(&mut counts_left).split_at_mut(own);
             counts_left = rest;
-            (i * CHUNK, answers, counts)
+            (i * shares.chunk, answers, counts)
         })
         .collect();
     let finite = Finite::default();
-    share_out(chunks, threads, |buffer, (first, answers, counts)| {
+    share_out(chunks, shares, |buffer, (first, answers, counts)| {
         if !finite.allows(&rays, first..first + answers.len()) {
             return;
         }
@@ -64,16 +92,16 @@ pub fn in_chunks<T: Clone + Send>(
     Ok((answers, counted.then_some(counts)))
 }
 
-/// Runs `work` on all parts, on `threads` threads, each with memory for [`CHUNK`] rays.
+/// Runs `work` on all parts, on threads that each have memory for a chunk of rays.
 pub fn share_out<P: Send>(
     parts: Vec<P>,
-    threads: usize,
+    shares: Shares,
     work: impl Fn(&mut [Ray], P) + Sync,
 ) -> Result<()> {
-    let threads = wanted(threads).min(parts.len()).max(1);
+    let threads = wanted(shares.threads).min(parts.len()).max(1);
     let queue = Mutex::new(parts.into_iter());
     let worker = || {
-        let mut buffer = vec![BLANK; CHUNK];
+        let mut buffer = vec![BLANK; shares.chunk];
         loop {
             let next = queue
                 .lock()
@@ -133,7 +161,8 @@ pub fn closest(
     {
         return Ok((closest_reordered(tracer, rays, threads, &bounds)?, None));
     }
-    in_chunks(rays, threads, counted, Hit::MISS, |rays, hits, counts| {
+    let shares = Shares::large(threads, rays.origins.len(), tracer.batch(order, false));
+    in_chunks(rays, shares, counted, Hit::MISS, |rays, hits, counts| {
         tracer.closest_ordered(rays, hits, counts, order);
     })
 }
@@ -148,7 +177,8 @@ pub fn occluded(
     threads: usize,
     counted: bool,
 ) -> Result<Answers<bool>> {
-    in_chunks(rays, threads, counted, false, |rays, answers, counts| {
+    let shares = Shares::large(threads, rays.origins.len(), tracer.batch(rays.order, true));
+    in_chunks(rays, shares, counted, false, |rays, answers, counts| {
         tracer.occluded(rays, answers, counts);
     })
 }
@@ -169,7 +199,7 @@ fn closest_reordered(
     let finite = Finite::default();
     share_out(
         windows,
-        threads,
+        Shares::usual(threads),
         |buffer, (i, hits): (usize, &mut [Hit])| {
             let own = rays.part(i * window..i * window + hits.len());
             if !finite.allows(&own, 0..hits.len()) {

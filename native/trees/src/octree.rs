@@ -103,6 +103,21 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
     }],
 };
 
+/// The same threshold of beams that begin with the whole image.
+const BEAM_MIN: ParamSpec = ParamSpec {
+    name: "beam_min",
+    label: "Smallest Polygon",
+    doc: "Rays of a polygon go on singly when fewer than this are left together. More ends beams earlier",
+    unit: "rays",
+    kind: Kind::Integer { min: 1, max: 4096 },
+    default: Value::Integer(16),
+    group: Group::Numerics,
+    needs: &[Need {
+        key: "traversal",
+        only: Only::Options(&["polygon"]),
+    }],
+};
+
 /// Ways from the root down.
 const FROM_ROOT: [Way; 5] = every_way("octants", "param");
 
@@ -113,13 +128,21 @@ const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(&FROM_ROOT_OPTIONS);
 const SINGLY: [Way; 1] = only_singly("octants");
 
 /// Ways of the octree with beams (T.Haces, for Trazado de haces): beams, or the single rays with which beams end.
-const BEAM_WAYS: [Way; 2] = [
+const BEAM_WAYS: [Way; 3] = [
     way(
         "octants",
         "beam",
         "Beams",
         Rays::Beam,
         "camera rays in tiles of 64 that go through the cells as one beam, other rays as net",
+    ),
+    way(
+        "octants",
+        "polygon",
+        "Polygons",
+        Rays::Beam,
+        "camera rays as published, in beams that begin with the whole image: polygons that each cell clips and hands on; \
+         other rays as net",
     ),
     way(
         "octants",
@@ -130,7 +153,7 @@ const BEAM_WAYS: [Way; 2] = [
     ),
 ];
 
-const BEAM_OPTIONS: [Named; 2] = distinct(&BEAM_WAYS);
+const BEAM_OPTIONS: [Named; 3] = distinct(&BEAM_WAYS);
 
 const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);
 
@@ -185,6 +208,7 @@ pub const BEAM: StructureSpec = StructureSpec {
         BEAM_TRAVERSAL,
         MAX_DEPTH_PARAM,
         BEAM_LEAST,
+        BEAM_MIN,
     ],
     ways: &BEAM_WAYS,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
@@ -281,8 +305,17 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
         }
     };
     if traversal == Traversal::Beams && config.way().rays == Rays::Beam {
-        let least = u32::try_from(config.integer("beam_least")).expect("in range");
-        plan = plan.with_tiles(Rays::Beam, beam::kernel::octants(tree, leaves, least));
+        let least = |key| u32::try_from(config.integer(key)).expect("in range");
+        if config.way().traversal == "polygon" {
+            plan.cases = &halfspace_polybeam::NAMES;
+            plan = plan.with_tiles(
+                Rays::Beam,
+                halfspace_polybeam::octants(tree, leaves, least("beam_min")),
+            );
+        } else {
+            let beams = beam::kernel::octants(tree, leaves, least("beam_least"));
+            plan = plan.with_tiles(Rays::Beam, beams);
+        }
     }
     if traversal == Traversal::FromRoot {
         let groups = together!(tree, leaves, octants, shadow_octants);

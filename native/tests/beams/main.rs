@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles of rays traced as beams: every pixel equals that of single rays, for any camera.
 
+mod polygons;
+
 use halfspace::base::Monitor;
 use halfspace::nodes::octree_nodes::Octree;
 use halfspace::oracle::cases::{Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup};
@@ -45,11 +47,15 @@ fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-const SPECS: [&str; 16] = [
+const SPECS: [&str; 20] = [
     "octree-beam",
     "octree-beam:beam_least=1",
     "octree-beam:beam_least=65",
     "octree-beam:beam_least=30,leaf_size=0,max_depth=9",
+    "octree-beam:traversal=polygon",
+    "octree-beam:beam_min=1,traversal=polygon",
+    "octree-beam:beam_min=4096,traversal=polygon",
+    "octree-beam:beam_min=5,leaf_size=0,max_depth=9,traversal=polygon",
     "beam-hh",
     "beam-hh:beam_least=1",
     "beam-hh:beam_least=65",
@@ -98,7 +104,7 @@ fn beams_answer_like_single_rays_at_1280_by_1024() {
     let wide = (75.0_f32).to_radians().tan();
     for view in [([0.9, -3.0, 1.2], 0.6), ([1.1, -0.4, 0.8], wide)] {
         let rays = image([1280, 1024], pinhole(view.0, view.1));
-        for spec in ["octree-beam", "beam-hh"] {
+        for spec in ["octree-beam", "octree-beam:traversal=polygon", "beam-hh"] {
             let structure = build(&scene, spec);
             let expected = traced(&structure, &rays, Order::None);
             let found = traced(&structure, &rays, Order::Tiles);

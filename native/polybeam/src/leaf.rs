@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays of a beam in one leaf: tests against its triangles, and rays that go on singly.
+
+use crate::beam::Beam;
+use crate::rays::LANES;
+use crate::traversal::{Octant, PIXEL, SINGLE, Traversal};
+use fearless_simd::{Simd, SimdBase, SimdMask, f32x8};
+use halfspace_geom::bound::keep_min;
+use halfspace_leaf::Leaf;
+use halfspace_leaf::lanes::Seen;
+use halfspace_nodes::octree_nodes::Node;
+use halfspace_ray::query::{Best, Closest, Counters};
+use halfspace_ray::{Hit, RayRef};
+use halfspace_trace::beam::bundle::lanes;
+use halfspace_trace::single::octants::net::Links;
+use halfspace_trace::single::octants::step::{NumberedLeaf, Position, Steps};
+
+/// A triangle as the rays of an octant see it from their origin.
+pub struct Facing {
+    seen: Seen,
+    id: u32,
+    /// Vertices in the frame.
+    corners: [[f32; 3]; 3],
+}
+
+/// Eight rays of a span.
+struct Eight {
+    /// Index of the first one.
+    at: usize,
+    /// Mask of those that belong to the beam and are open.
+    open: u64,
+}
+
+impl<C: Counters> Traversal<'_, C> {
+    /// Those of the rays from index `at` up to `end` that belong to a beam and are open.
+    #[inline(always)]
+    fn own<S: Simd>(&self, simd: S, beam: &Beam, at: usize, end: usize) -> Eight {
+        let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+        let mut open = reach
+            .simd_gt(f32x8::splat(simd, f32::NEG_INFINITY))
+            .to_bitmask()
+            & 0xff;
+        if end - at < LANES {
+            open &= (1 << (end - at)) - 1;
+        }
+        // Compare with the lines of the beam, exactly where f32 cannot decide.
+        let speeds = self.sorted.load(simd, at);
+        for side in beam.sides.all() {
+            if open == 0 {
+                break;
+            }
+            let [inside, unsure] = side.sort(simd, &speeds);
+            let mut own = inside;
+            for lane in lanes(unsure & open) {
+                own |= u64::from(side.holds(self.sorted.speed(at + lane))) << lane;
+            }
+            open &= own;
+        }
+        Eight { at, open }
+    }
+
+    /// The number of open rays of a beam among those found by the last scan.
+    #[inline(always)]
+    pub fn count_own<S: Simd>(&self, simd: S, octant: &Octant, beam: &mut Beam) -> usize {
+        let mut count = 0;
+        for span in &self.scratch.spans {
+            let (start, end) = (span.start as usize, span.end as usize);
+            for at in (start..end).step_by(LANES) {
+                count += self.own(simd, beam, at, end).open.count_ones();
+            }
+        }
+        beam.estimate(count, octant.densest);
+        count as usize
+    }
+
+    /// Tests the rays of a beam, found by the last scan, against the triangles of its leaf. Ends those that hit inside
+    /// it, and returns the number of the others.
+    #[inline(always)]
+    pub fn test<S: Simd>(&mut self, simd: S, octant: &Octant, node: Node, beam: &mut Beam) -> u32 {
+        let leaf = node.blocks();
+        self.face(octant, node);
+        let edge = octant.grid.edge(node);
+        let planes = octant.planes(beam.low.map(|x| x + edge));
+        let triangles = std::mem::take(&mut self.scratch.triangles);
+        let spans = std::mem::take(&mut self.scratch.spans);
+        let mut left = 0;
+        for span in &spans {
+            let (start, end) = (span.start as usize, span.end as usize);
+            for at in (start..end).step_by(LANES) {
+                let eight = self.own(simd, beam, at, end);
+                if C::COUNTS {
+                    self.count_tests(&eight, leaf);
+                }
+                if eight.open == 0 {
+                    continue;
+                }
+                let speeds = self.sorted.load(simd, at);
+                for triangle in &triangles {
+                    let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+                    let found = triangle.seen.candidates(simd, speeds, reach) & eight.open;
+                    for lane in lanes(found) {
+                        self.offer(at + lane, triangle);
+                    }
+                }
+                // A ray ends if its best hit lies before all planes that it may leave through.
+                let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+                let mut done = 0xff;
+                for (speed, plane) in speeds.into_iter().zip(planes) {
+                    let offset = f32x8::splat(simd, plane.offset);
+                    done &= (reach * speed).simd_lt(offset).to_bitmask();
+                }
+                let done = done & eight.open;
+                for lane in lanes(done) {
+                    self.sorted.reach[at + lane] = f32::NEG_INFINITY;
+                }
+                left += (eight.open & !done).count_ones();
+            }
+        }
+        self.scratch.triangles = triangles;
+        self.scratch.spans = spans;
+        beam.estimate(left, octant.densest);
+        left
+    }
+
+    /// Prepares the triangles of a leaf for the rays of an octant, in the direction of the rays.
+    #[inline(always)]
+    fn face(&mut self, octant: &Octant, node: Node) {
+        let turn = |p: [f32; 3]| {
+            [
+                p[0] * octant.sign(0),
+                p[1] * octant.sign(1),
+                p[2] * octant.sign(2),
+            ]
+        };
+        let origin = turn(octant.origin);
+        let triangles = &mut self.scratch.triangles;
+        triangles.clear();
+        self.job.blocks.each(node.blocks(), |id, corners| {
+            triangles.push(Facing {
+                seen: Seen::new(
+                    origin,
+                    [turn(corners[0]), turn(corners[1]), turn(corners[2])],
+                ),
+                id,
+                corners,
+            });
+        });
+    }
+
+    /// Counts the pixels of a scan, and the tests of those that belong to the beam.
+    #[inline(always)]
+    fn count_tests(&mut self, eight: &Eight, leaf: Leaf) {
+        for lane in lanes(eight.open) {
+            let id = self.sorted.ids[eight.at + lane] as usize;
+            self.counters[id].case(|| PIXEL);
+            self.counters[id].visit(leaf.first, leaf.count);
+            self.counters[id].tests(leaf.count);
+        }
+    }
+
+    /// Decides by the exact verdict whether a ray hits a triangle, and cuts its reach at its best hit.
+    #[inline(always)]
+    fn offer(&mut self, i: usize, triangle: &Facing) {
+        let id = self.sorted.ids[i] as usize;
+        let ray = &self.slice.rays[id];
+        let frame = &self.slice.frame.limits_of(ray);
+        let mut best = Best::known(self.answers[id]);
+        best.offer::<Closest, C>(
+            RayRef { ray, frame },
+            triangle.id,
+            #[inline(always)]
+            || (self.job.blocks).scene_corners(self.job.scene, triangle.id, triangle.corners),
+            &mut self.counters[id],
+        );
+        let hit = best.hit();
+        if hit.triangle != Hit::NONE {
+            self.answers[id] = hit;
+            let reach = &mut self.sorted.reach[i];
+            *reach = keep_min(frame.reach(hit.t), *reach);
+        }
+    }
+
+    /// Takes the open rays of a beam, found by the last scan, from its leaf to their best hits one by one.
+    #[inline(always)]
+    pub fn go_on_singly<S: Simd>(&mut self, simd: S, octant: &Octant, node: Node, beam: &Beam) {
+        let grid = &octant.grid;
+        let steps = Steps {
+            tree: self.tree,
+            grid,
+        };
+        let edge = grid.edge(node);
+        let near = octant.planes(beam.low);
+        let spans = std::mem::take(&mut self.scratch.spans);
+        for span in &spans {
+            let (start, end) = (span.start as usize, span.end as usize);
+            for at in (start..end).step_by(LANES) {
+                let eight = self.own(simd, beam, at, end);
+                for i in lanes(eight.open).map(|lane| at + lane) {
+                    let reach = std::mem::replace(&mut self.sorted.reach[i], f32::NEG_INFINITY);
+                    let id = self.sorted.ids[i] as usize;
+                    let (ray, count) = (&self.slice.rays[id], &mut self.counters[id]);
+                    let Some(frame) = &self.slice.frame.ray(ray) else {
+                        continue;
+                    };
+                    count.case(|| SINGLE);
+                    // Find where the ray enters the leaf, and its smallest cell there.
+                    let speed = self.sorted.speed(i);
+                    let mut enter = 0.0_f32;
+                    for (plane, speed) in near.into_iter().zip(speed) {
+                        if plane.offset > 0.0 && speed > 0.0 {
+                            enter = enter.max(plane.offset / speed);
+                        }
+                    }
+                    let cell = |k: usize| {
+                        let x = frame.o[k] + enter * frame.d[k];
+                        grid.cell(k, x, beam.low[k], beam.low[k] + edge - 1)
+                    };
+                    let from = Position {
+                        leaf: NumberedLeaf {
+                            index: beam.node,
+                            node,
+                        },
+                        at: [cell(0), cell(1), cell(2)],
+                        enter,
+                    };
+                    let mut best = Best::known(self.answers[id]);
+                    best.reach = keep_min(frame.t_max, reach);
+                    let ray = RayRef { ray, frame };
+                    steps.follow::<S, Closest, C, Links>(
+                        simd, self.job, ray, from, &mut best, count,
+                    );
+                    self.answers[id] = best.hit();
+                }
+            }
+        }
+        self.scratch.spans = spans;
+    }
+}
