@@ -105,8 +105,9 @@ class StructureRow(TypedDict):
 class Statistics(TypedDict):
     """Statistics of a build.
 
-    build_seconds: wall-clock time. refits: number of times that the structure was fitted to moved vertices since it was
-    built; refit_seconds: wall-clock time of the last of them, or 0. bytes: nodes and leaves, without the arrays of the scene. All numbers are those of
+    build_seconds: wall-clock time. refits: number of times that the structure was fitted to moved vertices since it
+    was built; refit_seconds: wall-clock time of the last of them, or 0. bytes: nodes and leaves, without the arrays
+    of the scene. All numbers are those of
     the nodes that rays traverse. references: triangles in all leaves together. links: from leaves to their neighbours,
     where a structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
@@ -504,8 +505,8 @@ class Structure:
         """
 
     def refit(self, vertices: F32, triangles: Indices | None = None, *, threads: int = 0) -> Structure:
-        """This structure fitted to moved vertices: a new structure with the same nodes around the triangles where they are
-        now. Its answers are those of a structure built anew, which takes longer.
+        """The structure fitted to moved vertices: a new structure with the same nodes around the triangles where they
+        are now. Its answers are those of a structure built anew, which takes longer.
 
         vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
         hit until they can be again. triangles: those of build(), to have them compared; None = not compared.

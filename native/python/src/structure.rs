@@ -208,7 +208,7 @@ impl Structure {
         proximity::overlaps(py, self.surface(py)?, other.surface(py)?, threads)
     }
 
-    /// This structure fitted to moved vertices: a new structure with the same nodes around the triangles where they are
+    /// The structure fitted to moved vertices: a new structure with the same nodes around the triangles where they are
     /// now. Its answers are those of a structure built anew, which takes longer.
     ///
     /// vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
