@@ -801,13 +801,13 @@ def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.
 class RenderStatistics(TypedDict):
     """Statistics of a render so far; final once it has ended.
 
-    seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued
-    behind a transparent surface count again; rays_secondary: rays after a bounce or through a
-    transparent surface. beams: groups of secondary rays that came from one virtual eye and were traced in tiles,
-    rays_beams: rays in them, beam_deviation: largest angle between a ray from a virtual eye and the direction of the
-    single ray, radians; all 0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes
-    visited and triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests"
-    is among the passes, because an uncounted traversal is faster.
+    seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued behind a
+    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface. beams:
+    groups of secondary rays that came from one virtual eye and were traced in tiles, rays_beams: rays in them,
+    beam_deviation: largest angle between a ray from a virtual eye and the direction of the single ray, radians; all
+    0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes visited and
+    triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests" is among the passes, because
+    an uncounted traversal is faster.
     """
 
     seconds: float
