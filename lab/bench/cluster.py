@@ -202,7 +202,7 @@ def _hand_out(
 
 
 def _sent(client: Any, workload: Workload) -> Any:
-    """The scene on all workers, so that it survives the death of any one of them; None if the last one has just died."""
+    """The scene on all workers, so that it survives the death of any one of them; None if the last has just died."""
     try:
         return client.scatter(workload, hash=False, broadcast=True)
     except ValueError:
