@@ -22,9 +22,9 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The levels of a tree, and sentences about their sums."""
+    """The levels of a tree for the rays of a view, and sentences about their sums."""
 
-    tree: int
+    rays: worst.Found
     levels: Levels
     lines: tuple[str, ...]
 
@@ -34,9 +34,9 @@ _measured: dict[int, Measured] = {}
 
 
 def known(scene: Any) -> Measured | None:
-    """The levels of the scene's last tree, if they were measured."""
-    found, tree = _measured.get(scene.original.session_uid), trees.last(scene)
-    return found if found is not None and tree is not None and found.tree == tree.number else None
+    """The levels of the scene's last tree, if they were measured for the camera's view."""
+    measured = _measured.get(scene.original.session_uid)
+    return measured if measured is not None and measured.rays is worst.known(scene) else None
 
 
 def measure(scene: Any, tree: trees.Tree) -> Measured:
@@ -49,7 +49,7 @@ def measure(scene: Any, tree: trees.Tree) -> Measured:
         native.load(), found.workload, [primary.rays], min(auto.CHECKED, affordable(found.workload)), seed=0
     )
     lines = measuring.sentences(made, reference.wrong(tree.structure), len(reference))
-    measured = Measured(tree.number, made, tuple(lines))
+    measured = Measured(found, made, tuple(lines))
     _measured[scene.original.session_uid] = measured
     return measured
 
