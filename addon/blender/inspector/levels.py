@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ...core.base import native
 from ...core.choose import auto
@@ -81,12 +82,21 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@persistent
+def _file_loaded(*_: Any) -> None:
+    """Another file was loaded: free what was measured in the old one."""
+    worst.clear()
+    _measured.clear()
+
+
 def register() -> None:
-    """Register the operator."""
+    """Register the operator, and the handler of loaded files."""
     bpy.utils.register_class(HALFSPACE_OT_measure_levels)
+    bpy.app.handlers.load_post.append(_file_loaded)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.app.handlers.load_post.remove(_file_loaded)
     bpy.utils.unregister_class(HALFSPACE_OT_measure_levels)
     _measured.clear()
