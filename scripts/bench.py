@@ -112,7 +112,8 @@ def parser() -> argparse.ArgumentParser:
         "--frames",
         metavar="A-B",
         help="measure each frame of animations instead, with structures that are fitted, built again or built lazily; "
-        f"SCENE: {', '.join(animations.NAMES)} (default: all) or a .blend file",
+        f"SCENE: {', '.join(animations.NAMES)} (default: all) or a .blend file; "
+        f"writes {motion.NUMBERS} and {motion.PAGE}",
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=output, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
@@ -218,15 +219,15 @@ def moving(asked: argparse.Namespace) -> int:
     listed = list(motion.SPECS)
     if asked.structures:
         listed = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
+    names = motion.check(asked.scenes or animations.NAMES)
     if asked.out is not None:
         results.prepare_folder(asked.out)
-    chosen = [motion.find(name) for name in asked.scenes or animations.NAMES]
-    rows = motion.run(module, chosen, numbers, listed, size=size, threads=asked.threads, say=say)
+    rows = motion.run(module, map(motion.find, names), numbers, listed, size=size, threads=asked.threads, say=say)
     if asked.out is not None:
         document = results.document(module, [], {"size": asked.size, "threads": asked.threads}) | {"frames": rows}
         with results.writing(asked.out):
             results.write_all({asked.out / name: text for name, text in motion.written(document).items()})
-        say(f"wrote {asked.out / 'report.html'} and bench.json")
+        say(f"wrote {asked.out / motion.PAGE} and {motion.NUMBERS}")
     return int(any(row["wrong"] for row in rows))
 
 

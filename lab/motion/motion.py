@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from addon.core.base import interrupt
@@ -24,10 +25,13 @@ from .frames import SPECS, Moved
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
 
-__all__ = ["OPTIONS", "SPECS", "find", "read_frames", "run", "table", "written"]
+__all__ = ["NUMBERS", "OPTIONS", "PAGE", "SPECS", "check", "find", "read_frames", "run", "table", "written"]
 
 OPTIONS = ("scenes", "frames", "structures", "size", "threads", "level", "out")
 """Options of the benchmark that are valid together with `--frames`."""
+
+NUMBERS, PAGE = "frames.json", "frames.html"
+"""Files of a report. The reports of sweeps have other names, so that one folder can hold both."""
 
 MOST_FRAMES = 100_000
 
@@ -62,18 +66,35 @@ def read_frames(text: str) -> range:
     return range(int(first), int(last) + 1)
 
 
+def check(names: Sequence[str]) -> list[str]:
+    """The animations of a command line, each once. Raises UsageError without Blender for files, WorkloadError."""
+    found = {name: workload.find(name, (".blend",), animations.NAMES) for name in names}
+    chosen = workload.distinct(found)
+    for name in chosen:
+        if isinstance(found[name], Path):
+            _reader(name)
+    return chosen
+
+
 def find(name: str) -> Animation:
-    """A built-in animation, or that of a .blend file. Raises UsageError without Blender, WorkloadError."""
-    if name in animations.NAMES:
-        return animations.built_in(name)
+    """A built-in animation, or that of a .blend file, which stays open: its frames are valid until another file is
+    opened. Raises UsageError without Blender, WorkloadError.
+    """
     found = workload.find(name, (".blend",), animations.NAMES)
+    if isinstance(found, str):
+        return animations.built_in(found)
+    mesh, view = _reader(name).load(found)
+    return Animation(found.stem, lambda number: animations.Mesh(*mesh(number)), view)
+
+
+def _reader(name: str) -> ModuleType:
+    """The module that reads animations of files. Raises UsageError without Blender."""
     try:
         with interrupt.guarded():
             from addon.blender.measure import moving
     except ImportError as error:
         raise UsageError(f"{name}: needs Blender: {error}") from error
-    mesh, view = moving.load(Path(found))
-    return Animation(Path(found).stem, lambda number: animations.Mesh(*mesh(number)), view)
+    return moving
 
 
 def run(
@@ -86,7 +107,7 @@ def run(
     threads: int,
     say: Callable[[str], None],
 ) -> list[Moved]:
-    """All rows of these animations; prints a table of each."""
+    """All rows of these animations; prints a table of each. Each is taken when the one before it is measured."""
     ways = frames.methods(native, listed)
     rows: list[Moved] = []
     for animation in chosen:
@@ -131,10 +152,10 @@ def text(lines: Sequence[tuple[str, ...]]) -> str:
 
 
 def written(document: dict[str, Any]) -> dict[str, str]:
-    """The files of a report: bench.json, whose key `frames` has the rows of `frames.Moved`, and report.html."""
+    """The files of a report: NUMBERS, whose key `frames` has the rows of `frames.Moved`, and PAGE."""
     return {
-        "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
-        "report.html": page.filled("Moving scenes", INTRODUCTION, document, _body(document["frames"])),
+        NUMBERS: json.dumps(document, indent=1, allow_nan=False) + "\n",
+        PAGE: page.filled("Moving scenes", INTRODUCTION, document, _body(document["frames"])),
     }
 
 

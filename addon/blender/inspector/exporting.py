@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...core.base import native
 from ...core.inspector import csv_files, page
 from ...core.overlay import cells
+from ...core.report import results
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
 from ..measure import cost_maps, pictures
@@ -63,7 +64,7 @@ def text(scene: Any, what: str) -> str:
 
 
 def page_of(scene: Any) -> str:
-    """The page of the last structure, beside the second structure of cost maps. Raises what `text` and builds raise."""
+    """The page of the last structure, with the second structure of cost maps. Raises what `text` and builds raise."""
     tree, group = trees.last(scene), scene.halfspace
     if tree is None:
         raise ExportError("Build a structure first")
@@ -74,7 +75,7 @@ def page_of(scene: Any) -> str:
         limit = memory_limit(group.memory_limit)
         built = module.build(tree.vertices, tree.triangles, group.second, memory_limit=limit)
         structures.append((second.label, built))
-    return page.as_html(module, found.workload, structures, group.inspector.width)
+    return page.as_html(module, found.workload, structures, found.size)
 
 
 def _replay(scene: Any, tree: trees.Tree) -> Any:
@@ -95,6 +96,7 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
     bl_description = "Write what the inspector shows into a file"
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
     what: EnumProperty(name="What", items=WHAT)  # type: ignore[valid-type]
 
     @classmethod
@@ -108,7 +110,7 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: Any) -> set[str]:
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(self._suffix())
+        path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), self._suffix()))
         try:
             if self.what == "PICTURE":
                 if cost_maps.kept is None:
@@ -116,7 +118,7 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
                 pictures.save(path, cost_maps.kept.picture(context.scene))
             else:
                 content = page_of(context.scene) if self.what == "PAGE" else text(context.scene, self.what)
-                path.write_text(content, encoding="utf-8")
+                results.write(path, content)
         except (*native.FAILURES, OSError) as error:
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}

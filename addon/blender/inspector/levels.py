@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ...core.base import native
 from ...core.choose import auto
@@ -22,9 +23,9 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The levels of a tree, and sentences about their sums."""
+    """The levels of a tree for the rays of a view, and sentences about their sums."""
 
-    tree: int
+    rays: worst.Found
     levels: Levels
     lines: tuple[str, ...]
 
@@ -34,9 +35,9 @@ _measured: dict[int, Measured] = {}
 
 
 def known(scene: Any) -> Measured | None:
-    """The levels of the scene's last tree, if they were measured."""
-    found, tree = _measured.get(scene.original.session_uid), trees.last(scene)
-    return found if found is not None and tree is not None and found.tree == tree.number else None
+    """The levels of the scene's last tree, if they were measured for the camera's view."""
+    measured = _measured.get(scene.original.session_uid)
+    return measured if measured is not None and measured.rays is worst.known(scene) else None
 
 
 def measure(scene: Any, tree: trees.Tree) -> Measured:
@@ -49,7 +50,7 @@ def measure(scene: Any, tree: trees.Tree) -> Measured:
         native.load(), found.workload, [primary.rays], min(auto.CHECKED, affordable(found.workload)), seed=0
     )
     lines = measuring.sentences(made, reference.wrong(tree.structure), len(reference))
-    measured = Measured(tree.number, made, tuple(lines))
+    measured = Measured(found, made, tuple(lines))
     _measured[scene.original.session_uid] = measured
     return measured
 
@@ -81,12 +82,21 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@persistent
+def _file_loaded(*_: Any) -> None:
+    """Another file was loaded: free what was measured in the old one."""
+    worst.clear()
+    _measured.clear()
+
+
 def register() -> None:
-    """Register the operator."""
+    """Register the operator, and the handler of loaded files."""
     bpy.utils.register_class(HALFSPACE_OT_measure_levels)
+    bpy.app.handlers.load_post.append(_file_loaded)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.app.handlers.load_post.remove(_file_loaded)
     bpy.utils.unregister_class(HALFSPACE_OT_measure_levels)
     _measured.clear()

@@ -51,6 +51,7 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
         "views. Click to keep it, Esc to take it away"
     )
     bl_options = {"REGISTER", "UNDO"}
+    _before: picking.Ray | None = None
 
     column: IntProperty(name="Column", min=0, options={"SKIP_SAVE"})  # type: ignore[valid-type]
     row: IntProperty(name="Row", description="From the bottom", min=0, options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -72,6 +73,7 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
 
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Start to follow the mouse."""
+        self._before = picking.last(context.scene)
         context.window.cursor_modal_set("CROSSHAIR")
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -79,21 +81,27 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
     def modal(self, context: Any, event: Any) -> set[str]:
         """Follow the mouse until a click."""
         if cost_maps.kept is None or event.type in {"ESC", "RIGHTMOUSE"}:
-            if cost_maps.kept is not None:
-                place(context.scene, None)
-            context.window.cursor_modal_restore()
-            return {"CANCELLED"}
+            return self._cancel(context)
         if event.type not in {"MOUSEMOVE", "LEFTMOUSE"}:
             return {"PASS_THROUGH"}
         pixel = under(event, context.screen)
         if pixel is not None and pixel != cost_maps.kept.cursor:
             place(context.scene, pixel)
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
+            if pixel is None:
+                return self._cancel(context)
             context.window.cursor_modal_restore()
-            if pixel is not None:
-                self.column, self.row = pixel
+            self.column, self.row = pixel
             return {"FINISHED"}
         return {"RUNNING_MODAL"}
+
+    def _cancel(self, context: Any) -> set[str]:
+        """Take the cursor away, and show the ray that was picked before."""
+        if cost_maps.kept is not None:
+            place(context.scene, None)
+        picking.keep(context.scene, self._before)
+        context.window.cursor_modal_restore()
+        return {"CANCELLED"}
 
 
 def register() -> None:

@@ -34,12 +34,15 @@ log = logging.getLogger(__name__)
 
 @dataclass(eq=False)
 class Found:
-    """The costs of the rays of a view through one tree. orders: indices and values by set and key. place: of the ray
-    that is shown in the order. lines: about that ray. answers: how many were compared with brute force, and were wrong.
+    """The costs of the rays of a view through one tree.
+
+    size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. place: of the ray that
+    is shown in the order. lines: about that ray. answers: how many were compared with brute force, and were wrong.
     """
 
     tree: int
-    width: int
+    size: tuple[int, int]
+    camera: tuple[Any, ...]
     workload: Workload
     costs: dict[str, RayCosts]
     orders: dict[tuple[str, str], tuple[NDArray[np.int64], F64]] = field(default_factory=dict)
@@ -56,7 +59,26 @@ _found: dict[int, Found] = {}
 def known(scene: Any) -> Found | None:
     """The costs of rays through the scene's last tree, if they were measured."""
     found, tree = _found.get(scene.original.session_uid), trees.last(scene)
-    return found if found is not None and tree is not None and found.tree == tree.number else None
+    if found is None or tree is None:
+        return None
+    return found if (found.tree, found.size, found.camera) == (tree.number, _size(scene), _camera(scene)) else None
+
+
+def _size(scene: Any) -> tuple[int, int]:
+    """Pixels of the view with the scene's settings."""
+    return costmap.shaped(scene.halfspace.inspector.width, (scene.render.resolution_x, scene.render.resolution_y))
+
+
+def _camera(scene: Any) -> tuple[Any, ...]:
+    """What the view depends on besides its size: place and frame of the camera."""
+    item = scene.camera
+    if item is None:
+        return ()
+    place = tuple(value for row in item.matrix_world for value in row)
+    if item.type != "CAMERA":
+        return place
+    frame = item.data.view_frame(scene=scene)
+    return (*place, item.data.type, *(value for corner in frame for value in corner))
 
 
 def clear() -> None:
@@ -66,12 +88,13 @@ def clear() -> None:
 
 def find(scene: Any, tree: trees.Tree) -> Found:
     """Count the rays of the camera's view, or return the known counts. Raises WorkloadError."""
-    width, found = scene.halfspace.inspector.width, known(scene)
-    if found is not None and found.width == width:
+    bpy.context.view_layer.update()  # moves the camera to where it was put
+    found = known(scene)
+    if found is not None:
         return found
-    size = costmap.shaped(width, (scene.render.resolution_x, scene.render.resolution_y))
+    size = _size(scene)
     workload = workloads.of_tree(tree, scene.name, size)
-    made = Found(tree.number, width, workload, ray_costs.gather(tree.structure, workload, size))
+    made = Found(tree.number, size, _camera(scene), workload, ray_costs.gather(tree.structure, workload, size))
     _found[scene.original.session_uid] = made
     return made
 
@@ -129,7 +152,7 @@ class HALFSPACE_OT_worst_ray(bpy.types.Operator):
         "Count all rays of the camera's view through the last structure, one by one, and show the worst with the "
         "reasons of its cost"
     )
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}  # without REGISTER: a repetition would go on from the place that Python keeps
 
     move: IntProperty(  # type: ignore[valid-type]
         name="Move", description="Places from the ray that is shown; 0 for the worst", options={"SKIP_SAVE"}

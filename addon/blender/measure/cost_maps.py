@@ -190,6 +190,12 @@ def show(context: Any, image: Any) -> None:
     area.spaces.active.image = image
 
 
+def forget() -> None:
+    """Free the maps."""
+    global kept  # noqa: PLW0603
+    kept = None
+
+
 def register() -> None:
     """Register the operator, and listen to the range."""
     bpy.utils.register_class(HALFSPACE_OT_cost_map)
@@ -198,7 +204,6 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register`, and forget the maps."""
-    global kept  # noqa: PLW0603
     signals.range_changed.disconnect(recolour)
     bpy.utils.unregister_class(HALFSPACE_OT_cost_map)
-    kept = None
+    forget()

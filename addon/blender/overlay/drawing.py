@@ -13,7 +13,7 @@ from gpu_extras.batch import batch_for_shader
 
 from ...core.overlay import planes
 from ...core.overlay.legend import Entry
-from ..measure import comparing
+from ..measure import comparing, cost_maps
 from ..session import building, trees
 from ..settings import signals
 from . import choosing, legend, picking, replaying
@@ -213,9 +213,23 @@ def _file_loaded(*_: Any) -> None:
     comparing.clear()
     trees.clear()
     picking.clear()
+    _clear()
+    _begin()
+
+
+def _clear() -> None:
+    """Free what was made from trees: batches, steps of rays, maps."""
     replaying.clear()
     _drawings.clear()
-    _begin()
+    cost_maps.forget()
+
+
+@persistent
+def _stepped(*_: Any) -> None:
+    """After undo or redo: show the overlay and the range of the maps as the settings request."""
+    follow()
+    for scene in bpy.data.scenes:
+        signals.range_changed.fire(scene)
 
 
 def _begin() -> None:
@@ -248,8 +262,8 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
     handlers = bpy.app.handlers
     return (
         (handlers.load_post, _file_loaded),
-        (handlers.undo_post, follow),
-        (handlers.redo_post, follow),
+        (handlers.undo_post, _stepped),
+        (handlers.redo_post, _stepped),
         (handlers.depsgraph_update_post, _scene_changed),
         (handlers.frame_change_post, _frame_changed),
     )
@@ -277,4 +291,4 @@ def unregister() -> None:
     building.stop()
     trees.clear()
     trees.forget_moments()
-    _drawings.clear()
+    _clear()

@@ -418,6 +418,6 @@ def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> N
 
 def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
     return (
-        f"{label} | {refits.told(statistics)} | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
+        f"{label} | {refits.duration(statistics)} | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
         f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
     )

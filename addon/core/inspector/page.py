@@ -35,12 +35,14 @@ MOST_NODES, MOST_RAYS, CHECKED = 4000, 10, 1024
 """Largest numbers of nodes, shallow ones first, and of rays of each order, on a page; answers that are compared."""
 
 
-def as_html(native: Native, workload: Workload, structures: Sequence[tuple[str, Structure]], width: int) -> str:
-    """The page of structures over the workload's triangles. structures: label and structure. width: of the view.
+def as_html(
+    native: Native, workload: Workload, structures: Sequence[tuple[str, Structure]], size: tuple[int, int]
+) -> str:
+    """The page of structures over the workload's triangles. structures: label and structure. size: pixels of the view,
+    multiples of a tile.
 
     Raises table.TreeError.
     """
-    size = costmap.shaped(width, (16, 9))
     maps = [
         {one.key: costmap.measure(structure, workload, size, one.key) for one in MAPS} for _, structure in structures
     ]

@@ -18,6 +18,7 @@ from ..base.background import Background
 from ..base.equality import same
 from ..structures.settings import RenderSettings
 from ..structures.specs import structure_of
+from . import refits
 from .session import Building, Session
 
 if TYPE_CHECKING:
@@ -245,9 +246,12 @@ class Preview:
     @property
     def followed(self) -> str:
         """What was done with the structure when the scene last changed: "refitted", or "rebuilt" with the reason; "" if
-        it is the first of its triangles.
+        it is the first of its triangles, or if structures of its kind are built again after each change.
         """
-        return "" if self._ready is None else self._ready.building.done
+        building = None if self._ready is None else self._ready.building
+        if building is None or not building.done or not refits.can_fit(self._native, building.spec):
+            return ""
+        return building.done
 
     def advance(self) -> bool:
         """Start and finish work without blocking. Returns whether there is something new to show."""

@@ -10,7 +10,11 @@ from __future__ import annotations
 import hashlib
 import threading
 import weakref
+from functools import cache
 from typing import TYPE_CHECKING, Any
+
+from ..base.native import first_line
+from ..structures import specs
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
@@ -24,7 +28,8 @@ again (chosen: rays then take about half as long again).
 
 REFITTED = "refitted"
 TOO_DEAR = f"rebuilt: rays through the fitted tree would cost more than {DRIFT:g} times as much"
-REFUSED = "rebuilt: its triangles cannot be followed"
+REFUSED = "rebuilt: "
+"""Followed by the reason of the native module."""
 
 
 def topology(triangles: Geometry | Mesh) -> bytes:
@@ -40,15 +45,26 @@ def fitted(native: Native, before: Structure, triangles: Geometry | Mesh, thread
     """
     try:
         structure = before.refit(triangles.vertices, threads=threads)
-    except native.RefitError:
-        return None, REFUSED
+    except native.RefitError as error:
+        return None, REFUSED + first_line(error)
     statistics = structure.statistics
     if statistics["sah_cost"] > DRIFT * statistics["sah_cost_built"]:
         return None, TOO_DEAR
     return structure, REFITTED
 
 
-def told(statistics: dict[str, Any]) -> str:
+@cache
+def can_fit(native: Native, spec: str) -> bool:
+    """Whether structures of this configuration can be fitted at all; the nodes of others divide space."""
+    structure = specs.tiny(native, spec)
+    try:
+        structure.refit(specs.CORNERS)
+    except native.RefitError:
+        return False
+    return True
+
+
+def duration(statistics: dict[str, Any]) -> str:
     """How the structure of a picture was made and in what time, as shown to the user."""
     if statistics.get("refits"):
         return f"Refitted {statistics['refit_seconds']:.3f} s"

@@ -164,7 +164,9 @@ class Table:
 
 
 def read(structure: Structure, vertices: F32, triangles: I32) -> Table:
-    """The tree of a native structure over these triangles. Raises TreeError if it has none, or too many nodes."""
+    """The tree of a native structure over these triangles. Raises TreeError if it has none or too
+    many nodes, or if no vertex is finite.
+    """
     numbers = structure.statistics
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"] + numbers["leaves"]
     if nodes > MOST_NODES:
@@ -176,6 +178,8 @@ def read(structure: Structure, vertices: F32, triangles: I32) -> Table:
     kind, planes = found["node_kind"], found["plane_kind"]
     used = vertices[np.unique(triangles)].astype(np.float64) if len(triangles) else np.zeros((1, 3))
     used = used[np.isfinite(used).all(axis=1)]
+    if not len(used):
+        raise TreeError("no vertex is finite")
     return Table(
         kind=kind,
         parent=found["node_parent"],

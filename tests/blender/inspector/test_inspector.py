@@ -20,7 +20,6 @@ from addon.blender.measure import cost_maps, map_pictures, pictures
 from addon.blender.overlay import choosing, drawing, legend, picking, replaying
 from addon.blender.session import trees
 from addon.blender.ui import inspector_panels, overlay_panels
-from addon.core.base import native
 from addon.core.overlay import cells
 from addon.core.overlay.legend import Entry
 
@@ -147,6 +146,32 @@ def test_the_worst_ray_is_picked_and_explained(seen: Any, name: str, key: str) -
     assert worst.known(seen) is None
 
 
+@pytest.mark.parametrize("change", ["place", "lens", "shape", "width"])
+def test_another_view_needs_other_rays(seen: Any, change: str) -> None:
+    tree = build(seen, "kd")
+    bpy.ops.halfspace.worst_ray()
+    bpy.ops.halfspace.measure_levels()
+    before = worst.known(seen)
+    assert before is not None
+    assert levels.known(seen) is not None
+    if change == "place":
+        seen.camera.location.x += 0.5
+        bpy.context.view_layer.update()
+    elif change == "lens":
+        seen.camera.data.lens *= 1.5
+    elif change == "shape":
+        seen.render.resolution_y *= 2
+    else:
+        seen.halfspace.inspector.width *= 2
+    assert worst.known(seen) is None
+    assert levels.known(seen) is None
+    after = worst.find(seen, tree)
+    assert after is worst.known(seen)
+    assert not np.array_equal(after.costs["primary"].rays.directions, before.costs["primary"].rays.directions) or (
+        change == "place" and (after.costs["primary"].rays.origins != before.costs["primary"].rays.origins).any()
+    )
+
+
 def test_a_view_without_hits_has_no_shadow_rays(seen: Any) -> None:
     seen.camera.rotation_euler = (np.pi, 0, 0)
     build(seen, "kd")
@@ -240,6 +265,14 @@ def test_the_page_holds_both_structures(seen: Any, tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert "kd-tree" in text
     assert "Bounding volume hierarchy" in text
+    # Its view has the shape of the render.
+    assert "64 × 32 camera rays" in text
+
+
+def test_a_dot_in_the_name_of_a_file_is_kept(seen: Any, tmp_path: Path) -> None:
+    build(seen, "kd")
+    bpy.ops.halfspace.export_inspector(filepath=str(tmp_path / "view.1"), what="NODES")
+    assert [path.name for path in tmp_path.iterdir()] == ["view.1.csv"]
 
 
 def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
@@ -255,7 +288,7 @@ def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
     tree, ray = trees.last(seen), picking.last(seen)
     assert tree is not None
     assert ray is not None
-    # The ray of the pixel, traced alone, hits what the camera ray of this pixel hits.
+    # It goes through the centre of the pixel.
     workload_ray = np.array(ray.direction)
     tangent = np.tan(seen.camera.data.angle / 2)
     x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((row + 0.5) / 32 * 2 - 1) * tangent / 2
@@ -331,4 +364,3 @@ def test_the_panel_offers_only_kinds_of_the_tree(seen: Any, canvas: Any) -> None
 
     overlay_panels._depth_and_kinds(Anything(), seen.halfspace.overlay, tree)
     assert offered == ["OCTANTS"]
-    assert native.problem() is None

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
+import bench
 import bpy
 import numpy as np
 import pytest
@@ -57,3 +59,14 @@ def test_objects_that_appear_are_rebuilt(file: Path) -> None:
     assert [row["done"] for row in rows] == ["built", "refitted", "refitted", "rebuilt", "refitted"]
     assert rows[3]["why"] == "other triangles"
     assert not any(row["wrong"] for row in rows)
+
+
+def test_two_files_are_measured_each_under_its_name(file: Path) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    other = file.with_name("sphere.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(other))
+    asked = [str(file), str(other), "--frames=1-2", "--size=64x64", "--structures=bih", f"--out={file.parent}"]
+    assert bench.main(asked) == 0
+    rows = json.loads((file.parent / motion.NUMBERS).read_text())["frames"]
+    assert {(row["animation"], row["triangles"]) for row in rows} == {("moving", 12), ("sphere", 224)}

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import pytest
 
@@ -10,7 +12,7 @@ import addon
 from addon.blender.inspector import levels, worst
 from addon.blender.measure import checking, comparing, cost_maps
 from addon.blender.overlay import drawing as overlay
-from addon.blender.overlay import picking
+from addon.blender.overlay import picking, replaying
 from addon.blender.read import sky
 from addon.blender.render import viewport
 from addon.blender.render.engine import ENGINE
@@ -46,7 +48,8 @@ def footprint() -> dict[str, object]:
         "reports": dict(reports._last),
         "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
         "checks": dict(checking._checks),
-        "rays": (dict(picking._rays), dict(worst._found), dict(levels._measured), cost_maps.kept),
+        "rays": (dict(picking._rays), dict(replaying._known)),
+        "inspector": (dict(worst._found), dict(levels._measured), cost_maps.kept),
         "comparisons": (dict(comparing._found), comparing._state.work),
         "drawing": (list(overlay._handles), dict(overlay._drawings)),
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
@@ -68,6 +71,13 @@ def begin_a_view_and_a_sky() -> None:
     sky._kept["clear"] = sky.SkyError("not rendered")
 
 
+def inspect(some: Any) -> None:
+    """What the inspector keeps of a scene."""
+    key: Any = bpy.context.scene.session_uid
+    picking._rays[key], replaying._known[key] = some, some
+    worst._found[key], levels._measured[key], cost_maps.kept = some, some, some
+
+
 HELD: list[viewport.Viewport] = []
 """The set of working views does not keep them alive."""
 
@@ -86,11 +96,21 @@ def test_three_rounds_leave_nothing_behind() -> None:
             bpy.context.scene.halfspace.overlay.show = True
             assert footprint()["drawing"] != clean["drawing"]
             begin_a_view_and_a_sky()
-            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies"))
+            inspect(object())
+            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies", "rays", "inspector"))
             addon.unregister()
             assert footprint() == clean
     finally:
         addon.register()
+
+
+def test_another_file_frees_what_the_inspector_keeps(scene: object) -> None:
+    clean = footprint()
+    inspect(object())
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert {name: footprint()[name] for name in ("rays", "inspector")} == {
+        name: clean[name] for name in ("rays", "inspector")
+    }
 
 
 def test_panels_appear_and_unsupported_ones_do_not() -> None:

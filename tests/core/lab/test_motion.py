@@ -12,6 +12,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
+from addon.core.scene.workload import WorkloadError
 from lab.base.usage import UsageError
 from lab.motion import animations, frames, motion
 
@@ -84,16 +85,27 @@ def _built(arguments: Any) -> Any:
 
 def test_the_command_writes_a_table_keys_and_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["wave", "--frames", "0-2", "--size", "64x64", "--structures", "bih,kd", "--out", str(tmp_path)]
+    sweep = tmp_path / "bench.json"
+    sweep.write_text("of a sweep")
     assert bench.main(asked) == 0
+    assert sweep.read_text() == "of a sweep"
     printed = capsys.readouterr().out
     assert "refitted" in printed
     assert "kd:lazy=1" in printed
-    document = json.loads((tmp_path / "bench.json").read_text())
+    document = json.loads((tmp_path / motion.NUMBERS).read_text())
     assert {row["frame"] for row in document["frames"]} == {0, 1, 2}
     assert set(document["frames"][0]) == set(frames.Moved.__annotations__)
-    page = (tmp_path / "report.html").read_text()
+    page = (tmp_path / motion.PAGE).read_text()
     assert "Moving scenes" in page
     assert "<svg" in page
+
+
+def test_an_animation_is_measured_once_and_its_name_is_its_own(tmp_path: Path) -> None:
+    assert motion.check(["wave", "armature", "wave"]) == ["wave", "armature"]
+    file = tmp_path / "wave.blend"
+    file.write_bytes(b"")
+    with pytest.raises(WorkloadError, match="expected different names"):
+        motion.check(["wave", str(file)])
 
 
 @pytest.mark.parametrize("frames_asked", ["5", "3-1", "a-b", "1-", "0-100000", "-1-4"])

@@ -119,7 +119,10 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("overlay_picture", ["--show", "leaves"], "--show: expected planes"),
         ("overlay_picture", ["--out", "o.txt"], "expected a name that ends in .png"),
         ("pictures", ["--width", "0"], "--width: expected 64 to "),
-        ("inspector", ["sponza-dabrovic", "--width", "0"], "--width: expected 8 to "),
+        ("inspector", ["grid", "--width", "0"], "--width: expected 8 to "),
+        ("inspector", ["grid", "--structures", ""], "no structure is named"),
+        ("inspector", ["grid", "--structures", "kd,tree"], "unknown structure 'tree'"),
+        ("inspector", ["grid", "--structures", "kd,bih:leaf_size=0"], "bih:leaf_size=0: "),
         ("animations", ["--width", "0"], "--width: expected 64 to "),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
@@ -159,7 +162,7 @@ def test_nothing_is_written_to_a_place_without_a_name(name: str, text: str, caps
     assert told(COMMANDS[name], ["--out", text], capsys) == f"{name}: argument --out: expected a name, got {text!r}\n"
 
 
-@pytest.mark.parametrize("name", ["render", "overlay_picture"])
+@pytest.mark.parametrize("name", ["render", "overlay_picture", "inspector"])
 def test_a_folder_is_no_picture(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "picture.png").mkdir()
     assert "it is a folder" in told(COMMANDS[name], ["--out", str(tmp_path / "picture.png")], capsys)
@@ -170,6 +173,7 @@ def test_a_folder_is_no_picture(name: str, tmp_path: Path, capsys: pytest.Captur
     [
         ("bench", [], "grid, showcase or a file ending in .npz .blend"),
         ("choose", [], "a file ending in .npz"),
+        ("inspector", [], "grid, showcase or a file ending in .npz .blend"),
         ("compare", [], "a file ending in .blend .npz"),
         ("overlay_picture", [], "a file ending in .blend .npz"),
         ("render", [], "a file ending in .blend .npz"),
@@ -235,6 +239,14 @@ def test_triangles_that_are_left_out_are_told(
     told = [line for line in capsys.readouterr().out.splitlines() if "left out: " in line and "triangles" in line]
     assert len(told) == bool(words)
     assert not words or told[0].endswith(words)
+
+
+def test_the_page_of_an_alias_is_that_of_its_structure(tmp_path: Path) -> None:
+    path = tmp_path / "hut.npz"
+    np.savez(path, vertices=np.eye(3, dtype=np.float32), triangles=np.array([[0, 1, 2]]), **VIEW)
+    page = tmp_path / "page.html"
+    assert inspector.main([str(path), "--structures", "skd", "--width", "8", "--out", str(page)]) == 0
+    assert '"spec":"bih"' in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("name", "arguments"), [("choose", ["hut"]), ("claims", ["beams-flat-line", "--quick"])])

@@ -42,8 +42,8 @@ def test_moved_vertices_are_fitted(spec: str) -> None:
     structure = later.result()
     assert structure.spec == first.result().spec
     assert structure.statistics["refits"] == 1
-    assert refits.told(structure.statistics).startswith("Refitted")
-    assert refits.told(first.result().statistics).startswith("Build")
+    assert refits.duration(structure.statistics).startswith("Refitted")
+    assert refits.duration(first.result().statistics).startswith("Build")
     # The answers are those of the moved triangles.
     now = geometry(1)
     down = np.tile(np.array([[0.0, 0.0, -1.0]], np.float32), (500, 1))
@@ -94,7 +94,10 @@ def test_only_equal_triangles_in_use_of_equal_spec_are_followed() -> None:
 def test_planes_are_built_again_and_say_so() -> None:
     followed = Followed()
     first = built(geometry(0), "kd", followed)
-    assert built(geometry(1), "kd", followed).done == refits.REFUSED
+    done = built(geometry(1), "kd", followed).done
+    assert done.startswith(refits.REFUSED + "kd cannot be fitted")
+    assert not refits.can_fit(native, "kd")
+    assert refits.can_fit(native, "bvh-sah")
     assert first.done == ""
 
 

@@ -66,7 +66,7 @@ def test_statistics_have_both_costs() -> None:
     scattered = built.refit(np.roll(vertices, 77, axis=0).copy()).statistics
     assert scattered["sah_cost_built"] == before["sah_cost"]
     assert scattered["sah_cost"] > 1.2 * before["sah_cost"]
-    assert scattered["refit_seconds"] > 0.0
+    assert built.refit(vertices).statistics["sah_cost"] == before["sah_cost"]
     assert scattered["build_seconds"] == before["build_seconds"]
 
 

@@ -113,3 +113,10 @@ def test_a_tree_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(table, "MOST_NODES", 10)
     with pytest.raises(table.TreeError, match="reads up to 10"):
         made("kd-sah")
+
+
+def test_triangles_without_a_finite_vertex_are_an_error_with_its_reason() -> None:
+    nowhere = np.full((3, 3), np.nan, np.float32)
+    triangle = np.array([[0, 1, 2]], np.int32)
+    with pytest.raises(table.TreeError, match="no vertex is finite"):
+        table.read(MODULE.build(nowhere, triangle, "kd"), nowhere, triangle)
