@@ -8,7 +8,7 @@ use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef, RaySlice};
+use halfspace_ray::{Hit, RayRef, RaySlice};
 use halfspace_trace::batch::SingleTraversal as _;
 use halfspace_trace::single::octants::net::Links;
 use halfspace_trace::single::octants::step::{Grid, NeighbourTraversal};
@@ -149,9 +149,12 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         for &id in rest {
             let (id, count) = (id as usize, &mut self.counters[id as usize]);
             let ray = &self.slice.rays[id];
-            let frame = &self.slice.frame.ray(ray).unwrap_or(FrameRay::NOTHING);
-            let ray = RayRef { ray, frame };
             count.case(|| SINGLE);
+            // Rays without a direction or with a number that is not finite hit nothing.
+            let Some(frame) = &self.slice.frame.ray(ray) else {
+                continue;
+            };
+            let ray = RayRef { ray, frame };
             self.answers[id] = single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);
         }
     }
