@@ -168,10 +168,9 @@ def _hand_out(
                 f"all workers are gone; {len(waiting) + len(running)} rows of {workload.name} are missing"
             )
         if alive and scene is None:
-            # Send the scene to all workers, so that it survives the death of any one of them.
-            scene = client.scatter(workload, hash=False, broadcast=True)
+            scene = _sent(client, workload)
         # Give each idle worker a row.
-        for address in alive:
+        for address in alive if scene is not None else ():
             if address not in running and waiting:
                 spec = waiting.popleft()
                 attempts[spec] += 1
@@ -200,6 +199,15 @@ def _hand_out(
             else:
                 reason = failure or RuntimeError(f"{ATTEMPTS} workers died on it")
                 yield rows.failed(native.load(), workload, spec, options.threads, reason), {"name": address}
+
+
+def _sent(client: Any, workload: Workload) -> Any:
+    """The scene on all workers, so that it survives the death of any one of them; None if the last has just died."""
+    try:
+        return client.scatter(workload, hash=False, broadcast=True)
+    except ValueError:
+        # Dask refuses to copy to no worker at all.
+        return None
 
 
 def _ended(task: Any) -> tuple[Measured | None, BaseException | None]:

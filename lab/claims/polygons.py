@@ -20,7 +20,7 @@ from .claims import Chart, Claim, Lab, Outcome, Timing, slope, verdict
 POLYGON = "octree-beam:traversal=polygon"
 NET, SAMET, TILES, BOX = beams.NET, beams.SAMET, beams.BEAM, beams.BOX
 
-SCENES = ("sponza", "conference")
+SCENES = ("sponza-dabrovic", "conference")
 """The real scenes, where their files are present."""
 
 SIDE = 4

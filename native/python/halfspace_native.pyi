@@ -185,18 +185,20 @@ class Hits:
     triangle: (n,) int32, -1 = miss; among triangles at the same t the one with the smallest index.
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
-    counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "steps_boxes",
-    "leaves", "leaves_empty", "visits", "tests", "tests_wasted", "verdicts", "spared" (1: answered without a traversal
-    of its own). "steps" are inner nodes: "steps_axis" of axis-aligned planes, "steps_oblique" of oblique planes or
-    oriented boxes, "steps_boxes" of boxes, intervals, octants or grid cells. "leaves" are visits of leaves with
-    triangles, "leaves_empty" of others. Rays that go together (packet, tile, beam, stream) visit a node once: the step
-    or leaf is counted for one of them, and "visits" counts the nodes and leaves of every ray. "tests_wasted" are those
-    "tests" on visits of leaves that did not improve the ray's answer. From TA-B also the cases of ray and
-    split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the
-    cell ends before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
-    "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes
-    visited by the beam whose first ray this is), "beam_cuts" (number of times a polygon split the beam) and
-    "beam_singles" (1: the ray was traced on its own).
+    counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "steps_boxes", "leaves",
+    "leaves_empty", "visits", "tests", "tests_wasted", "verdicts", "spared" (1: answered without a traversal of its
+    own). "steps" are inner nodes: "steps_axis" of axis-aligned planes, "steps_oblique" of oblique planes or oriented
+    boxes, "steps_boxes" of boxes, intervals, octants or grid cells. "leaves" are visits of leaves with triangles,
+    "leaves_empty" of others. Rays that go together (packet, tile, beam, stream) visit a node once: the step or leaf is
+    counted for one of them, and "visits" counts the nodes and leaves of every ray. "tests_wasted" are those "tests" on
+    visits of leaves that did not improve the ray's answer; packets and tiles, which test for several rays at once,
+    count all their tests there. From TA-B also the cases of ray and split plane, "case_n1" to "case_n5" (origin below
+    the plane: 1 away from it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5
+    through it before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
+    (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes visited by the beam whose first ray this is),
+    "beam_cuts" (number of times a polygon split the beam) and "beam_singles" (1: the ray was traced on its own); from
+    octree-beam with traversal=polygon "beams", "beam_clips" (of a polygon against a line), "beam_splits",
+    "beam_pixels" (found by scan conversion), "beam_singles" and "beam_empty" (visits of nodes by beams without a ray).
     on_boundary: None, or from exact_closest (n,) bool: whether the ray passes exactly through an edge or a vertex
     of the triangle it hits.
     """
@@ -799,13 +801,13 @@ def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.
 class RenderStatistics(TypedDict):
     """Statistics of a render so far; final once it has ended.
 
-    seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued
-    behind a transparent surface count again; rays_secondary: rays after a bounce or through a
-    transparent surface. beams: groups of secondary rays that came from one virtual eye and were traced in tiles,
-    rays_beams: rays in them, beam_deviation: largest angle between such a ray and the direction of the single ray,
-    radians; all 0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes
-    visited and triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests"
-    is among the passes, because an uncounted traversal is faster.
+    seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued behind a
+    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface. beams:
+    groups of secondary rays that came from one virtual eye and were traced in tiles, rays_beams: rays in them,
+    beam_deviation: largest angle between a ray from a virtual eye and the direction of the single ray, radians; all
+    0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes visited and
+    triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests" is among the passes, because
+    an uncounted traversal is faster.
     """
 
     seconds: float

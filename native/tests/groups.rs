@@ -242,6 +242,12 @@ fn packets_and_tiles_count_themselves() {
             for wanted in [Wanted::Nearest, Wanted::Any] {
                 let all = counted(&structure, &rays, wanted);
                 let tests: u32 = all.iter().map(|own| own.tests).sum();
+                // Every ray that hits has visited nodes, and some share them.
+                let (hits, _) = answers(&structure, &rays);
+                let hit = hits.iter().map(|hit| hit[1] != Hit::NONE);
+                let lost = hit.zip(&all).filter(|(hit, own)| *hit && own.visits() < 2);
+                assert_eq!(lost.count(), 0, "{tree}, {way}, {wanted:?}");
+                assert!(shared(&all) > 0, "{tree}, {way}, {wanted:?}");
                 assert!(paid(&all) > 600 && tests > 600, "{tree}, {way}, {wanted:?}");
             }
         }

@@ -136,6 +136,9 @@ fn seeds_choose_the_tree() {
             .all(|name| t.params.iter().any(|p| p.name == *name))
     }) {
         let mut spec = format!("{}:k=5", tree.id);
+        if tree.params.iter().any(|p| p.name == "set") {
+            spec += ",set=random";
+        }
         for all in ["k_small=1", "enough=0"] {
             let (name, _) = all.split_once('=').expect("a key");
             if tree.params.iter().any(|p| p.name == name) {

@@ -381,6 +381,13 @@ FAULTS = (
         "(wanted + 1).min(n)",
         ("lib", "normals::tests::the_thesis_draws_triangles_and_not_normals"),
     ),
+    Fault(
+        "drift since the last fit instead of the build",
+        "addon/core/session/refits.py",
+        'DRIFT * statistics["sah_cost_built"]',
+        'DRIFT * before.statistics["sah_cost"]',
+        ("tests/core/session/test_refits.py", "cost_of_the_build"),
+    ),
     *TRAVERSALS,
 )
 

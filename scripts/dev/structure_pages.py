@@ -29,9 +29,11 @@ TRIANGLES, SIZE, SETS = 2000, (64, 64), ("primary", "diffuse")
 CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "ta-b-*": ("traversal-by-entry-and-exit-points-ta-b", ("kd-sah", "kd")),
     "intervals-*": ("bounding-interval-hierarchies", ("bih", "bih[!-o]*", "bih-sah", "bih-n", "bih-bvh", "bih-obl")),
+    "moving-*": ("moving-scenes", ("bih", "bih-sah", "bvh-sah", "kd")),
     "beams-*": ("beams-through-octrees", ("octree-beam",)),
     "shadow-beams": ("beams-through-octrees", ("octree-beam",)),
     "shadow-cache": ("other-sources", ("brute",)),
+    "*ed-beams": ("beams-of-mirrors-and-panes", ("beam-hh", "octree-beam", "kd", "bvh-sah")),
     "octrees-beat-boxes": ("beams-through-octrees", ("octree-*", "bbox-gs*")),
     "boxes-beat-octrees": ("beams-through-octrees", ("octree-samet", "octree-net", "bbox-gs*")),
     "links-gain": ("beams-through-octrees", ("octree-net",)),

@@ -121,7 +121,10 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
         "STEPS": lambda: counting.counters(structure, primary, 0)["visits"].astype(np.float32),
         "TESTS": lambda: pixel_costs.shared(structure, primary, "tests"),
         "TIME": lambda: np.repeat(nanoseconds(structure, primary), rays.TILE**2),
-        "WASTED": lambda: pixel_costs.shared(structure, primary, "tests_wasted"),
+        # Tiles count all their tests as wasted.
+        "WASTED": lambda: counting.counters(structure, replace(primary, order="none"), 0)["tests_wasted"].astype(
+            np.float32
+        ),
         "OVERLAP": lambda: pixel_costs.overlap(structure, workload, primary),
         "ANY_HIT": lambda: pixel_costs.any_hit(structure, workload, size),
         "DEPTH": lambda: pixel_costs.leaf_depths(structure, workload, primary),

@@ -9,11 +9,12 @@ use halfspace_geom::bound::keep_min;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::lanes::Seen;
 use halfspace_nodes::octree_nodes::Node;
-use halfspace_ray::query::{Best, Closest, Counters};
+use halfspace_ray::query::{Any, Best, Closest, Counters, Query};
 use halfspace_ray::{Hit, RayRef};
+use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::beam::bundle::lanes;
 use halfspace_trace::single::octants::net::Links;
-use halfspace_trace::single::octants::step::{NumberedLeaf, Position, Steps};
+use halfspace_trace::single::octants::step::{NeighbourTraversal, NumberedLeaf, Position, Steps};
 
 /// A triangle as the rays of an octant see it from their origin.
 pub struct Facing {
@@ -31,7 +32,7 @@ struct Eight {
     open: u64,
 }
 
-impl<C: Counters> Traversal<'_, C> {
+impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
     /// Those of the rays from index `at` up to `end` that belong to a beam and are open.
     #[inline(always)]
     fn own<S: Simd>(&self, simd: S, beam: &Beam, at: usize, end: usize) -> Eight {
@@ -73,12 +74,14 @@ impl<C: Counters> Traversal<'_, C> {
         count as usize
     }
 
-    /// Tests the rays of a beam, found by the last scan, against the triangles of its leaf. Ends those that hit inside
-    /// it, and returns the number of the others.
+    /// Tests the rays of a beam, found by the last scan, against the triangles of its leaf. Ends those that need no other
+    /// leaf, and returns the number of the others.
     #[inline(always)]
     pub fn test<S: Simd>(&mut self, simd: S, octant: &Octant, node: Node, beam: &mut Beam) -> u32 {
         let leaf = node.blocks();
-        self.face(octant, node);
+        if !Q::ANY {
+            self.face(octant, node);
+        }
         let edge = octant.grid.edge(node);
         let planes = octant.planes(beam.low.map(|x| x + edge));
         let triangles = std::mem::take(&mut self.scratch.triangles);
@@ -87,22 +90,20 @@ impl<C: Counters> Traversal<'_, C> {
         for span in &spans {
             let (start, end) = (span.start as usize, span.end as usize);
             for at in (start..end).step_by(LANES) {
-                let eight = self.own(simd, beam, at, end);
+                let mut eight = self.own(simd, beam, at, end);
                 if C::COUNTS {
                     self.count_tests(&eight, leaf);
                 }
                 if eight.open == 0 {
                     continue;
                 }
-                let speeds = self.sorted.load(simd, at);
-                for triangle in &triangles {
-                    let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
-                    let found = triangle.seen.candidates(simd, speeds, reach) & eight.open;
-                    for lane in lanes(found) {
-                        self.offer(at + lane, triangle);
-                    }
+                if Q::ANY {
+                    self.block(simd, node, &mut eight);
+                } else {
+                    self.find(simd, &triangles, &eight);
                 }
-                // A ray ends if its best hit lies before all planes that it may leave through.
+                // A ray ends if its best hit, or its end, lies before all planes that it may leave through.
+                let speeds = self.sorted.load(simd, at);
                 let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
                 let mut done = 0xff;
                 for (speed, plane) in speeds.into_iter().zip(planes) {
@@ -120,6 +121,42 @@ impl<C: Counters> Traversal<'_, C> {
         self.scratch.spans = spans;
         beam.estimate(left, octant.densest);
         left
+    }
+
+    /// Offers eight rays the triangles that they may hit before their best hits.
+    #[inline(always)]
+    fn find<S: Simd>(&mut self, simd: S, triangles: &[Facing], eight: &Eight) {
+        let at = eight.at;
+        let speeds = self.sorted.load(simd, at);
+        for triangle in triangles {
+            let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+            let found = triangle.seen.candidates(simd, speeds, reach) & eight.open;
+            for lane in lanes(found) {
+                self.offer(at + lane, triangle);
+            }
+        }
+    }
+
+    /// Tests reversed rays as they are given, one by one, against a leaf; ends those that are blocked.
+    #[inline(always)]
+    fn block<S: Simd>(&mut self, simd: S, node: Node, eight: &mut Eight) {
+        let (job, leaf) = (self.job, node.blocks());
+        for lane in lanes(eight.open) {
+            let i = eight.at + lane;
+            let id = self.sorted.ids[i] as usize;
+            let (ray, count) = (&self.slice.rays[id], &mut self.counters[id]);
+            // A ray beside the scene hits nothing, and ends too.
+            if let Some(frame) = &self.slice.frame.ray(ray) {
+                let ray = RayRef { ray, frame };
+                let mut best = Best::new(frame);
+                if !job.test::<S, Any, C>(simd, leaf, ray, f32::INFINITY, &mut best, count) {
+                    continue;
+                }
+                self.answers[id] = best.hit();
+            }
+            self.sorted.reach[i] = f32::NEG_INFINITY;
+            eight.open &= !(1 << lane);
+        }
     }
 
     /// Prepares the triangles of a leaf for the rays of an octant, in the direction of the rays.
@@ -153,8 +190,10 @@ impl<C: Counters> Traversal<'_, C> {
         for lane in lanes(eight.open) {
             let id = self.sorted.ids[eight.at + lane] as usize;
             self.counters[id].case(|| PIXEL);
-            self.counters[id].visit(leaf.first, leaf.count);
-            self.counters[id].tests(leaf.count);
+            if !Q::ANY {
+                self.counters[id].visit(leaf.first, leaf.count);
+                self.counters[id].tests(leaf.count);
+            }
         }
     }
 
@@ -190,6 +229,8 @@ impl<C: Counters> Traversal<'_, C> {
         };
         let edge = grid.edge(node);
         let near = octant.planes(beam.low);
+        let single = NeighbourTraversal(self.tree, Links);
+        let mut entries = single.scratch();
         let spans = std::mem::take(&mut self.scratch.spans);
         for span in &spans {
             let (start, end) = (span.start as usize, span.end as usize);
@@ -203,6 +244,13 @@ impl<C: Counters> Traversal<'_, C> {
                         continue;
                     };
                     count.case(|| SINGLE);
+                    // A reversed ray begins anew at its own origin.
+                    if Q::ANY {
+                        let ray = RayRef { ray, frame };
+                        self.answers[id] =
+                            single.cast::<S, Any, C>(simd, self.job, ray, &mut entries, count);
+                        continue;
+                    }
                     // Find where the ray enters the leaf, and its smallest cell there.
                     let speed = self.sorted.speed(i);
                     let mut enter = 0.0_f32;

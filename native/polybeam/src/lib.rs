@@ -6,7 +6,8 @@
 //! In an empty leaf a beam is clipped against the faces through which it leaves, and each part goes on to the neighbour
 //! behind its face, split where smaller neighbours share the face. In a leaf with triangles, scan conversion of the
 //! polygon finds its rays; those that hit end, and the beam goes on with the others. Where few rays are left they go on
-//! singly. An empty leaf costs the same for any number of rays.
+//! singly. An empty leaf costs the same for any number of rays. Shadow rays of a point light are such an image too, seen
+//! from the light.
 //!
 //! Two descriptions of a beam keep this exact. The polygon is an f64 approximation, a little larger than the beam. The
 //! beam itself is the set of rays on one side of each of its lines ([`line::Line`]), which f64 decides exactly for each
@@ -19,9 +20,10 @@ mod line;
 mod polygon;
 mod raster;
 mod rays;
+mod shadow;
 #[cfg(test)]
 mod tests;
 mod traversal;
 
-pub use kernel::octants;
+pub use kernel::{octants, shadow_octants};
 pub use traversal::NAMES;

@@ -7,11 +7,12 @@ use crate::rays::{Group, Sorted};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
-use halfspace_ray::query::{Closest, Counters};
+use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef, RaySlice};
 use halfspace_trace::batch::SingleTraversal as _;
 use halfspace_trace::single::octants::net::Links;
 use halfspace_trace::single::octants::step::{Grid, NeighbourTraversal};
+use std::marker::PhantomData;
 use std::ops::Range;
 
 /// Names of this traversal's entries in [`halfspace_ray::ray::RayCounters::cases`], in order: beams, counting each part
@@ -37,7 +38,9 @@ const EMPTY: usize = 5;
 const DENSEST: f64 = 4.0;
 
 /// A batch of rays through one tree.
-pub struct Traversal<'a, C> {
+pub struct Traversal<'a, Q, C> {
+    /// What rays search for: nearest hits, or any hits of reversed rays.
+    pub query: PhantomData<Q>,
     pub tree: &'a Octree,
     /// Rays go on singly where fewer than this are left together.
     pub least: u32,
@@ -122,7 +125,7 @@ impl Octant {
     }
 }
 
-impl<C: Counters> Traversal<'_, C> {
+impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
     /// Traces all rays.
     #[inline(always)]
     pub fn run<S: Simd>(&mut self, simd: S, origin: [f32; 3]) {
@@ -149,8 +152,7 @@ impl<C: Counters> Traversal<'_, C> {
             let frame = &self.slice.frame.ray(ray).unwrap_or(FrameRay::NOTHING);
             let ray = RayRef { ray, frame };
             count.case(|| SINGLE);
-            self.answers[id] =
-                single.cast::<S, Closest, C>(simd, self.job, ray, &mut entries, count);
+            self.answers[id] = single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);
         }
     }
 

@@ -12,18 +12,20 @@ use pyo3::types::PyDict;
 /// triangle: (n,) int32, -1 = miss; among triangles at the same t the one with the smallest index.
 /// u, v: (n,) float32, weights of the second and third corner: the point is
 /// (1 - u - v) a + u b + v c. Each access makes a new array.
-/// counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "steps_boxes",
-/// "leaves", "leaves_empty", "visits", "tests", "tests_wasted", "verdicts", "spared" (1: answered without a traversal of
-/// its own). "steps" are inner nodes: "steps_axis" of axis-aligned planes, "steps_oblique" of oblique planes or oriented
+/// counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "steps_boxes", "leaves",
+/// "leaves_empty", "visits", "tests", "tests_wasted", "verdicts", "spared" (1: answered without a traversal of its
+/// own). "steps" are inner nodes: "steps_axis" of axis-aligned planes, "steps_oblique" of oblique planes or oriented
 /// boxes, "steps_boxes" of boxes, intervals, octants or grid cells. "leaves" are visits of leaves with triangles,
 /// "leaves_empty" of others. Rays that go together (packet, tile, beam, stream) visit a node once: the step or leaf is
 /// counted for one of them, and "visits" counts the nodes and leaves of every ray. "tests_wasted" are those "tests" on
-/// visits of leaves that did not improve the ray's answer. From TA-B also the cases of ray and
-/// split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the
-/// cell ends before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
-/// "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes
-/// visited by the beam whose first ray this is), "beam_cuts" (number of times a polygon split the beam) and
-/// "beam_singles" (1: the ray was traced on its own).
+/// visits of leaves that did not improve the ray's answer; packets and tiles, which test for several rays at once,
+/// count all their tests there. From TA-B also the cases of ray and split plane, "case_n1" to "case_n5" (origin below
+/// the plane: 1 away from it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5
+/// through it before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
+/// (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes visited by the beam whose first ray this is),
+/// "beam_cuts" (number of times a polygon split the beam) and "beam_singles" (1: the ray was traced on its own); from
+/// octree-beam with traversal=polygon "beams", "beam_clips" (of a polygon against a line), "beam_splits",
+/// "beam_pixels" (found by scan conversion), "beam_singles" and "beam_empty" (visits of nodes by beams without a ray).
 /// on_boundary: None, or from exact_closest (n,) bool: whether the ray passes exactly through an edge or a vertex
 /// of the triangle it hits.
 #[pyclass(frozen)]

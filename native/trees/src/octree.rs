@@ -321,12 +321,17 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
         let groups = together!(tree, leaves, octants, shadow_octants);
         plan = groups.plan(plan, config.way().rays);
     }
+    let choice = config.choice("shadow");
+    if choice == "beam" && config.way().traversal == "polygon" {
+        let least = u32::try_from(config.integer("beam_min")).expect("in range");
+        let beams = halfspace_polybeam::shadow_octants(tree, leaves, least);
+        return plan.with_shadow(choice, Some(beams));
+    }
     let beams = match traversal {
         Traversal::FromRoot => beam::kernel::shadow_param,
         Traversal::Links | Traversal::Beams => beam::kernel::shadow_net,
         Traversal::Ascent => beam::kernel::shadow_samet,
         Traversal::Location => beam::kernel::shadow_glassner,
     };
-    let choice = config.choice("shadow");
     plan.with_shadow(choice, (choice == "beam").then(|| beams(tree, leaves)))
 }

@@ -64,7 +64,7 @@ fn assemble<T: FitTree>(config: &Config, layers: Layers<T>, refit: Refitted<T>) 
 #[derive(Debug)]
 struct Refitted<T> {
     template: Arc<T>,
-    /// The leaves of the template, from which the topology is read; `None` once it is known.
+    /// The leaves of the template, from which the topology is read; `None` in a fitted tree, which has the topology.
     leaves: Option<Arc<Blocks>>,
     /// Made for the first fit.
     topology: OnceLock<Arc<Topology>>,

@@ -33,6 +33,9 @@ from lab.claims import (
     mirrors as claims_mirrors,
 )
 from lab.claims import (
+    moving as claims_moving,
+)
+from lab.claims import (
     paper_scenes as claims_scenes,
 )
 from lab.claims import (
@@ -60,6 +63,8 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
     monkeypatch.setattr(claims_mirrors, "SIZE", (64, 48))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_moving, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_moving, "FRAMES", dict.fromkeys((True, False), range(9, 11)))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
     monkeypatch.setattr(workload, "SCENES", tmp_path)
     monkeypatch.setattr(claims_thesis, "scenes", lambda _: [("leg", claims_scenes.concentrated())])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 from typing import Any
 
 import halfspace_native as native
@@ -59,6 +60,23 @@ def test_a_tree_that_no_longer_fits_is_built_again() -> None:
     assert scattered.done == refits.TOO_DEAR
     assert scattered.result().statistics["refits"] == 0
     assert first.result().statistics["refits"] == 0
+
+
+def test_small_steps_are_compared_with_the_cost_of_the_build() -> None:
+    followed = Followed()
+    kept = [built(geometry(0), "bvh-sah", followed)]
+    before = kept[0].result().statistics["sah_cost"]
+    costs = [before]
+    # Scatter the vertices a little more each time, until the tree is built again.
+    for step in range(1, 60):
+        kept.append(built(geometry(0, scatter=0.004 * step), "bvh-sah", followed))
+        if kept[-1].done != refits.REFITTED:
+            break
+        costs.append(kept[-1].result().statistics["sah_cost"])
+    assert kept[-1].done == refits.TOO_DEAR
+    # No step alone makes rays dear.
+    assert 1.2 * before < costs[-1] <= refits.DRIFT * before
+    assert all(later < 1.2 * earlier for earlier, later in itertools.pairwise(costs))
 
 
 def test_only_equal_triangles_in_use_of_equal_spec_are_followed() -> None:

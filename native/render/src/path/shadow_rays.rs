@@ -138,9 +138,9 @@ impl ShadowRays {
                 // on.
                 let d = Vec3::from(ray.d).normalized();
                 let surface = Surface::of(scene, &hit, d);
+                carried.history.length += hit.t * Vec3::from(ray.d).length();
                 // Filter the light by the surface, unless shadow rays do not see it.
                 if surface.material.visible.to(RayKind::Shadow) {
-                    carried.history.length += hit.t * Vec3::from(ray.d).length();
                     let point = || {
                         let mut point = surface.shading_point(scene, d, RayKind::Shadow);
                         point.view = Some(context.camera.view());

@@ -28,7 +28,8 @@ pub struct Work {
     pub beams: u64,
     /// Secondary rays in these beams.
     pub rays_beams: u64,
-    /// Largest angle between a ray of a secondary beam and the direction that its material scatters to, radians.
+    /// Largest angle between a ray from a virtual eye, in a group or not, and the direction that its material scatters
+    /// to, radians.
     pub beam_deviation: f32,
 }
 

@@ -119,7 +119,10 @@ impl ShadingPoint<'_> {
     /// Transforms a vector between two spaces.
     pub fn transformed(&self, v: Vec3, kind: VectorKind, from: Space, to: Space) -> Vec3 {
         if from == to {
-            return v;
+            return match kind {
+                VectorKind::Normal => v.normalized_or(Vec3::ZERO),
+                _ => v,
+            };
         }
         // Positions are relative to the scene's origin in between; other vectors do not depend on it.
         let origin = Vec3::from(self.varying.origin);

@@ -77,6 +77,9 @@ impl<const W: usize> PacketTree for BoxTree<W> {
             counters[charged].step_boxes();
             let inside = packet::load::<S, L>(simd, &enters);
             let reach = packet::load::<S, L>(simd, &packet.reach);
+            if C::COUNTS {
+                packet.join(packet::live::<S, L>(inside, reach), group, counters);
+            }
             let met = hits.test::<S, L>(simd, node, &slabs, group.signs, inside, reach);
             hits.push(node, met, stack, &mut size);
 
@@ -108,6 +111,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     self.fetch_ahead(further.link, further.count, input.blocks);
                 }
                 counters[charged].leaf(own.count);
+                packet.join(lanes, group, counters);
                 let active = Active {
                     lanes,
                     leave: &ends,

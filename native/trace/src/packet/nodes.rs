@@ -212,6 +212,7 @@ fn trace<S: Simd, T: Nodes, Q: Query, C: Counters, L: Width>(
         if lanes == 0 {
             continue;
         }
+        packet.join(lanes, group, counters);
         let Some(leaf) = tree.leaf(&own.node) else {
             tree.count(&own.node, &mut counters[charged]);
             let mut visit = Visit {

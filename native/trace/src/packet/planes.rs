@@ -131,6 +131,7 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 ..
             } => {
                 counters[charged].step_axis();
+                packet.join(inside.live(), group, counters);
                 let near = near_child(link, group.signs);
                 (across(simd, packet, axis, split, near, inside), empty)
             }
@@ -141,6 +142,7 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 empty,
             } => {
                 counters[charged].step_oblique();
+                packet.join(inside.live(), group, counters);
                 let plane = Plane { normal, offset };
                 let parts = oblique(simd, packet, group.lead, plane, children, inside);
                 (parts, empty)
@@ -155,6 +157,7 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                     }
                 };
                 counters[charged].leaf(count);
+                packet.join(inside.live(), group, counters);
                 if count != 0 {
                     // In a tree built in parts, decide the hits in the blocks of the part that is left.
                     if T::PARTS && !std::ptr::eq(blocks, input.blocks) {

@@ -3,7 +3,7 @@
 
 use crate::packet::MOST;
 use crate::tile::{Deferred, Row};
-use halfspace_ray::query::Query;
+use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Hit};
 
 /// Up to 16 rays and their hits, in structure-of-arrays layout. One packet is refilled for consecutive sets of
@@ -109,6 +109,19 @@ impl Packet {
             lanes &= left & !self.odd;
         }
         Group { lanes, lead, signs }
+    }
+
+    /// Counts a visit for each of these rays of the group but the first, for which the step or leaf is counted.
+    #[inline(always)]
+    pub fn join<C: Counters>(&self, lanes: u64, group: Group, counters: &mut [C]) {
+        if !C::COUNTS {
+            return;
+        }
+        let mut left = lanes & group.lanes & !(1 << group.lead);
+        while left != 0 {
+            counters[self.places[left.trailing_zeros() as usize % MOST]].joined();
+            left &= left - 1;
+        }
     }
 
     /// One ray of the packet for [`crate::stream`], `None` if it is irregular.

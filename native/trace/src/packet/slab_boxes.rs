@@ -57,6 +57,7 @@ impl PacketTree for SlabBoxes {
             if lanes == 0 {
                 continue;
             }
+            packet.join(lanes, group, counters);
             if let Some(leaf) = own.leaf() {
                 counters[charged].leaf(leaf.count);
                 let active = Active {

@@ -43,11 +43,11 @@ impl TileTree for SlabBoxes {
             // Pop the nearest node, and skip it if no ray meets its box before its best hit.
             size -= 1;
             let own = stack[size];
-            join(tile, counters);
             let inside = between(tile, &own.region);
             if inside.enter > inside.leave {
                 continue;
             }
+            join(tile, counters);
             let Some(leaf) = own.leaf() else {
                 counters[0].step_boxes();
                 for child in self.children(&own, octant).into_iter().flatten() {

@@ -20,7 +20,7 @@ pub enum Empty {
     /// normals end with all of these, which are returned at once.
     Replaced,
     /// All centres become those of random triangles, as in the thesis's program. Nodes with fewer distinct normals than
-    /// K then end after all rounds, with random normals, some of them equal.
+    /// K then end when two draws in a row are equal, or after all rounds, with random normals, some of them equal.
     Restarted,
 }
 

@@ -95,7 +95,8 @@ impl Polygons {
         let same = |a: &Edge, b: &Edge| (a.0, a.1, a.2) == (b.0, b.1, b.2);
         for around in edges.chunk_by(same) {
             for pair in around.windows(2) {
-                let [a, b] = [pair[0].3, pair[1].3].map(|id| root(&first, plane_of[id as usize]));
+                let [a, b] =
+                    [pair[0].3, pair[1].3].map(|id| root(&mut first, plane_of[id as usize]));
                 let (low, high, other) = if a < b {
                     (a, b, pair[1].3)
                 } else {
@@ -110,7 +111,7 @@ impl Polygons {
         for id in 0..count {
             let own = plane_of[id as usize];
             if own != NO_PLANE {
-                let joint = root(&first, own);
+                let joint = root(&mut first, own);
                 if planes[joint as usize].contains(tracer.corners(id)) {
                     plane_of[id as usize] = joint;
                 }
@@ -129,10 +130,13 @@ impl Polygons {
 /// An edge: its vertices in ascending order of their bits, the material and the number of its triangle.
 type Edge = ([u32; 3], [u32; 3], usize, u32);
 
-/// Returns the lowest plane that a plane was joined to.
-fn root(first: &[u32], mut plane: u32) -> u32 {
+/// Returns the lowest plane that a plane was joined to. Halves the path to it, so that long strips of triangles stay
+/// cheap.
+fn root(first: &mut [u32], mut plane: u32) -> u32 {
     while first[plane as usize] != plane {
-        plane = first[plane as usize];
+        let next = first[first[plane as usize] as usize];
+        first[plane as usize] = next;
+        plane = next;
     }
     plane
 }
