@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables and figures of Hoobergs 2019 in scalar form, measured again beside the published numbers.
+"""The tables and figures of Hoobergs 2019 in scalar form, measured again and compared with the published numbers.
 
 `python scripts/thesis.py [SCENE ...] [options]` continues an earlier run with the same `--out`: each finished row is
 kept. Exit status: 0 everything was measured, whether it holds or not; 1 some answer differed from brute force; 2 bad

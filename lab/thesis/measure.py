@@ -103,9 +103,9 @@ def _ratio(structure: Structure, model: Model, repeats: int) -> float:
 
 
 def _seconds(structure: Structure, some: RaySet) -> float:
-    ask = structure.occluded if some.any_hit else structure.closest
+    trace = structure.occluded if some.any_hit else structure.closest
     start = time.thread_time()
-    ask(some.origins, some.directions, **some.options(1))
+    trace(some.origins, some.directions, **some.options(1))
     return time.thread_time() - start
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables: smallest, median and largest over seeds beside the published numbers, each line with its verdict."""
+"""The tables: smallest, median and largest over seeds with the published numbers, each line with its verdict."""
 
 from __future__ import annotations
 

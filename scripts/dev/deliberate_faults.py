@@ -326,6 +326,20 @@ FAULTS = (
         ("tests/core/structures/test_bvhtree.py", "limits_are_closed"),
     ),
     Fault(
+        "tests of the leaf of the hit taken for vain ones",
+        "addon/core/inspector/reasons.py",
+        "path.triangle not in table.triangles_of(step.node)",
+        "len(table.triangles_of(step.node))",
+        ("tests/core/inspector/test_replay.py", "work_in_vain"),
+    ),
+    Fault(
+        "the time of the call left in that of the rays",
+        "addon/core/inspector/ray_costs.py",
+        "np.maximum(best - call, 0.0)",
+        "np.maximum(best, 0.0)",
+        ("tests/core/inspector/test_worst_rays.py", "less_that_of_the_call"),
+    ),
+    Fault(
         "reports written in place",
         "addon/core/report/results.py",
         'tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")',

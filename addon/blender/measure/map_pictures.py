@@ -60,8 +60,8 @@ def compose(maps: Sequence[tuple[str, F32]], what: costmap.Quantity, look: Look 
         if look.cursor is not None:
             _draw_cursor(picture[foot() : top, x : x + width], look.cursor)
         baseline = top + MARGIN + HISTOGRAM
-        told = [title, f"{what.label} {what.unit}: {costmap.summary(values)}", _told(values, what, look, end)]
-        words += [(text, x, baseline + (LINES - 1 - k) * line + 5.0) for k, text in enumerate(told) if text]
+        lines = [title, f"{what.label} {what.unit}: {costmap.summary(values)}", _range_text(values, what, look, end)]
+        words += [(text, x, baseline + (LINES - 1 - k) * line + 5.0) for k, text in enumerate(lines) if text]
     # Draw the colour bar and its numbers.
     bar = across - 2 * MARGIN
     scale = np.linspace(0, end, bar, dtype=np.float32)
@@ -98,7 +98,7 @@ def pixel_at(x: float, y: float, count: int, size: tuple[int, int]) -> tuple[int
     return None
 
 
-def _told(values: F32, what: costmap.Quantity, look: Look, end: float) -> str:
+def _range_text(values: F32, what: costmap.Quantity, look: Look, end: float) -> str:
     """The number under the cursor, or the share of the range; "" for the whole range."""
     if look.cursor is not None:
         column, row = look.cursor

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Expected cost, end-point overlap and measured time of each level of a tree.
 
-Time is measured for blocks of 64 camera rays, not promised to be tiles, and fitted as a sum over visited nodes
+Time is measured for blocks of 64 camera rays, which need not be tiles, and fitted as a sum over visited nodes
 and triangle tests (Hoobergs 2019, eq. 3.1). Levels share the mean time of a ray by the steps and tests that a sample of
 rays has on each of them.
 """

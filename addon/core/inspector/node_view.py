@@ -106,7 +106,7 @@ def words(table: Table, node: int) -> list[str]:
 
 
 def _saving(table: Table, node: int) -> list[str]:
-    """What the split of a node saves, beside a leaf with its triangles."""
+    """What the split of a node saves against a leaf with its triangles."""
     leaf = float(table.shares[node]) * TEST_COST * len(table.triangles_of(node))
     below = float(table.costs_below[node])
     return [f"The split saves {1 - below / leaf:.1%} of the cost as a leaf"] if leaf > 0 else []

@@ -92,8 +92,8 @@ def worst(costs: RayCosts, key: str, count: int) -> NDArray[np.int64]:
 
 
 def slowest(structure: Structure, costs: RayCosts, count: int) -> tuple[NDArray[np.int64], F64]:
-    """Of each of the slowest blocks the ray with most steps and tests, the slowest block first, and the nanoseconds per
-    ray of these blocks.
+    """The rays with most steps and tests of the slowest blocks, one of each block and the slowest block first, and the
+    nanoseconds per ray of these blocks.
     """
     starts = range(0, len(costs), BLOCK)
     blocks = [np.arange(start, min(start + BLOCK, len(costs))) for start in starts]

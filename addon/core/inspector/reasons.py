@@ -18,7 +18,7 @@ GRAZING = 6.0
 
 
 def summary(costs: RayCosts, index: int) -> list[str]:
-    """The counts of a ray beside the median of the rays of its set that have any."""
+    """The counts of a ray, compared with the median of the rays of its set that have any."""
     lines = []
     for name, values in (("steps", costs.steps), ("tests", costs.tests)):
         middle = float(np.median(values[values > 0])) if values.any() else 0.0
@@ -31,29 +31,29 @@ def summary(costs: RayCosts, index: int) -> list[str]:
 def reasons(table: Table, path: Path, replay: Replay) -> list[str]:
     """Sentences about the work of a path that did not find its hit, and about the shape of that work."""
     tested = [step for step in replay.steps if step.tests]
-    told: list[tuple[float, str]] = []
+    found: list[tuple[float, str]] = []
     # Tests of leaves that do not hold the triangle hit.
     every = sum(step.tests for step in tested)
     vain = [step for step in tested if path.triangle < 0 or path.triangle not in table.triangles_of(step.node)]
     share = sum(step.tests for step in vain) / every if every else 0.0
     where = "1 leaf" if len(vain) == 1 else f"{len(vain):,} leaves"
-    told.append((share, f"{share:.0%} of the tests are in {where} without the triangle hit"))
+    found.append((share, f"{share:.0%} of the tests are in {where} without the triangle hit"))
     # One leaf with most of the tests.
     if tested:
         most = max(tested, key=lambda step: step.tests)
         share = most.tests / every if len(tested) > 1 else 0.0
-        told.append((share, f"{share:.0%} of the tests are in one leaf, node {most.node:,} at level {most.depth}"))
+        found.append((share, f"{share:.0%} of the tests are in one leaf, node {most.node:,} at level {most.depth}"))
     # Steps to leaves without triangles, and to nodes none of whose leaves the ray meets.
     empty = sum(step.leaf >= 0 and not table.counts[step.node] for step in replay.steps)
     inner = [step for step in replay.steps if step.leaf < 0]
     share = empty / len(replay) if len(replay) else 0.0
-    told.append((share, f"{share:.0%} of the visited nodes are empty leaves: the ray passes {empty:,} of them"))
+    found.append((share, f"{share:.0%} of the visited nodes are empty leaves: the ray passes {empty:,} of them"))
     dead = _dead_ends(table, replay)
     share = dead / len(inner) if inner else 0.0
-    told.append(
+    found.append(
         (share, f"{share:.0%} of the inner nodes are dead ends: the ray meets their box, but none of their leaves")
     )
-    lines = [text for share, text in sorted(told, reverse=True) if share >= LEAST]
+    lines = [text for share, text in sorted(found, reverse=True) if share >= LEAST]
     return [*lines, *_along(table, path, replay)]
 
 
