@@ -88,13 +88,13 @@ def candidates(lab: Lab) -> Iterator[Outcome]:
     builds = lab.build_seconds(workload, tuple(SPLITS.values()))
     found = pictures(lab, workload, tuple(SPLITS.values()))
     quickest = min(SPLITS, key=lambda name: builds.seconds[SPLITS[name]])
-    told = ", ".join(
+    listed = ", ".join(
         f"{name} {builds.seconds[spec] * 1e3:.0f} and {found[spec].seconds * 1e3:.0f}" for name, spec in SPLITS.items()
     )
     yield Outcome(
         "best",
         verdict(holds=quickest == "grid"),
-        f"{workload.name}: ms of the build ({builds.method}) and of a picture: {told}",
+        f"{workload.name}: ms of the build ({builds.method}) and of a picture: {listed}",
         steps(found),
         lab.error(workload, tuple(SPLITS.values())),
         {f"build {name}": builds.seconds[spec] for name, spec in SPLITS.items()}
@@ -129,7 +129,7 @@ def planes(lab: Lab) -> Iterator[Outcome]:
     specs = {n: f"{tree}{',' if ':' in tree else ':'}traversal=ordered" for n, tree in PLANES.items()}
     found = pictures(lab, workload, tuple(specs.values()))
     tests = [found[spec].counters["tests"] for spec in specs.values()]
-    told = ", ".join(
+    listed = ", ".join(
         f"{n} {size_of(lab, workload, spec) / 2**20:.1f} MB and {found[spec].seconds * 1e3:.0f} ms"
         for n, spec in specs.items()
     )
@@ -137,7 +137,7 @@ def planes(lab: Lab) -> Iterator[Outcome]:
         "best",
         verdict(holds=tests[0] >= tests[1] >= tests[2]),
         f"{workload.name}: triangle tests per ray with 1, 2 and 4 planes a node: "
-        f"{tests[0]:.1f}, {tests[1]:.1f}, {tests[2]:.1f}; memory and picture: {told}",
+        f"{tests[0]:.1f}, {tests[1]:.1f}, {tests[2]:.1f}; memory and picture: {listed}",
         steps(found),
         lab.error(workload, tuple(specs.values())),
         {f"{n} planes": found[spec].seconds for n, spec in specs.items()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -19,6 +20,7 @@ from addon.blender.inspector import levels, map_cursor, worst
 from addon.blender.measure import cost_maps, map_pictures, pictures
 from addon.blender.overlay import choosing, drawing, legend, picking, replaying
 from addon.blender.session import trees
+from addon.blender.settings import signals
 from addon.blender.ui import inspector_panels, overlay_panels
 from addon.core.overlay import cells
 from addon.core.overlay.legend import Entry
@@ -328,6 +330,36 @@ def test_a_range_takes_colour_from_the_other_pixels(seen: Any) -> None:
     after = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(after)
     assert np.array_equal(before, after)
+
+
+def test_undo_draws_the_range_again(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    build(seen, "kd")
+    bpy.ops.halfspace.cost_map(width=64)
+    image = bpy.data.images[cost_maps.IMAGE]
+    before, after = (np.empty(len(image.pixels), np.float32) for _ in range(2))
+    image.pixels.foreach_get(before)
+    # Undo changes a setting without its callback.
+    with monkeypatch.context() as patch:
+        patch.setattr(signals.range_changed, "_listeners", [])
+        seen.halfspace.inspector.low = 50.0
+    for handler in bpy.app.handlers.undo_post:
+        handler(seen)
+    image.pixels.foreach_get(after)
+    assert not np.array_equal(before, after)
+
+
+def test_a_cancelled_cursor_shows_the_ray_of_before(seen: Any) -> None:
+    build(seen, "kd")
+    bpy.ops.halfspace.cost_map(width=64)
+    before = picking.Ray((0.0, 0.0, 9.0), (0.0, 0.0, -1.0))
+    map_cursor.place(seen, (3, 4))
+    window = SimpleNamespace(cursor_modal_restore=lambda: None)
+    operator: Any = map_cursor.HALFSPACE_OT_map_cursor
+    ended = operator._cancel(SimpleNamespace(_before=before), SimpleNamespace(scene=seen, window=window))
+    assert ended == {"CANCELLED"}
+    assert picking.last(seen) == before
+    assert cost_maps.kept is not None
+    assert cost_maps.kept.cursor is None
 
 
 def test_depths_are_chosen_until_they_are_set(seen: Any, canvas: Any) -> None:
