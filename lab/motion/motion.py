@@ -91,10 +91,10 @@ def _reader(name: str) -> ModuleType:
     """The module that reads animations of files. Raises UsageError without Blender."""
     try:
         with interrupt.guarded():
-            from addon.blender.measure import moving
+            from . import blend_file
     except ImportError as error:
         raise UsageError(f"{name}: needs Blender: {error}") from error
-    return moving
+    return blend_file
 
 
 def run(

@@ -12,9 +12,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.blender.measure import moving
 from addon.core.base import native
-from lab.motion import frames, motion
+from lab.motion import blend_file, frames, motion
 
 
 @pytest.fixture
@@ -39,7 +38,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_frames_have_the_triangles_of_the_file(file: Path) -> None:
-    frame, _ = moving.load(file)
+    frame, _ = blend_file.load(file)
     first, triangles = frame(1)
     last, more = frame(5)
     assert len(triangles) == 12

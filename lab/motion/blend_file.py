@@ -9,13 +9,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...core.base.arrays import F32, I32
-from ...core.base.native import first_line
-from ...core.base.notes import Notes
-from ...core.scene.scene import Geometry
-from ...core.scene.workload import View, WorkloadError
-from ..read.extract import NO_WORLD, extract
-from . import workloads
+from addon.blender.measure import workloads
+from addon.blender.read.extract import NO_WORLD, extract
+from addon.core.base.arrays import F32, I32
+from addon.core.base.native import first_line
+from addon.core.base.notes import Notes
+from addon.core.scene.scene import Geometry
+from addon.core.scene.workload import View, WorkloadError
 
 SIZE = (64, 64)
 """Pixels of the frame whose view is read; a view depends on their ratio only."""
