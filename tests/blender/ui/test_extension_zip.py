@@ -23,7 +23,8 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The zip with the wheel that the environment was set up with."""
     wheels = sorted((package.ROOT / "build" / "wheel").glob("*.whl"))
     assert len(wheels) == 1, "scripts/test.py builds the wheel first"
-    return package.package(wheels, tmp_path_factory.mktemp("zip"))
+    (made,) = package.package(wheels, tmp_path_factory.mktemp("zip"))
+    return made
 
 
 @pytest.fixture(scope="module")
