@@ -12,6 +12,9 @@ _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _VERDICT = "native/geom/src/verdict.rs"
 _MONITOR = "native/base/src/monitor.rs"
 
+_REFIT = ("refit", "moved_triangles_are_hit_as_brute_force_hits_them")
+"""Fits of every hierarchy to moved triangles."""
+
 FAULTS = (
     Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
     Fault(
@@ -387,6 +390,34 @@ FAULTS = (
         'DRIFT * statistics["sah_cost_built"]',
         'DRIFT * before.statistics["sah_cost"]',
         ("tests/core/session/test_refits.py", "cost_of_the_build"),
+    ),
+    Fault(
+        "boxes that never grow at their lower ends",
+        "native/nodes/src/boxes/box_tree.rs",
+        "fitted.low(k)",
+        "fitted.low(k).max(self.bounds[k][lane])",
+        _REFIT,
+    ),
+    Fault(
+        "the triangles of moved leaves not written",
+        "native/leaf/src/members.rs",
+        "self.keep.write(words, scene, frame, ids)",
+        "()",
+        _REFIT,
+    ),
+    Fault(
+        "a fit that begins with the nodes of the last one",
+        "native/trees/src/refit.rs",
+        "self.template.clone()",
+        "layers.tree.clone()",
+        ("refit", "triangles_that_were_lost_for_a_while_are_found_again"),
+    ),
+    Fault(
+        "a triangle that appears is in no leaf",
+        "native/trees/src/refit.rs",
+        "scene.live().iter().copied().find(|&id| !held[id as usize])",
+        "None",
+        ("refit", "what_cannot_be_fitted_is_refused_with_its_reason"),
     ),
     *TRAVERSALS,
 )

@@ -85,7 +85,7 @@ TRAVERSALS = (
         "native/trace/src/tile/slab_boxes.rs",
         "inside.enter > inside.leave",
         "inside.enter > 0.5 * inside.leave",
-        ("groups", "rays_that_go_together_answer_like_brute_force"),
+        ("groups", "tiles_of_a_camera_and_of_a_light_answer_like_brute_force"),
     ),
     Fault(
         "streams that enter the boxes of intervals where they leave them",
