@@ -83,8 +83,8 @@ const SLABS: ParamSpec = ParamSpec {
 const FANOUT: ParamSpec = ParamSpec {
     name: "fanout",
     label: "Fan-Out",
-    doc: "limited: nodes have few children, and an object that costs least as another child of a full node goes \
-          elsewhere. any: nodes have as many as cost least (Goldsmith and Salmon 1987); builds longer where many do",
+    doc: "limited: at most eight children; an object goes below one of them when they are all taken. any: the number \
+          of children that costs least (Goldsmith and Salmon 1987); builds take longer where nodes have many",
     unit: "",
     kind: Kind::Choice(&[named("limited", "Limited"), named("any", "Any Number")]),
     default: Value::Choice("limited"),

@@ -85,7 +85,7 @@ def test_only_equal_triangles_in_use_of_equal_spec_are_followed() -> None:
     assert built(geometry(1), "bih", followed).done == ""
     assert built(geometry(0, name="armature"), "bvh-sah", followed).done == ""
     assert built(geometry(1), "bvh-sah", None).done == ""
-    # What nobody uses any more is forgotten.
+    # The cache drops structures without users.
     del first
     gc.collect()
     assert built(geometry(1), "bvh-sah", followed).done == ""
