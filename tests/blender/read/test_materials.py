@@ -141,15 +141,15 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
     tree = block.node_tree
     shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeTexGabor").outputs[0], shader.inputs["Base Color"])
-    tree.links.new(tree.nodes.new("ShaderNodeWireframe").outputs[0], shader.inputs["Roughness"])
+    tree.links.new(tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Base Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeBevel").outputs[0], shader.inputs["Roughness"])
     shader.inputs["Sheen Weight"].default_value = 1
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    words = ("Gabor Texture", "Wireframe", "Sheen Weight")
+    words = ("Ambient Occlusion", "Bevel", "Sheen Weight")
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
@@ -245,10 +245,10 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     notes = Notes()
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
-    unknown = world.node_tree.nodes.new("ShaderNodeTexGabor")
+    unknown = world.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
     world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
-    assert any("Gabor Texture" in line and "World" in line for line in notes.lines())
+    assert any("Ambient Occlusion" in line and "World" in line for line in notes.lines())
     assert read_world(None, notes)[0].color == (0, 0, 0)
 
 
