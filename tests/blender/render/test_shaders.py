@@ -53,6 +53,12 @@ def noise(tree: Any) -> Any:
     return texture.outputs[0]
 
 
+def value(tree: Any, number: float) -> Any:
+    node = add(tree, "Value")
+    node.outputs[0].default_value = number
+    return node.outputs[0]
+
+
 def rings(tree: Any) -> Any:
     texture = add(tree, "TexWave", wave_type="RINGS", Scale=1.5)
     tree.links.new(add(tree, "UVMap").outputs[0], texture.inputs["Vector"])
@@ -116,6 +122,7 @@ SHEEN = {
     "layer": shader("Principled", Sheen_Weight=1.0, Sheen_Roughness=0.5),
     "tinted layer": shader("Principled", Sheen_Weight=0.7, Sheen_Roughness=0.3, Sheen_Tint=(1.0, 0.4, 0.2, 1)),
     "coated": shader("Principled", Sheen_Weight=1.0, Sheen_Roughness=0.8, Coat_Weight=0.5, Coat_Roughness=0.3),
+    "over emission": shader("Principled", Sheen_Weight=1.0, Emission_Strength=0.4, Base_Color=(0, 0, 0, 1)),
     "fibers": shader("Sheen", Roughness=0.6),
     "fine fibers": shader("Sheen", Roughness=0.2),
     "velvet": shader("Sheen", distribution="ASHIKHMIN", Roughness=0.5),
@@ -241,6 +248,37 @@ def test_a_bump_changes_the_picture_and_a_flat_one_does_not(lit: Any) -> None:
     plain = found.pop("plain")
     changed = {name for name, tile in found.items() if ((tile - plain) ** 2).mean() ** 0.5 > 0.1 * plain.mean()}
     assert changed == {"bump"}
+
+
+@pytest.mark.parametrize("odd", [-7.0, 1e30, 1e-30])
+def test_absurd_inputs_give_a_picture(lit: Any, odd: float) -> None:
+    def absurd(kind: str, **settings: Any) -> atlas.Maker:
+        def make(tree: Any) -> Any:
+            node = add(tree, f"Bsdf{kind}", **settings)
+            for socket in node.inputs:
+                # Values beyond the limits of a socket arrive through links.
+                if socket.enabled and socket.type == "VALUE":
+                    tree.links.new(value(tree, odd), socket)
+            return node.outputs[0]
+
+        return make
+
+    family = {
+        "principled": absurd("Principled"),
+        "gloss": absurd("Anisotropic", distribution="BECKMANN"),
+        "ashikhmin": absurd("Anisotropic", distribution="ASHIKHMIN_SHIRLEY"),
+        "metallic": absurd("Metallic"),
+        "conductor": absurd("Metallic", fresnel_type="PHYSICAL_CONDUCTOR"),
+        "glass": absurd("Glass", distribution="BECKMANN"),
+        "sheen": absurd("Sheen"),
+        "velvet": absurd("Sheen", distribution="ASHIKHMIN"),
+        "toon": absurd("Toon"),
+        "glossy toon": absurd("Toon", component="GLOSSY"),
+    }
+    atlas.sheet(lit, family, ball())
+    atlas.configure(lit, 16, BOUNCES)
+    for name, tile in atlas.rendered(lit, family, "HALFSPACE").items():
+        assert np.isfinite(tile).all(), name
 
 
 def test_a_holdout_is_a_hole_in_the_picture_as_in_cycles(lit: Any) -> None:

@@ -168,7 +168,8 @@ impl<
         out: &mut Output<'_>,
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
-        if scatter.pdf.is_finite() || surface.shading != surface.geometric {
+        // A lobe of its own frame may mirror about another normal than the polygon's.
+        if LOBES > 0 || scatter.pdf.is_finite() || surface.shading != surface.geometric {
             return None;
         }
         // Change the beam's source at the plane, and start behind it.
