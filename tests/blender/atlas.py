@@ -82,10 +82,10 @@ def configure(scene: Any, samples: int, bounces: int) -> None:
         setattr(theirs, f"{kind}_bounces", bounces)
 
 
-def rendered(scene: Any, names: Mapping[str, Maker], engine: str) -> Tiles:
+def rendered(scene: Any, names: Mapping[str, Maker], engine: str, channels: int = 3) -> Tiles:
     """The tiles of the picture of an engine."""
     scene.render.engine = engine
-    picture = pictures.render(scene)[..., :3]
+    picture = pictures.render(scene)[..., :channels]
     columns = picture.shape[1] // TILE
     inside = slice(MARGIN, TILE - MARGIN)
     return {

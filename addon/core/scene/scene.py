@@ -250,15 +250,17 @@ Hidden = tuple[str, ...]
 class Closure:
     """A shader node with its share of a material.
 
-    kind: principled, diffuse, glossy, glass, refraction, transparent or emission. inputs: operands by name, including
-    "weight"; missing ones have Blender's defaults. normal: the shading normal, or None for the surface's own.
-    multiscatter: whether rough reflections conserve energy.
+    kind: principled, diffuse, translucent, glossy, glass, refraction, conductor, sheen, velvet, toon_diffuse,
+    toon_glossy, transparent, emission or holdout. inputs: operands by name, including "weight"; missing ones have
+    Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
+    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley.
     """
 
     kind: str
     inputs: Mapping[str, Operand]
     normal: Operand | None = None
     multiscatter: bool = True
+    distribution: str = "ggx"
 
     @property
     def glows(self) -> bool:
@@ -269,7 +271,13 @@ class Closure:
 
     def as_dict(self) -> dict[str, Any]:
         """The closure as the native module takes it."""
-        return {"kind": self.kind, **self.inputs, "normal": self.normal, "multiscatter": self.multiscatter}
+        return {
+            "kind": self.kind,
+            **self.inputs,
+            "normal": self.normal,
+            "multiscatter": self.multiscatter,
+            "distribution": self.distribution,
+        }
 
 
 @dataclass(frozen=True)

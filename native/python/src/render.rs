@@ -35,10 +35,13 @@ use std::time::Duration;
 ///     What varies over a surface is given by "program" and "closures" instead. A program is a list
 ///     of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
 ///     the index of an earlier step (an int) or a constant (a float, or three or four floats). A
-///     closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
-///     emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
-///     "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
-///     "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the kinds of rays
+///     closure has a "kind" (principled, diffuse, translucent, glossy, glass, refraction, transparent,
+///     emission, conductor, sheen, velvet, toon_diffuse, toon_glossy, holdout), inputs of the names above and "weight",
+///     "color", "specular_tint", "coat_weight", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+///     "anisotropy", "rotation" (turns), "tangent", "coat_normal" (scene space, 0 = the surface's), "sheen_weight",
+///     "sheen_roughness", "sheen_tint", "smooth" (a toon lobe's edge), "extinction" (a conductor's, whose "color" is
+///     the index), "film_thickness" (nm), "film_ior", each an argument as in a program, and "normal", "multiscatter" (True), "distribution" (ggx,
+///     beckmann, ashikhmin_shirley). At most 8 closures, 4 of them principled. "hidden_from" names the kinds of rays
 ///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission.
 /// corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
 ///     None = flat.

@@ -45,19 +45,37 @@ def test_principled_constants() -> None:
         ("ShaderNodeBsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
         ("ShaderNodeBsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
         ("ShaderNodeEmission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
+        ("ShaderNodeBsdfSheen", "sheen", {"Roughness": 0.25}, {"roughness": 0.25}),
+        ("ShaderNodeBsdfToon", "toon_diffuse", {"Size": 0.25, "Smooth": 0.5}, {"roughness": 0.25, "smooth": 0.5}),
+        ("ShaderNodeHoldout", "holdout", {}, {"weight": 1.0}),
         ("ShaderNodeBsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
     ],
 )
 def test_simple_shaders(node_type: str, kind: str, values: dict[str, Any], expected: dict[str, Any]) -> None:
     block = material("Simple")
     shader = plug(block, node_type)
-    if hasattr(shader, "distribution"):
+    if kind in ("glossy", "glass", "refraction"):
         shader.distribution = "GGX"
     for name, value in values.items():
         shader.inputs[name].default_value = value
     found = inputs(block, kind)
     for name, value in expected.items():
         assert found[name] == pytest.approx(value), name
+
+
+def test_facets_are_stretched_along_a_tangent_and_follow_the_distribution() -> None:
+    block = material("Brushed")
+    shader = plug(block, "ShaderNodeBsdfAnisotropic")
+    shader.distribution = "BECKMANN"
+    assert "tangent" not in inputs(block, "glossy")
+    shader.inputs["Anisotropy"].default_value = 0.5
+    found, notes = converted(block)
+    (closure,) = found.closures
+    assert (closure.distribution, closure.multiscatter, notes) == ("beckmann", False, [])
+    assert closure.inputs["anisotropy"] == pytest.approx(0.5)
+    tangent = closure.inputs["tangent"]
+    assert isinstance(tangent, int)
+    assert found.program[tangent]["kind"] == "tangent_z"
 
 
 def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
@@ -143,13 +161,13 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     shader = node(tree, "ShaderNodeBsdfPrincipled")
     tree.links.new(tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Base Color"])
     tree.links.new(tree.nodes.new("ShaderNodeBevel").outputs[0], shader.inputs["Roughness"])
-    shader.inputs["Sheen Weight"].default_value = 1
+    shader.inputs["Subsurface Weight"].default_value = 1
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    words = ("Ambient Occlusion", "Bevel", "Sheen Weight")
+    words = ("Ambient Occlusion", "Bevel", "Subsurface Weight")
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
@@ -218,11 +236,11 @@ def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
 def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:
     block = material("Cut out")
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    plug(block, "ShaderNodeHoldout")
+    plug(block, "ShaderNodeEeveeSpecular")
     found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert len(notes) == 1
-    assert "Holdout" in notes[0]
+    assert "Specular" in notes[0]
 
 
 def test_materials_without_output_or_shader_are_black() -> None:

@@ -10,6 +10,7 @@ use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::varying::Varying;
+use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use crate::values::visibility::Visibility;
 
@@ -113,7 +114,8 @@ impl World {
             let size = size.map(|n| n.min(MAX_TEXELS));
             let mut registers = Vec::new();
             world.map = DirectionMap::new(size, |direction| {
-                world.radiance(images, varying, direction, RayKind::Diffuse, &mut registers)
+                let (kind, history) = (RayKind::Diffuse, History::default());
+                world.radiance(images, varying, direction, kind, history, &mut registers)
             });
         }
         Ok(world)
@@ -129,7 +131,8 @@ impl World {
         self.constant() == Some(Vec3::ZERO)
     }
 
-    /// Returns the radiance of a unit direction. `registers`: scratch memory.
+    /// Returns the radiance of a unit direction for a ray of this kind. `history`: what programs know of the path;
+    /// `registers`: scratch memory.
     #[inline]
     pub fn radiance(
         &self,
@@ -137,12 +140,18 @@ impl World {
         varying: &Varying,
         direction: Vec3,
         kind: RayKind,
+        history: History,
         registers: &mut Vec<Value>,
     ) -> Vec3 {
         if let Some(constant) = self.constant() {
             return constant;
         }
-        let point = ShadingPoint::background(varying, direction, kind);
+        let mut point = ShadingPoint::background(varying, direction, kind);
+        // The background has no distance.
+        point.history = History {
+            length: 0.0,
+            ..history
+        };
         self.program.run(images, &point, registers);
         rgb(read(self.radiance, registers))
     }

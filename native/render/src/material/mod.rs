@@ -16,8 +16,11 @@ pub mod albedo;
 pub mod bsdf;
 pub mod bump;
 pub mod closure;
+pub mod film;
 pub mod ggx;
+pub mod microfacets;
 mod params;
+pub mod sheen;
 
 pub use crate::material::params::MaterialParams;
 
@@ -48,6 +51,8 @@ pub struct Material {
     pub reflects: bool,
     /// Whether a closure can have refracting or translucent lobes.
     pub refracts: bool,
+    /// Whether a closure needs lobes with frames or shapes of their own.
+    pub lobes: bool,
 }
 
 impl Material {
@@ -61,13 +66,17 @@ impl Material {
         // Check the constants and the number of closures.
         params.check(index)?;
         let name = format!("materials[{index}]");
-        let closures = closures(params, &name)?;
+        let mut closures = closures(params, &name)?;
         // Compile the program for all inputs and the normal.
         let normal = closures.iter().find_map(|c| c.normal);
+        let apart = normals_apart(&mut closures, normal);
         let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
         roots.extend(normal);
         let program = Program::compile(&params.program, &mut roots, &name)?;
-        let compiled = compile(&closures, &roots, grids);
+        let mut compiled = compile(&closures, &roots, grids);
+        for (closure, [turned, coat_apart]) in compiled.iter_mut().zip(apart) {
+            (closure.turned, closure.coat_apart) = (turned, coat_apart);
+        }
         let normal = normal.and_then(|_| roots.last().copied());
 
         // Compile it again for what emission and transparency need: far fewer nodes, which shadow rays run often.
@@ -85,6 +94,7 @@ impl Material {
             dims_emission: any(Closure::dims_emission),
             reflects: any(|c| c.may_reflect() || c.may_be_rough()),
             refracts: any(|c| c.may_refract() || c.is_translucent()),
+            lobes: any(Closure::needs_lobes),
             closures: compiled,
             program,
             reduced_program,
@@ -195,15 +205,40 @@ fn closures(params: &MaterialParams, name: &str) -> Result<Vec<ClosureParams>> {
     Ok(closures)
 }
 
+/// Writes the normals of closures to their inputs where the material has several. Returns for each closure whether its
+/// normal, and that of its coat, differ from `normal`, which the material's facets use.
+fn normals_apart(closures: &mut [ClosureParams], normal: Option<Operand>) -> Vec<[bool; 2]> {
+    closures
+        .iter_mut()
+        .map(|closure| {
+            let scatters = !matches!(
+                closure.kind,
+                ClosureKind::Transparent | ClosureKind::Emission | ClosureKind::Holdout
+            );
+            let turned = scatters && closure.normal != normal;
+            if turned && let Some(own) = closure.normal {
+                closure.inputs[Input::Normal as usize] = own;
+            }
+            // Without a normal of its own the coat follows the surface.
+            let coat = closure.inputs[Input::CoatNormal as usize];
+            let coat_apart = normal.is_some() || coat.constant() != Some(Vec3::ZERO);
+            [turned, coat_apart]
+        })
+        .collect()
+}
+
 /// Returns the closures with every input that emission and transparency do not depend on replaced by a constant. A
 /// coat counts only if it dims emission.
 fn reduced(closures: &[ClosureParams], compiled: &[Closure]) -> Vec<ClosureParams> {
     const ALWAYS: [Input; 4] = [Input::Weight, Input::Color, Input::Emission, Input::Alpha];
-    const COAT: [Input; 4] = [
+    const COAT: [Input; 7] = [
         Input::CoatWeight,
         Input::CoatRoughness,
         Input::CoatIor,
         Input::CoatTint,
+        Input::SheenWeight,
+        Input::SheenRoughness,
+        Input::SheenTint,
     ];
     let mut reduced = closures.to_vec();
     for (closure, compiled) in reduced.iter_mut().zip(compiled) {
@@ -257,6 +292,7 @@ fn sum(closures: &[Closure], registers: &[Value]) -> Unscattered {
         total.emission += unscattered.emission;
         total.transparent += unscattered.transparent;
         total.scattering += unscattered.scattering;
+        total.holdout += unscattered.holdout;
     }
     total
 }

@@ -20,6 +20,9 @@ pub struct Features {
     pub glossy: bool,
     /// At least one material has a lobe that refracts, or a translucent one.
     pub glass: bool,
+    /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
+    /// normals.
+    pub lobes: bool,
     /// At least one material is not opaque: rays pass through it, shadow rays accumulate its transmittance.
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
@@ -50,6 +53,7 @@ impl Features {
             textures: any(|m| !m.program.is_empty()),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
+            lobes: any(|m| m.lobes),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow)),
             hidden: any(|m| !m.visible.is_all()),
             emission: any(|m| m.emits),
@@ -82,6 +86,10 @@ impl Features {
                 "mirror rays: no material is metallic, specular or roughly diffuse",
             ),
             (self.glass, "refraction: no material transmits"),
+            (
+                self.lobes,
+                "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
+            ),
             (
                 self.transparency,
                 "transparent shadows: every material is opaque",

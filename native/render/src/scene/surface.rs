@@ -131,6 +131,7 @@ impl<'a> Surface<'a> {
         Normals {
             geometric: frame.to_local(self.geometric),
             mapped: mapped.map(|both| both.map(|n| frame.to_local(n))),
+            frame: *frame,
         }
     }
 

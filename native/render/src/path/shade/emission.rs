@@ -7,8 +7,13 @@ use crate::path::shade::{Output, Shader};
 use crate::path::state::Path;
 use halfspace_ray::Hit;
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
 {
     /// Adds the light of lamps that the ray hits before the surface.
     #[inline(always)]
@@ -39,10 +44,15 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             return;
         }
         if scene.world.visible.to(path.kind) {
-            let mut light =
-                scene
-                    .world
-                    .radiance(&scene.images, &scene.varying, d, path.kind, out.registers);
+            let (kind, history) = (path.kind, path.history(0.0));
+            let mut light = scene.world.radiance(
+                &scene.images,
+                &scene.varying,
+                d,
+                kind,
+                history,
+                out.registers,
+            );
             // Only a background that varies is also sampled as a light.
             if self.features.world && path.pdf.is_finite() {
                 let density = scene.lights.world_pdf(path.receiver, d);
@@ -51,7 +61,10 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             out.sample
                 .add(settings.clamped(path.throughput * light, path.bounce > 1));
         }
-        out.sample.alpha = 1.0;
+        // Scattered paths keep the opacity of the first surface.
+        if path.camera {
+            out.sample.alpha = 1.0;
+        }
     }
 
     /// Adds the emission of a surface, weighted against light samples of the triangle. `cos`: between the ray and

@@ -17,15 +17,20 @@ use halfspace_ray::{Hit, Ray};
 /// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
 const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
 {
     /// Samples a light and adds a shadow ray if the light could contribute.
     #[inline(always)]
     pub(super) fn sample_light(
         &self,
         surface: &Surface<'_>,
-        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &Path,
         out: &mut Output<'_>,
@@ -135,6 +140,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
                 &scene.varying,
                 light.direction,
                 RayKind::Diffuse,
+                path.history_after(RayKind::Diffuse, 0.0),
                 registers,
             ),
             Emitter::Triangle(triangle, [u, v]) => {

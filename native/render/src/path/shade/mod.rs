@@ -3,6 +3,7 @@
 //! bounce.
 
 use crate::film::PixelSample;
+use crate::material::bsdf::MAX_LOBES;
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
 use crate::path::shadow_rays::ShadowRays;
@@ -25,10 +26,24 @@ pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
 
 /// Returns the variant of [`shade`] compiled for exactly these features.
 pub fn choose(features: Features) -> Shade {
+    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
+    let Features {
+        lights,
+        smooth_normals,
+        ..
+    } = features;
+    if features.lobes {
+        return match (lights, smooth_normals) {
+            (false, false) => shade::<false, true, true, false, MAX_LOBES>,
+            (false, true) => shade::<false, true, true, true, MAX_LOBES>,
+            (true, false) => shade::<true, true, true, false, MAX_LOBES>,
+            (true, true) => shade::<true, true, true, true, MAX_LOBES>,
+        };
+    }
     // Expand the flags, one by one, to the constant parameters of `shade`.
     macro_rules! variant {
         ($($flag:expr),*; $($chosen:tt)*) => { variant!(@ [$($flag),*] [$($chosen)*]) };
-        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)*> };
+        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)* 0> };
         (@ [$flag:expr $(, $rest:expr)*] [$($chosen:tt)*]) => {
             if $flag {
                 variant!(@ [$($rest),*] [$($chosen)* true,])
@@ -37,17 +52,23 @@ pub fn choose(features: Features) -> Shade {
             }
         };
     }
-    variant!(features.lights, features.glossy, features.glass, features.smooth_normals;)
+    variant!(lights, features.glossy, features.glass, smooth_normals;)
 }
 
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
 /// that continue keep their order.
-fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>(
+fn shade<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+>(
     wave: &mut Wavefront,
     context: &Context<'_>,
     sample: u32,
 ) {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH>::new(context, sample);
+    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>::new(context, sample);
     let Wavefront {
         rays,
         hits,
@@ -104,7 +125,14 @@ struct Output<'a> {
 }
 
 /// Shading of one sample, compiled for a set of features.
-struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool> {
+struct Shader<
+    'a,
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+> {
     context: &'a Context<'a>,
     scene: &'a RenderScene,
     settings: &'a Settings,
@@ -116,8 +144,14 @@ struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, con
     last_ray_counts: bool,
 }
 
-impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    'a,
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
 {
     /// Computes the values that are the same for all hits.
     fn new(context: &'a Context<'a>, sample: u32) -> Self {
@@ -191,8 +225,10 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
+        // The first surface that is not passed makes the pixel opaque, except for holes.
         if path.camera {
             self.write_first_surface(hit, &surface, out.sample);
+            out.sample.alpha = unscattered.opacity();
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -240,8 +276,6 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     #[inline(always)]
     fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
         let (scene, camera) = (self.scene, self.context.camera);
-        // The first surface that is not passed makes the pixel opaque.
-        sample.alpha = 1.0;
         sample.depth = camera.depth(surface.point);
         sample.distance = camera.distance(surface.point);
         sample.normal = surface.shading.array();

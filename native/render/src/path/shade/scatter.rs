@@ -15,13 +15,18 @@ use halfspace_ray::Ray;
 
 /// A BSDF and the shading frame in which it is given.
 #[derive(Clone, Copy)]
-pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool> {
+pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool, const LOBES: usize> {
     pub(super) frame: &'a Frame,
-    pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS>,
+    pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS, LOBES>,
 }
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -101,7 +106,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     fn sample_direction(
         &self,
         surface: &Surface<'_>,
-        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &mut Path,
         out: &mut Output<'_>,
@@ -163,7 +168,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         out: &mut Output<'_>,
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
-        if scatter.pdf.is_finite() || surface.shading != surface.geometric {
+        // A lobe of its own frame may mirror about another normal than the polygon's.
+        if LOBES > 0 || scatter.pdf.is_finite() || surface.shading != surface.geometric {
             return None;
         }
         // Change the beam's source at the plane, and start behind it.

@@ -13,6 +13,7 @@ use crate::math::vector::vec3;
 
 mod energy;
 mod filter;
+mod lobes;
 
 fn compile(params: MaterialParams) -> Material {
     Material::new(&params, 0, &mut Grids::default()).unwrap()
@@ -56,15 +57,21 @@ fn varying(kind: ClosureKind, inputs: &[Input], more: &[(Input, f32)]) -> Materi
 const FLAT: Normals = Normals {
     geometric: vec3(0.0, 0.0, 1.0),
     mapped: None,
+    frame: lobe::STRAIGHT,
 };
 
 /// The BSDF seen from `wi`.
-fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true> {
+fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true, MAX_LOBES> {
     filtered(material, wi, inside, LobeFilter::NONE)
 }
 
 /// The BSDF seen from `wi` by a path with this filter.
-fn filtered(material: &Material, wi: Vec3, inside: bool, filter: LobeFilter) -> Bsdf<true, true> {
+fn filtered(
+    material: &Material,
+    wi: Vec3,
+    inside: bool,
+    filter: LobeFilter,
+) -> Bsdf<true, true, MAX_LOBES> {
     Bsdf::new(&material.closures, &[], wi, FLAT, inside, filter)
 }
 
@@ -74,7 +81,7 @@ fn view(cos: f32) -> Vec3 {
 }
 
 /// Albedo by Monte Carlo: the mean weight of `n` samples.
-fn mean_weight(bsdf: &Bsdf<true, true>, n: u32) -> f64 {
+fn mean_weight(bsdf: &Bsdf<true, true, MAX_LOBES>, n: u32) -> f64 {
     let sampler = PixelSampler::new(3, 5, 7);
     let sum: f64 = (0..n)
         .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
