@@ -64,6 +64,14 @@ def test_splines_pass_through_their_points_and_ends() -> None:
     assert len(begins) == len(curves.points)
 
 
+def test_vertices_lie_between_the_points_that_they_name() -> None:
+    curves = some_curves(straight=True)
+    made = tubes.tubes(curves, 3, 8)
+    share = made.share[:, None]
+    between = curves.points[made.before] * (1 - share) + curves.points[made.after] * share
+    assert np.allclose(between, made.positions.reshape(-1, 8, 3).mean(axis=1).repeat(8, axis=0), atol=1e-5)
+
+
 def test_a_spline_is_that_of_catmull_and_rom() -> None:
     points = np.array([(0, 0, 0), (1, 1, 0), (2, 0, 0), (3, 3, 0)], np.float32)
     curve = tubes.strands(points, np.full(4, 0.1, np.float32), np.array([0, 4]))
