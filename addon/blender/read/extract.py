@@ -16,15 +16,16 @@ from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, 
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
 from .object_values import Instance, Value
+from .strands.collecting import Collector
+from .value_nodes import STRAND
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
 
 MESH_TYPES = {"MESH"}
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
+ROUND_TYPES = {"CURVES", "POINTCLOUD"}
 SKIPPED_TYPES = {
-    "CURVES": "hair curves",
-    "POINTCLOUD": "point cloud",
     "VOLUME": "volume",
 }
 """Objects that are reported as left out. Grease pencil is not among them: Blender draws it over any picture."""
@@ -63,6 +64,8 @@ class Found:
     images: tuple[Image, ...] = ()
     layers: tuple[tuple[str, str], ...] = ()
     objects: bool = False
+    made: tuple[str, ...] = ()
+    """Lines on hair and points: what was made into how many triangles."""
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
@@ -114,8 +117,9 @@ def find(
 ) -> Found:
     """Read everything renderable that the depsgraph's mode shows; with a 3D view (`space`), only what that view shows.
 
-    Reads meshes, objects convertible to meshes (curves, surfaces, text, metaballs) and lights, with all their
-    instances, and the materials and the world of the view layer; unsupported objects are noted in `notes` by name.
+    Reads meshes, objects convertible to meshes (curves, surfaces, text, metaballs), hair, point clouds and lights, with
+    all their instances, and the materials and the world of the view layer; unsupported objects are noted in `notes` by
+    name.
 
     sky: WAIT for a Sky Texture, which takes seconds; start it now and use it LATER; or NO_WORLD, for triangles alone.
     By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
@@ -124,13 +128,15 @@ def find(
     reader = _Reader(notes, uvs, depsgraph)
     # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
-        if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
+        if space is None or instance.object.visible_in_viewport_get(space):
             reader.visit(
                 instance.object,
                 instance.matrix_world,
                 instance.parent if instance.is_instance else None,
                 instance.random_id,
+                (instance.show_self, instance.show_particles),
             )
+    placements = reader.placements()
     reader.note_layers()
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
@@ -142,7 +148,7 @@ def find(
         keep_going=keep_going,
     )
     return Found(
-        placements=reader.placements(),
+        placements=placements,
         materials=reader.palette.materials(),
         lights=(*reader.lights, *suns),
         world=background,
@@ -150,6 +156,7 @@ def find(
         images=reader.palette.images(shown),
         layers=tuple(reader.palette.layers.keys),
         objects=reader.palette.layers.objects,
+        made=tuple(reader.strands.made),
     )
 
 
@@ -170,16 +177,31 @@ class _Reader:
         self._checked: set[str] = set()
         self._held: set[str] = set()
         self._unreadable: set[texture_layers.Key] = set()
-        self._surfaces = layer.use_solid
+        self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
+        self._surfaces, self._strands = layer.use_solid, layer.use_strand
         self._marks = view_layers.Marks(layer)
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
-    def visit(self, item: Any, matrix_world: Any, parent: Any = None, number: int = 0) -> None:
-        """Read one object at one place; `parent` is its instancer, if any, and `number` random for each instance."""
+    def visit(
+        self, item: Any, matrix_world: Any, parent: Any = None, number: int = 0, shown: tuple[bool, bool] = (True, True)
+    ) -> None:
+        """Read one object at one place; `parent` is its instancer, if any, and `number` random for each instance.
+
+        shown: whether the object itself is visible, and its particles.
+        """
         kind = item.type
         matrix = np.array(matrix_world, np.float64)
-        if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
+        if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
+            instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
+            self._place_round(instance, matrix, self._seen(item, parent), hair=True)
+        if not shown[0]:
+            return
+        if kind in ROUND_TYPES:
+            if self._strands or kind != "CURVES":
+                instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
+                self._place_round(instance, matrix, self._seen(item, parent))
+        elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
             if self._surfaces:
@@ -194,28 +216,43 @@ class _Reader:
             self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
 
     def placements(self) -> list[meshes.Placement]:
-        """The placements, in order of appearance."""
-        return [
+        """The placements, in order of appearance, those of hair and points last."""
+        found = [
             meshes.Placement(
                 group.mesh, np.stack(group.matrices), tuple(group.names), group.materials, tuple(group.values)
             )
             for (mesh, _), group in self._groups.items()
             if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
+        return found + self.strands.placements()
 
-    def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
-        """Add one instance of the object's mesh, unless its transform is unusable."""
-        item = instance.item
+    def _regular(self, item: Any, matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
+        """The transform of an instance, made invertible; None, with a note, if it is unusable."""
         name = item.name_full  # linked files may contain objects of equal names
         self._check_once(item, name)
         if not np.isfinite(matrix).all():
             self.notes.add("Dropped, the transform is not finite", name)
-            return
+            return None
         sheet = _as_sheet(matrix)
         if sheet is None:
             self.notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
+        return sheet
+
+    def _place_round(
+        self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden, *, hair: bool = False
+    ) -> None:
+        """Add one instance of a point cloud, of hair curves, or (hair) of the object's particle hair."""
+        item, sheet = instance.item, self._regular(instance.item, matrix)
+        if sheet is None:
             return
-        matrix = sheet
+        visit = self.strands.visit_hair if hair else self.strands.visit
+        visit(instance, sheet, self.palette.indices(item, item.data, hidden))
+
+    def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
+        """Add one instance of the object's mesh, unless its transform is unusable."""
+        item, sheet = instance.item, self._regular(instance.item, matrix)
+        if sheet is None:
+            return
         mesh_key, mesh, used = self._mesh(item, hidden)
         if mesh is None or not len(mesh.triangles):
             return
@@ -224,8 +261,8 @@ class _Reader:
         group_key = (mesh_key, used)
         if (group := self._groups.get(group_key)) is None:
             group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
-        group.matrices.append(matrix)
-        group.names.append(name)
+        group.matrices.append(sheet)
+        group.names.append(item.name_full)
         group.values.append(instance.values(self.palette.layers.object_values))
 
     def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
@@ -259,10 +296,10 @@ class _Reader:
 
     def note_layers(self) -> None:
         """Note layers that materials read and no mesh has."""
-        there = self._unreadable.union(*(mesh.layers for mesh in self._meshes.values()))
+        there = self._unreadable.union(self.strands.found, *(mesh.layers for mesh in self._meshes.values()))
         for key, names in self.palette.readers().items():
             kind, layer = key
-            if key in there or not layer:
+            if key in there or not layer or kind == STRAND:
                 continue
             for name in names:
                 what = "attribute" if kind == texture_layers.COLOR else "UV map"
@@ -300,10 +337,6 @@ class _Reader:
         if item.is_shadow_catcher:
             self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
         self._note_linking(item, name)
-        if any(
-            system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
-        ):
-            self.notes.add("Skipped, hair strands cannot be rendered yet", name)
 
 
 def _hidden(item: Any, parent: Any) -> Hidden:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.base.arrays import F32, F64, U32
 from ...core.scene.scene import ObjectFrame
-from .value_nodes import COLOR, ISLAND, POINTINESS, TANGENT, UV
+from .value_nodes import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV
 from .vertex_layers import islands, pointiness
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ def _width(mesh: Any, kind: str, name: str) -> int:
         return 3 if stored == 1 else stored
     if kind in (ISLAND, POINTINESS):
         return 3
+    if kind == STRAND:
+        return 0
     if _uv_map(mesh, name) is None:
         return 0
     return 4 if kind == TANGENT else 2
@@ -178,6 +180,7 @@ READERS: dict[str, Callable[[Any, str, U32], F32 | None]] = {
     TANGENT: _tangents,
     ISLAND: lambda mesh, _, corners: islands(mesh, corners),
     POINTINESS: lambda mesh, _, corners: pointiness(mesh, corners),
+    STRAND: lambda *_: None,
 }
 """The readers of layers by their kind: values of a mesh's layer at the corners of its triangles."""
 

@@ -120,13 +120,14 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it."""
+    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it. made: see `extract.Found`."""
 
     scene: Scene
     view: Camera
     layout: Layout
     moment: int
     seconds: float
+    made: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +183,7 @@ class _Picture:
         layout = found.layout(instancing, integrator=quality.integrator(self.group))
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         view = self._camera(scene.geometry.origin)
-        return _Read(scene, view, layout, moment, time.perf_counter() - start)
+        return _Read(scene, view, layout, moment, time.perf_counter() - start, found.made)
 
     def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
         """The structure of the settings, or the automatically chosen one, with the scene around it."""
@@ -294,6 +295,7 @@ class _Picture:
             built.answers,
             None if tree is None else tree.number,
             read.layout.reason,
+            read.made,
         )
         reports.keep(self.scene, report)
 

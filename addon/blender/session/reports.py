@@ -16,7 +16,8 @@ class Report:
     label: of the structure. statistics: of structure and render, with the native module's names. left_out: features
     that were not computed because the scene lacks them. warnings: unsupported features. reasons: for an automatic
     choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
-    instances: whether the scene's instances were kept, and why; "" without instances.
+    instances: whether the scene's instances were kept, and why; "" without instances. made: lines on hair and points,
+    which were made into triangles.
     """
 
     label: str
@@ -29,6 +30,7 @@ class Report:
     answers: str = NOT_COMPARED
     tree: int | None = None
     instances: str = ""
+    made: tuple[str, ...] = ()
 
 
 _last: dict[int, Report] = {}

@@ -48,6 +48,7 @@ class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
         column = self.column().column(heading="Include")
         column.prop(context.view_layer, "use_sky", text="Environment")
         column.prop(context.view_layer, "use_solid", text="Surfaces")
+        column.prop(context.view_layer, "use_strand", text="Curves")
 
 
 class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):

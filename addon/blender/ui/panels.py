@@ -272,6 +272,7 @@ class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
         answers(layout, tree, report.answers)
         for title, lines, icon in (
             ("Not supported", report.warnings, "ERROR"),
+            ("Made into triangles", report.made, "INFO"),
             ("Why this structure", report.reasons, "SHADERFX"),
             ("Left out, at no cost", report.left_out, "INFO"),
         ):

@@ -38,7 +38,7 @@ READ = {
     "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow pass_index",
     "RenderSettings": "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
     "pixel_aspect_y",
-    "ViewLayer": "use_sky use_solid material_override world_override samples use_pass_z use_pass_mist "
+    "ViewLayer": "use_sky use_solid use_strand material_override world_override samples use_pass_z use_pass_mist "
     "use_pass_position use_pass_normal use_pass_uv use_pass_object_index use_pass_material_index",
     "WorldMistSettings": "start depth falloff",
 }

@@ -10,7 +10,8 @@ from .coordinates import COORDINATES
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
-from .sockets import COLOR, ISLAND, POINTINESS, TANGENT, UV, constant, is_constant
+from .sockets import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV, constant, is_constant
+from .strands import STRANDS
 from .textures import TEXTURES
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from ..nodes import Place
     from ..values import Values
 
-__all__ = ["COLOR", "ISLAND", "NODES", "POINTINESS", "TANGENT", "UV", "constant", "is_constant"]
+__all__ = ["COLOR", "ISLAND", "NODES", "POINTINESS", "STRAND", "TANGENT", "UV", "constant", "is_constant"]
 
 NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **TEXTURES,
@@ -26,6 +27,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **COORDINATES,
     **NUMBERS,
     **NORMALS,
+    **STRANDS,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),
 }

@@ -13,6 +13,9 @@ UV, COLOR, TANGENT, ISLAND, POINTINESS = "uv", "color", "tangent", "island", "po
 pointiness. The name "" is the active one.
 """
 
+STRAND = "strand"
+"""The kind of layers that only hair and point clouds have; 0 elsewhere."""
+
 
 def is_constant(operand: Operand, value: float) -> bool:
     """Whether an operand is this number; an integer is the index of a step, also 0 and 1."""

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hair and point clouds of a scene, with all their instances, made into triangles once all instances are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....core.base.arrays import F32, F64
+from ....core.scene import spheres, tubes
+from .. import layers as texture_layers
+from ..meshes import UNBOUNDED, MeshArrays, Placement
+from ..value_nodes import UV
+from . import detail, sources
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ....core.base.notes import Notes
+    from ..object_values import Instance, Value
+
+MOST_TRIANGLES = 1 << 23
+"""Triangles of one object's hair or points. A constant, so that the picture does not depend on the machine."""
+
+MERGED = 1 << 18
+"""Triangles up to which the spheres of a point cloud are one mesh; more are instances of one sphere."""
+
+Key = tuple[str, str, int]
+"""The kind of an object's data, where the data is, and the number of its particle system."""
+
+
+@dataclass(eq=False)
+class _Round:
+    """Curves or points (whose radii are given), and their instances found so far."""
+
+    name: str
+    strands: tubes.Strands | None
+    points: tuple[F32, F32] | None
+    values: sources.Values
+    materials: tuple[int, ...]
+    matrices: list[NDArray[Any]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    object_values: list[tuple[Value, ...]] = field(default_factory=list)
+
+
+class Collector:
+    """Reads hair and point clouds during one pass over the depsgraph's instances."""
+
+    def __init__(self, depsgraph: Any, notes: Notes, layers: Any, *, uvs: bool) -> None:
+        """layers: those of all materials, complete. uvs: whether the active UV map is needed."""
+        self.made: list[str] = []
+        self.found: set[texture_layers.Key] = set()
+        self._mode, self._view = depsgraph.mode, detail.pixels(depsgraph)
+        self._notes, self._layers, self._uvs = notes, layers, uvs
+        self._read: dict[Key, _Round] = {}
+        self._groups: dict[tuple[Key, tuple[int, ...]], _Round] = {}
+
+    def visit(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
+        """Add an instance of a hair curves object or a point cloud. matrix: its transform, regular."""
+        data, name = instance.item.data, instance.item.name_full
+        key: Key = (instance.item.type, str(data.as_pointer()), 0)
+        if key not in self._read:
+            if instance.item.type == "CURVES":
+                strands, values = sources.read_curves(data, self._keys())
+                self._read[key] = _Round(name, strands, None, values, ())
+            else:
+                centres, radii, values = sources.read_points(data, self._keys())
+                self._read[key] = _Round(name, None, (centres, radii), values, ())
+        self._place(key, materials, instance, matrix)
+
+    def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
+        """Add an instance of an object's particle hair, whose settings choose one of the object's materials."""
+        item = instance.item
+        for number, (modifier, system) in enumerate(sources.hair_systems(item, self._mode)):
+            key: Key = ("HAIR", str(item.original.as_pointer()), number)
+            if key not in self._read:
+                most = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
+                hair = sources.read_hair(item, modifier, self._keys(), self._mode, most)
+                self._read[key] = _Round(item.name_full, hair.strands, None, hair.values, ())
+                if hair.part > 1:
+                    self._note_part("hairs", hair.part, item.name_full)
+            slot = min(max(system.settings.material - 1, 0), len(materials) - 1)
+            self._place(key, (materials[slot],), instance, matrix)
+
+    def placements(self) -> list[Placement]:
+        """All placements, in order of appearance; adds a line for each object to `made`."""
+        made: list[Placement] = []
+        for group in self._groups.values():
+            matrices = np.stack(group.matrices)
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                made += self._tubes(group, matrices) if group.strands is not None else self._spheres(group, matrices)
+        self.found = {key for placement in made for key in placement.mesh.layers}
+        return made
+
+    def _keys(self) -> list[texture_layers.Key]:
+        keys: list[texture_layers.Key] = list(self._layers.keys)
+        return keys if not self._uvs or (UV, "") in keys else [*keys, (UV, "")]
+
+    def _place(self, key: Key, materials: tuple[int, ...], instance: Instance, matrix: NDArray[Any]) -> None:
+        read = self._read[key]
+        group = self._groups.get((key, materials))
+        if group is None:
+            group = _Round(read.name, read.strands, read.points, read.values, materials)
+            self._groups[key, materials] = group
+        group.matrices.append(matrix)
+        group.names.append(instance.item.name_full)
+        group.object_values.append(instance.values(self._layers.object_values))
+
+    def _note_part(self, what: str, part: int, name: str) -> None:
+        self._notes.add(
+            f"Only one in {part} {what} is rendered, all together have more than {MOST_TRIANGLES:,} triangles", name
+        )
+
+    def _note_faults(self, what: str, name: str, broken: int, negative: int) -> None:
+        if broken:
+            self._notes.add(f"Left out {what} with coordinates or radii that are not finite", name, broken)
+        if negative:
+            self._notes.add(f"Negative radii are rendered as 0, of {what}", name, negative)
+
+    def _tubes(self, group: _Round, matrices: F64) -> list[Placement]:
+        """The placements of curves: none if nothing of them can be seen."""
+        assert group.strands is not None
+        strands, broken, negative = tubes.usable(group.strands, float(UNBOUNDED))
+        self._note_faults("hairs", group.name, broken, negative)
+        if not len(strands.counts):
+            return []
+        # Decide on the detail of each curve by the size of a pixel at its ends.
+        ends = np.stack([strands.points[strands.first[:-1]], strands.points[strands.first[1:] - 1]], axis=1)
+        pixels = detail.sizes_within(self._view, ends.astype(np.float64), matrices)
+        thickest = np.maximum.reduceat(strands.radii, strands.first[:-1])
+        sides = tubes.sides_of(thickest.astype(np.float64), pixels)
+        strands, sides, pieces = self._fitting(group.name, strands, sides, tubes.pieces_of(strands, pixels))
+        parts = [tubes.tubes(strands.chosen(sides == n), pieces, n) for n in np.unique(sides).tolist()]
+        made = tubes.joined(parts)
+        total = len(made.triangles)
+        self.made.append(
+            f"{group.name}: {len(sides):,} hairs as {total:,} triangles, tubes of "
+            f"{_span(sides)} sides, {pieces} to a segment"
+        )
+        layers = _curve_layers(group.values, made)
+        return [self._placement(group, matrices, made.positions, made.normals, made.triangles, layers)]
+
+    def _fitting(
+        self, name: str, strands: tubes.Strands, sides: NDArray[np.int64], pieces: int
+    ) -> tuple[tubes.Strands, NDArray[np.int64], int]:
+        """Curves, sides and pieces with less detail, or fewer curves, if there would be too many triangles."""
+        segments = strands.counts - 1
+        for fewer in tubes.COARSER:
+            if (segments * sides).sum() * 2 * pieces <= MOST_TRIANGLES:
+                return strands, sides, pieces
+            sides = np.minimum(sides, fewer)
+        # All tubes have the fewest sides now.
+        fit = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
+        pieces = int(np.clip(fit // strands.segments, 1, pieces))
+        part = -(-strands.segments * pieces // fit)
+        if part > 1:
+            self._note_part("hairs", part, name)
+            keep = np.arange(len(sides)) % part == 0
+            strands, sides = strands.chosen(keep), sides[keep]
+        return strands, sides, pieces
+
+    def _spheres(self, group: _Round, matrices: F64) -> list[Placement]:
+        """The placements of points: one of a mesh of all spheres, or as many as points of one sphere."""
+        assert group.points is not None
+        centres, radii = group.points
+        bound = float(UNBOUNDED)
+        sound = (np.abs(centres) < bound).all(axis=1) & (np.abs(radii) < bound)
+        self._note_faults("points", group.name, int((~sound).sum()), int((sound & (radii < 0)).sum()))
+        rows = np.flatnonzero(sound & (radii > 0))
+        if not len(rows):
+            return []
+        # Decide on one detail for all points; the largest sphere seen needs most.
+        pixels = detail.sizes_within(self._view, centres[rows].astype(np.float64), matrices)
+        level = spheres.level_of(1.0, float((pixels / radii[rows]).min()))
+        while level > 1 and len(rows) * 20 * 4**level > MOST_TRIANGLES:
+            level -= 1
+        part = -(-len(rows) * 20 * 4**level // MOST_TRIANGLES)
+        if part > 1:
+            self._note_part("points", part, group.name)
+            rows = rows[::part]
+        total = len(rows) * 20 * 4**level
+        self.made.append(f"{group.name}: {len(rows):,} points as {total:,} triangles, {20 * 4**level} to a sphere")
+        if total > MERGED and not self._keys() and not self._layers.objects:
+            return [self._instances(group, matrices, rows, level)]
+        positions, normals, triangles = spheres.spheres(centres[rows], radii[rows], level)
+        corners = rows[triangles // (len(positions) // len(rows))]
+        layers = {key: np.ascontiguousarray(values[corners]) for key, values in group.values.of_points.items()}
+        return [self._placement(group, matrices, positions, normals, triangles, layers)]
+
+    def _instances(self, group: _Round, matrices: F64, rows: NDArray[Any], level: int) -> Placement:
+        assert group.points is not None
+        centres, radii = (part[rows].astype(np.float64) for part in group.points)
+        local = np.zeros((len(rows), 4, 4))
+        local[:, [0, 1, 2], [0, 1, 2]] = radii[:, None]
+        local[:, :3, 3], local[:, 3, 3] = centres, 1
+        placed = np.einsum("pij,njk->pnik", matrices, local).reshape(-1, 4, 4)
+        positions, normals, triangles = spheres.sphere(level)
+        mesh = MeshArrays(
+            positions.astype(np.float32), triangles.copy(), None, normals.astype(np.float32), triangles.copy(), None
+        )
+        names = tuple(np.repeat(np.array(group.names, object), len(rows)).tolist())
+        return Placement(mesh, np.ascontiguousarray(placed), names, np.array(group.materials, np.int32))
+
+    def _placement(
+        self,
+        group: _Round,
+        matrices: F64,
+        positions: F32,
+        normals: F32,
+        triangles: NDArray[np.int32],
+        layers: dict[texture_layers.Key, F32],
+    ) -> Placement:
+        uvs = layers.get((UV, "")) if self._uvs else None
+        read = {key: values for key, values in layers.items() if key in self._layers.keys}
+        box = texture_layers.box_around(positions)
+        mesh = MeshArrays(
+            positions, triangles, None, normals, triangles, None if uvs is None else uvs[..., :2].copy(), read, box
+        )
+        materials = np.array(group.materials, np.int32)
+        return Placement(mesh, matrices, tuple(group.names), materials, tuple(group.object_values))
+
+
+def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_layers.Key, F32]:
+    """The layers at the corners of the tubes' triangles."""
+    layers: dict[texture_layers.Key, F32] = {}
+    for key, rows in values.of_points.items():
+        share = made.share[:, None]
+        at_vertices = rows[made.before] * (1 - share) + rows[made.after] * share
+        layers[key] = np.ascontiguousarray(at_vertices[made.triangles])
+    for key, rows in values.of_curves.items():
+        layers[key] = np.ascontiguousarray(rows[made.numbers[made.triangles]])
+    return layers
+
+
+def _span(numbers: Sequence[int] | NDArray[Any]) -> str:
+    low, high = int(np.min(numbers)), int(np.max(numbers))
+    return str(low) if low == high else f"{low} to {high}"

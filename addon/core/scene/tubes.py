@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Curves with a radius at each point as tubes of triangles.
+
+A curve is a Catmull-Rom spline through its points, which passes position and radius alike, or a chain of straight
+lines. It is divided into pieces, and a regular polygon around each division point is joined to the next one. All
+curves are computed together: no Python code runs per curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..base.arrays import F32, F64, I32
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FEWEST_SIDES, MOST_SIDES = 8, 24
+"""Sides of a tube. Diffuse hair in the sun has 1.3 % less light with eight sides than in Cycles, 0.6 % with twelve and
+0.5 % with 24; thinner hair 0.2 % with eight, 1 % with six and 4 % with four (measured): a side that faces away from the
+light shades itself.
+"""
+
+COARSER = (6, 4)
+"""Sides of tubes if there would be too many triangles otherwise."""
+
+MOST_PIECES = 8
+"""Pieces of a curve between two of its points."""
+
+DEVIATION = 0.125
+"""Largest distance in pixels between a tube and the curve that it stands for, while the limits above allow it."""
+
+
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""The share of a turn, up to whole sides, between the polygons of one curve and the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Strands:
+    """Curves in their own space.
+
+    points: (n, 3) float32. radii: (n,) float32. first: (k + 1,) int64, the first point of each curve and n. numbers:
+    (k,) int64, the number of each curve in Blender's data. rows: (n,) int64, that of each point. straight: whether
+    curves are chains of straight lines.
+    """
+
+    points: F32
+    radii: F32
+    first: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    straight: bool = False
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Points of each curve, (k,)."""
+        return np.diff(self.first)
+
+    @property
+    def segments(self) -> int:
+        """Number of pairs of adjacent points."""
+        return len(self.points) - len(self.counts)
+
+    def curve_of_point(self) -> NDArray[np.int64]:
+        """The curve of each point, (n,)."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    def chosen(self, keep: NDArray[np.bool_]) -> Strands:
+        """Those curves whose flag in `keep`, (k,), is set."""
+        if keep.all():
+            return self
+        points = np.repeat(keep, self.counts)
+        first = np.concatenate([[0], np.cumsum(self.counts[keep])]).astype(np.int64)
+        return Strands(
+            self.points[points], self.radii[points], first, self.numbers[keep], self.rows[points], self.straight
+        )
+
+
+def strands(points: F32, radii: F32, first: NDArray[np.int64], *, straight: bool = False) -> Strands:
+    """All curves of these arrays, see `Strands`."""
+    numbers, rows = np.arange(len(first) - 1, dtype=np.int64), np.arange(len(points), dtype=np.int64)
+    return Strands(points, radii, first.astype(np.int64), numbers, rows, straight)
+
+
+def usable(found: Strands, bound: float) -> tuple[Strands, int, int]:
+    """The curves that have a length and a radius, with negative radii as 0.
+
+    Returns also the number of curves with a coordinate or radius that is not finite or not below `bound`, which are
+    left out, and of curves with a negative radius.
+    """
+    if not len(found.counts):
+        return found, 0, 0
+    # Judge points first, and then curves by all their points.
+    curve = found.curve_of_point()
+    with np.errstate(invalid="ignore"):
+        wrong = ~((np.abs(found.points) < bound).all(axis=1) & (np.abs(found.radii) < bound))
+    broken = _any(wrong, curve, len(found.counts))
+    negative = _any(found.radii < 0, curve, len(found.counts)) & ~broken
+    thick = _any(found.radii > 0, curve, len(found.counts))
+    apart = np.zeros(len(found.points), bool)
+    apart[1:] = (found.points[1:] != found.points[:-1]).any(axis=1) & (curve[1:] == curve[:-1])
+    long = _any(apart, curve, len(found.counts))
+    kept = found.chosen(~broken & thick & long)
+    radii = np.maximum(kept.radii, 0).astype(np.float32)
+    sound = Strands(kept.points, radii, kept.first, kept.numbers, kept.rows, kept.straight)
+    return sound, int(broken.sum()), int(negative.sum())
+
+
+def _any(flags: NDArray[np.bool_], curve: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
+    """Whether any point of each curve has its flag set."""
+    return np.bincount(curve[flags], minlength=count) > 0
+
+
+def sides_of(radii: F64, pixels: F64) -> NDArray[np.int64]:
+    """The number of sides of tubes of these radii, where a pixel has these sizes in the same unit."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        share = np.clip(DEVIATION * pixels / radii, 0, 1)
+        sides = np.ceil(math.pi / np.arccos(1 - share))
+    # Round up to even numbers, which makes few different tubes.
+    limited = np.clip(np.nan_to_num(sides, nan=MOST_SIDES, posinf=MOST_SIDES), FEWEST_SIDES, MOST_SIDES)
+    return (np.ceil(limited / 2) * 2).astype(np.int64)
+
+
+def pieces_of(found: Strands, pixels: F64) -> int:
+    """The number of pieces between two points of curves, where a pixel has these sizes, (k,).
+
+    A spline's distance from its chord falls with the square of the number of pieces. One curve in a hundred may
+    deviate more.
+    """
+    if found.straight or not found.segments:
+        return 1
+    at = _segments(found)
+    middle = _spline(_as_float64(found.points), at, np.full(len(at[1]), 0.5))
+    chord = (found.points[at[1]].astype(np.float64) + found.points[at[2]]) / 2
+    # Along the chord a spline may be ahead of its middle without any deviation.
+    along = _directions(_as_float64(found.points), at[2], at[1])
+    offset = middle - chord
+    deviation = np.linalg.norm(offset - along * (offset * along).sum(axis=1, keepdims=True), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pieces = np.sqrt(deviation / (DEVIATION * pixels[found.curve_of_point()[at[1]]]))
+    usual = np.percentile(np.nan_to_num(pieces, nan=1.0, posinf=MOST_PIECES), 99)
+    return int(np.clip(math.ceil(usual), 1, MOST_PIECES))
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """Triangles around curves.
+
+    positions, normals: (n, 3) float32. triangles: (m, 3) int32. before, after: (n,) int64, the points of the curves on
+    both sides of each vertex, and share: (n,) float32, that of the second one. numbers: (n,) int64, the curve of each
+    vertex, by its number in Blender's data.
+    """
+
+    positions: F32
+    normals: F32
+    triangles: I32
+    before: NDArray[np.int64]
+    after: NDArray[np.int64]
+    share: F32
+    numbers: NDArray[np.int64]
+
+
+def tubes(found: Strands, pieces: int, sides: int) -> Tubes:
+    """Tubes of this number of sides around curves, each divided into `pieces` between two points.
+
+    The polygons are wider than the circle that they stand for by the factor that gives a tube the circle's mean
+    breadth over all directions (Cauchy: the perimeter over pi).
+    """
+    # Divide the curves.
+    at = _segments(found)
+    u = np.arange(pieces) / pieces
+    spread = tuple(np.repeat(part, pieces) for part in at)
+    share = np.tile(u, len(at[1]))
+    both = np.concatenate([_as_float64(found.points), _as_float64(found.radii[:, None])], axis=1)
+    inner = _line(both, spread, share) if found.straight else _spline(both, spread, share)
+    # Put the last point of each curve after its pieces.
+    counts = (found.counts - 1) * pieces + 1
+    first = np.concatenate([[0], np.cumsum(counts)])
+    last = first[1:] - 1
+    is_last = np.zeros(first[-1], bool)
+    is_last[last] = True
+    ends = found.first[1:] - 1
+    rows = np.empty((first[-1], 4))
+    rows[~is_last], rows[last] = inner, both[ends]
+    before, after, shares = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), np.zeros(len(rows))
+    before[~is_last], before[last] = spread[1], ends
+    after[~is_last], after[last] = spread[2], ends
+    shares[~is_last] = share
+    # Put a polygon around each point.
+    centre, radius = rows[:, :3], np.maximum(rows[:, 3], 0)
+    right, up = frames(centre, first)
+    # Start at a different angle for each curve, so that their breadths average for any view.
+    begin = np.repeat((found.numbers * GOLDEN) % 1.0, counts)
+    angle = (np.arange(sides) + begin[:, None])[:, :, None] * (2 * math.pi / sides)
+    outward = np.cos(angle) * right[:, None] + np.sin(angle) * up[:, None]
+    wider = (math.pi / sides) / math.sin(math.pi / sides)
+    positions = centre[:, None] + wider * radius[:, None, None] * outward
+    each = np.repeat(np.arange(len(rows)), sides)
+    corners = positions.reshape(-1, 3).astype(np.float32)
+    triangles = _sides(np.flatnonzero(~is_last), sides)
+    return Tubes(
+        corners,
+        outward.reshape(-1, 3).astype(np.float32),
+        triangles[_apart(corners, triangles)],
+        found.rows[before[each]],
+        found.rows[after[each]],
+        shares[each].astype(np.float32),
+        np.repeat(found.numbers, counts)[each],
+    )
+
+
+def joined(parts: list[Tubes]) -> Tubes:
+    """Several groups of tubes as one."""
+    starts = np.cumsum([0, *(len(part.positions) for part in parts)])
+    columns = zip(*((p.positions, p.normals, p.before, p.after, p.share, p.numbers) for p in parts), strict=True)
+    positions, normals, before, after, share, numbers = (np.concatenate(column) for column in columns)
+    triangles = np.concatenate([p.triangles + np.int32(start) for p, start in zip(parts, starts, strict=False)])
+    return Tubes(positions, normals, triangles, before, after, share, numbers)
+
+
+def _as_float64(values: F32) -> F64:
+    return values.astype(np.float64)
+
+
+def _segments(found: Strands) -> tuple[NDArray[np.int64], ...]:
+    """For each pair of adjacent points of a curve the point before, both points, and the point after, each (s,).
+
+    At the ends the pair's own points stand for the missing neighbours.
+    """
+    curve = found.curve_of_point()
+    begin = np.flatnonzero(curve[1:] == curve[:-1])
+    low, high = found.first[curve[begin]], found.first[curve[begin] + 1] - 1
+    return np.maximum(begin - 1, low), begin, begin + 1, np.minimum(begin + 2, high)
+
+
+def _spline(values: F64, at: tuple[NDArray[np.int64], ...], u: F64) -> F64:
+    """Catmull-Rom splines through rows of `values`, at `u` of each segment (Catmull and Rom 1974)."""
+    before, begin, end, after = (values[part] for part in at)
+    t = u[:, None]
+    slope_begin, slope_end = (end - before) / 2, (after - begin) / 2
+    rise = begin - end
+    cubic = 2 * rise + slope_begin + slope_end
+    square = -3 * rise - 2 * slope_begin - slope_end
+    result: F64 = begin + t * (slope_begin + t * (square + t * cubic))
+    return result
+
+
+def _line(values: F64, at: tuple[NDArray[np.int64], ...], u: F64) -> F64:
+    begin, end = values[at[1]], values[at[2]]
+    result: F64 = begin + u[:, None] * (end - begin)
+    return result
+
+
+def frames(points: F64, first: NDArray[np.int64]) -> tuple[F64, F64]:
+    """Two unit vectors perpendicular to the curves at each of their points, (n, 3) each, that do not twist.
+
+    first: (k + 1,), the first point of each curve and n. Each frame is the last one without its part along the curve
+    (parallel transport); all curves advance together by one point at a time.
+    """
+    # Tangents are the directions from the point before to the one after.
+    curve = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    ahead = np.minimum(np.arange(len(points)) + 1, first[curve + 1] - 1)
+    behind = np.maximum(np.arange(len(points)) - 1, first[curve])
+    tangent = _directions(points, ahead, behind)
+    right = np.empty_like(points)
+    counts = np.diff(first)
+    order = np.argsort(-counts, kind="stable")
+    begin = first[:-1][order]
+    # At each step, the curves that still have points are a prefix of the sorted ones.
+    active = np.searchsorted(-counts[order], -np.arange(counts.max(initial=0)), side="left")
+    last = _perpendicular(tangent[begin])
+    for step, number in enumerate(active.tolist()):
+        rows = begin[:number] + step
+        along = tangent[rows]
+        turned = last[:number] - along * (along * last[:number]).sum(axis=1, keepdims=True)
+        length = np.linalg.norm(turned, axis=1, keepdims=True)
+        lost = length[:, 0] < 1e-6
+        turned /= np.where(length > 0, length, 1)
+        if lost.any():
+            turned[lost] = _perpendicular(along[lost])
+        right[rows] = last = turned
+    return right, np.cross(tangent, right)
+
+
+def _directions(points: F64, ahead: NDArray[np.int64], behind: NDArray[np.int64]) -> F64:
+    """Unit vectors between points; along z where both are equal."""
+    along = points[ahead] - points[behind]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along /= np.where(length > 0, length, 1)
+    along[length[:, 0] == 0] = (0, 0, 1)
+    return along
+
+
+def _perpendicular(vectors: F64) -> F64:
+    """A unit vector perpendicular to each of these unit vectors."""
+    least = np.abs(vectors).argmin(axis=1)
+    other = np.cross(vectors, np.eye(3)[least])
+    result: F64 = other / np.linalg.norm(other, axis=1, keepdims=True)
+    return result
+
+
+def _apart(positions: F32, triangles: I32) -> NDArray[np.bool_]:
+    """Triangles whose corners differ: at tips without radius one of each two has no area."""
+    a, b, c = (positions[triangles[:, i]] for i in range(3))
+    result: NDArray[np.bool_] = (a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)
+    return result
+
+
+def _sides(rings: NDArray[np.int64], sides: int) -> I32:
+    """Two triangles for each side between each of these polygons and the next one, facing outward."""
+    corner = np.arange(sides)
+    a = rings[:, None] * sides + corner
+    b = rings[:, None] * sides + (corner + 1) % sides
+    quads = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)
+    return np.ascontiguousarray(quads.reshape(-1, 3), np.int32)
