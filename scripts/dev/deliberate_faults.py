@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
-from faults_of_surfaces import SURFACES
-from faults_of_traversals import TRAVERSALS
+from faults_of_traversals import SURFACES, TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"

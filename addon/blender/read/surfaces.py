@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from ...core.scene.hair import absorption_of_melanin, colour_of_absorption
 from ...core.scene.scene import Closure
 from .nodes import Place, Unsupported
 from .value_nodes import is_constant
@@ -70,11 +71,12 @@ class Surface:
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
-        if node.input("Color") is None or kind.startswith("ShaderNodeVolume"):
+        pigments = _pigments(node.node)
+        if (pigments is None and node.input("Color") is None) or kind.startswith("ShaderNodeVolume"):
             raise Unsupported(node.node.bl_label)
         self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
         if self._has_room(principled=False):
-            self.add("diffuse", weight, node, color=self.color(node))
+            self.add("diffuse", weight, node, color=self.color(node) if pigments is None else pigments)
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
         """Read both shaders of a Mix Shader, each with its part of the weight."""
@@ -161,6 +163,19 @@ class Surface:
             return None
         operand = self.values.value(place)
         return operand if isinstance(operand, int) else None
+
+
+def _pigments(node: Any) -> tuple[float, ...] | None:
+    """The colour of a Principled Hair BSDF by its own values; None if it is that of its Color input."""
+    inputs = node.inputs
+    match getattr(node, "parametrization", "COLOR"):
+        case "ABSORPTION":
+            absorption = tuple(inputs["Absorption Coefficient"].default_value)
+        case "MELANIN":
+            absorption = absorption_of_melanin(inputs["Melanin"].default_value, inputs["Melanin Redness"].default_value)
+        case _:
+            return None
+    return colour_of_absorption(absorption, inputs["Radial Roughness"].default_value)
 
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:

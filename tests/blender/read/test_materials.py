@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from read_materials import converted, inputs, plug
 from shapes import material, node, with_nodes
@@ -231,6 +232,31 @@ def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
     assert found.closures[0].inputs["color"] == pytest.approx((0.2, 0.5, 0.7, 1.0))
     assert len(notes) == 1
     assert "Hair" in notes[0]
+
+
+def test_principled_hair_has_the_colour_of_its_pigments() -> None:
+    block = material("Hair")
+    shader = plug(block, "ShaderNodeBsdfHairPrincipled")
+    shader.inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
+
+    def color() -> Any:
+        return converted(block)[0].closures[0].inputs["color"]
+
+    assert color()[:3] == pytest.approx((0.2, 0.5, 0.7))
+    shader.parametrization = "MELANIN"
+    shader.inputs["Melanin Redness"].default_value = 0.0
+    shares = []
+    for melanin in (0.0, 0.3, 0.9):
+        shader.inputs["Melanin"].default_value = melanin
+        shares.append(color())
+    assert shares[0] == pytest.approx((1, 1, 1))
+    assert all(np.diff(shares, axis=0).ravel() < 0)
+    assert shares[2][0] > shares[2][1] > shares[2][2]
+    shader.parametrization = "ABSORPTION"
+    # The absorption that Chiang et al. give to a colour gives that colour back: (ln 0.5 / 5.969)² without roughness.
+    shader.inputs["Radial Roughness"].default_value = 0.0
+    shader.inputs["Absorption Coefficient"].default_value = (0.013485, 0.013485, 0.0)
+    assert color() == pytest.approx((0.5, 0.5, 1.0), rel=1e-3)
 
 
 def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:

@@ -91,7 +91,7 @@ impl Closure {
         let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
         let weight = get(Input::SheenWeight).x.clamp(0.0, 1.0);
         (weight > CUTOFF).then(|| SheenLayer {
-            color: positive(get(Input::SheenTint)).map(|c| c.min(1.0)) * weight,
+            color: positive(get(Input::SheenTint)) * weight,
             roughness: get(Input::SheenRoughness).x.clamp(0.0, 1.0),
         })
     }
