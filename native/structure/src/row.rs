@@ -61,8 +61,9 @@ pub trait Refit: Debug + Send + Sync {
     /// Fits the nodes and writes the leaves of the same triangles at other places, in the current rayon pool.
     ///
     /// # Errors
-    /// [`halfspace_base::error::Error::Refit`] if a triangle that the tree does not hold can be hit now.
-    fn refit(&self, scene: &Triangles, config: &Config) -> Result<Built>;
+    /// [`halfspace_base::error::Error::Refit`] if a triangle that the tree does not hold can be hit now;
+    /// [`halfspace_base::error::Error::Cancelled`].
+    fn refit(&self, scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>;
 
     /// Returns the bytes that it keeps in addition to those of the tree.
     fn bytes(&self) -> usize;

@@ -82,15 +82,21 @@ impl Structure {
     ///
     /// # Errors
     /// [`Error::Refit`] if the nodes divide space or their bounds cannot be fitted, or if a triangle can be hit that the
-    /// build left out; [`Error::Shape`] for another number of vertices; [`Error::Memory`] when no threads can start.
-    pub fn refit(&self, vertices: Vec<[f32; 3]>, threads: usize) -> Result<Self> {
+    /// build left out; [`Error::Shape`] for another number of vertices; [`Error::Cancelled`] when the monitor is cancelled;
+    /// [`Error::Memory`] when no threads can start.
+    pub fn refit(
+        &self,
+        vertices: Vec<[f32; 3]>,
+        threads: usize,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let Some(refit) = &self.built.refit else {
             return Err(Error::Refit(self.reason()));
         };
         pool(threads)?.install(|| {
-            let scene = Arc::new(self.scene.moved(vertices)?);
+            let scene = Arc::new(self.scene.moved(vertices, monitor)?);
             let start = Instant::now();
-            let built = refit.refit(&scene, &self.config)?;
+            let built = refit.refit(&scene, &self.config, monitor)?;
             Ok(Self {
                 scene,
                 config: self.config.clone(),

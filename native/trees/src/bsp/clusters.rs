@@ -69,7 +69,8 @@ impl Source for Clusters {
         let mut random = generator(self.seed, node.key);
         if let Some(empty) = self.published {
             let all = (0..node.ids.count()).filter_map(|i| self.normals.get(node.ids.get(i)));
-            for centre in means::means(&all.collect::<Vec<_>>(), wanted, empty, &mut random) {
+            let all: Vec<_> = all.collect();
+            for centre in means::means(&all, wanted, empty, &mut random, node.monitor) {
                 if !out.contains(&centre) {
                     out.push(centre);
                 }

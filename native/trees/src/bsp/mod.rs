@@ -16,6 +16,7 @@ pub mod params;
 mod policy;
 pub mod random;
 
+use halfspace_base::Monitor;
 use halfspace_builders::piece::Piece;
 
 pub use grow::{build, build_with, loop_params};
@@ -115,6 +116,8 @@ pub struct Triangulated<'a> {
     pub key: u64,
     /// Its triangles.
     pub ids: &'a dyn Ids,
+    /// The monitor of the build: a source that takes long returns when it is cancelled.
+    pub monitor: &'a Monitor,
 }
 
 /// A source of directions for nodes.

@@ -264,6 +264,7 @@ mod tests {
                 let node = Triangulated {
                     key,
                     ids: &&pieces[..],
+                    monitor: &Monitor::new(),
                 };
                 source.directions(&node, 2, &mut out);
                 assert!(out.iter().all(|n| normals.normals.contains(n)));

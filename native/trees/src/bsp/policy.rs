@@ -29,6 +29,7 @@ fn triangulated<'a, P: Piece>(node: &'a Node<'_, P>) -> Triangulated<'a> {
     Triangulated {
         key: node.key,
         ids: &node.pieces,
+        monitor: node.monitor,
     }
 }
 
