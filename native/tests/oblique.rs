@@ -90,7 +90,7 @@ fn directions_left_untried_are_reported() {
     let scene = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn-plus", "bsp-hybrid-plus-kd"] {
         let reported = |spec: &str| {
-            let left_out = build(&scene, spec).left_out().to_vec();
+            let left_out = build(&scene, spec).left_out();
             let of = |part: &str| left_out.iter().any(|s| s.contains(part));
             [of("besides the axes"), of("small nodes")]
         };

@@ -45,8 +45,11 @@ pub trait Growing: Debug + Send + Sync {
     /// Returns the progress of the build.
     fn progress(&self) -> Progress;
 
+    /// Returns the features that the built part did not need, each with its reason.
+    fn left_out(&self) -> Vec<String>;
+
     /// Builds the rest, and copies the whole tree to one piece.
-    fn whole(&self, scene: &Triangles, frame: &Frame, left_out: &[String]) -> Built;
+    fn whole(&self, scene: &Triangles, frame: &Frame) -> Built;
 }
 
 /// A second layout, made from the tree for kernels that need one; its leaves are those of the tree.
@@ -84,7 +87,7 @@ pub struct Built {
     pub plan: Plan,
     /// Statistics of its shape.
     pub shape: Shape,
-    /// Features that this scene did not need, each with its reason.
+    /// Features that this scene did not need, each with its reason; empty if rays build the tree.
     pub left_out: Vec<String>,
     /// The tree that rays build, if they do.
     pub growing: Option<Arc<dyn Growing>>,

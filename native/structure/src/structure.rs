@@ -174,9 +174,12 @@ impl Structure {
         &self.built.frame
     }
 
-    /// Returns the features that this scene did not need, each with its reason.
-    pub fn left_out(&self) -> &[String] {
-        &self.built.left_out
+    /// Returns the features that this scene did not need, each with its reason, as far as the tree is built.
+    pub fn left_out(&self) -> Vec<String> {
+        match &self.built.growing {
+            Some(growing) => growing.left_out(),
+            None => self.built.left_out.clone(),
+        }
     }
 
     /// Returns the whole tree, for validation and drawing. If rays build the tree, builds the rest, and copies the tree
@@ -187,9 +190,9 @@ impl Structure {
     pub fn built(&self) -> &Built {
         match &self.built.growing {
             None => &self.built,
-            Some(growing) => self.whole.get_or_init(|| {
-                growing.whole(&self.scene, &self.built.frame, &self.built.left_out)
-            }),
+            Some(growing) => self
+                .whole
+                .get_or_init(|| growing.whole(&self.scene, &self.built.frame)),
         }
     }
 

@@ -233,11 +233,11 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let count = task.pieces.len() - from;
         // Defer small nodes of a tree that is built on demand.
         if let Some(later) = self.later
-            && node.cell.is_some()
+            && let Some(cell) = &node.cell
             && later.takes(count)
         {
-            self.monitor
-                .charge(&mut task.gathered, footprint::later::<P::Piece>(count))?;
+            let bytes = footprint::later::<P::Piece>(count) + cell.allocated();
+            self.monitor.charge(&mut task.gathered, bytes)?;
             task.done += node.work;
             let pieces = task.pieces.split_off(from);
             task.out.later(later.keep(pieces, node));

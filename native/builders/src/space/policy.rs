@@ -12,6 +12,10 @@ pub trait PlanePolicy: Sync {
     type Cell: Cell;
     /// Data that a node keeps per triangle.
     type Piece: Piece;
+    /// Returns the bytes that the policy holds, which a tree keeps while it is built on demand.
+    fn bytes(&self) -> usize {
+        0
+    }
     /// Returns the cell of the whole scene; `bounds` is the scene's box in the frame of the tree.
     fn root(&self, bounds: Aabb) -> Self::Cell;
     /// Writes the directions to sweep at a node to `out`, which is empty. Among equally cheap planes, the one with the

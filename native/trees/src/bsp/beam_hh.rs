@@ -43,16 +43,16 @@ pub const SPEC: StructureSpec = StructureSpec {
     build,
 };
 
-const PARAMS: [ParamSpec; params::KD - 1] = params();
+const PARAMS: [ParamSpec; params::KD - 2] = params();
 
-/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, and without that of leaf tests,
-/// which are those of beams; with the threshold of beams.
-const fn params() -> [ParamSpec; params::KD - 1] {
+/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, that of leaf tests, which are
+/// those of beams, and that of a lazy build; with the threshold of beams.
+const fn params() -> [ParamSpec; params::KD - 2] {
     let usual = params::kd(params::k(3, 6));
-    let mut all = [BEAM_LEAST; params::KD - 1];
+    let mut all = [BEAM_LEAST; params::KD - 2];
     let mut i = 0;
     while i < all.len() {
-        all[i] = usual[i + (i >= params::PLACE_LEAVES_KD) as usize];
+        all[i] = usual[i + 2 * (i >= params::PLACE_LEAVES_KD) as usize];
         i += 1;
     }
     let [nodes, traversal, _] = params::PLACES_KD;

@@ -61,6 +61,10 @@ pub struct Clusters {
 type Member = (Vec3, f64);
 
 impl Source for Clusters {
+    fn bytes(&self) -> usize {
+        self.normals.bytes()
+    }
+
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>) {
         let wanted = k.saturating_sub(out.len());
         if wanted == 0 {

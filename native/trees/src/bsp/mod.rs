@@ -121,10 +121,15 @@ pub struct Triangulated<'a> {
 }
 
 /// A source of directions for nodes.
-pub trait Source: Sync {
+pub trait Source: Send + Sync {
     /// Adds directions until `out` holds `k`, or until there are no more worth trying. Directions in `out` are not added
     /// again.
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>);
+
+    /// Returns the bytes that the source holds.
+    fn bytes(&self) -> usize {
+        0
+    }
 
     /// Adds further directions for a node that would otherwise become a leaf.
     fn more(&self, _: &Triangulated<'_>, _: &mut Vec<[f32; 3]>) {}
