@@ -123,6 +123,7 @@ impl Topology {
     }
 
     /// Fits one node; `below` returns what lies below an inner child, if that is known.
+    #[inline(always)]
     fn node<N: FitNode>(
         &self,
         mut node: N,
