@@ -5,28 +5,14 @@
 
 use crate::bsp::normals::{Arbitrary, Draw};
 use crate::bsp::{Variant, build as build_bsp, params};
+use crate::params::BEAM_LEAST;
 use crate::planes::rows::{BEAM_TRAVERSAL, BEAM_WAYS};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec};
-use halfspace_structure::spec::{Config, Value};
-
-const BEAM_LEAST: ParamSpec = ParamSpec {
-    name: "beam_least",
-    label: "Smallest Beam",
-    doc: "Rays that have hit nothing go on singly when fewer than this are left together. More ends beams \
-          earlier; 65 is never a beam, 1 always",
-    unit: "rays",
-    kind: Kind::Integer { min: 1, max: 65 },
-    default: Value::Integer(4),
-    group: Group::Numerics,
-    needs: &[Need {
-        key: "traversal",
-        only: Only::Options(&["beam"]),
-    }],
-};
+use halfspace_structure::row::{ParamSpec, StructureSpec};
+use halfspace_structure::spec::Config;
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
