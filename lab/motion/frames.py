@@ -21,8 +21,10 @@ from .animations import Animation, Mesh
 if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
 
-SPECS = ("bvh-sah", "bih-sah", "bih", "kd")
-"""Structures that are measured if none are named: boxes, intervals by area and by a grid, planes."""
+SPECS = ("bvh-sah", "bih-sah", "bih", "kd", "bsp-wn-plus-kd")
+"""Structures that are measured if none are named: boxes, intervals by area and by a grid, planes along the axes, and
+planes along normals.
+"""
 
 COMPARED = 512
 """Camera rays per frame and method whose answers are compared with brute force, whole tiles."""

@@ -505,16 +505,24 @@ class Structure:
         further point in common. Each is found in both orders. Errors as for closest_points().
         """
 
-    def refit(self, vertices: F32, triangles: Indices | None = None, *, threads: int = 0) -> Structure:
+    def refit(
+        self,
+        vertices: F32,
+        triangles: Indices | None = None,
+        *,
+        threads: int = 0,
+        monitor: Monitor | None = None,
+    ) -> Structure:
         """Returns a new structure, fitted to moved vertices: the same nodes around the triangles where they are now.
         Its answers are those of a structure built anew, which takes longer.
 
         vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
         hit until they can be again. triangles: those of build(), to have them compared; None = not compared.
-        threads: 0 = one per core. statistics has the cost now and at the build: rays take longer in the proportion.
+        threads: 0 = one per core. monitor: to cancel the fit; it counts no progress. statistics has the cost now and at
+        the build: rays take longer in the proportion.
         Raises RefitError unless the structure is one of boxes ("bvh-sah") or intervals ("bih" and those like it), and
         where a triangle can be hit that could not be when the structure was built; ShapeError for other numbers of
-        vertices and for other triangles; MemoryError.
+        vertices and for other triangles; Cancelled; MemoryError.
         """
 
     def record(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults of packets, single rays, leaves and streams, and of surfaces: the last of the list."""
+"""Deliberate faults of packets, single rays, leaves, streams, builds and surfaces: the last of the list."""
 
 from __future__ import annotations
 
@@ -203,6 +203,20 @@ TRAVERSALS = (
         "first + Self::offset(block) as usize + 1",
         "first + 1",
         ("lib", "scalar::tests::leaves_of_several_blocks_hold_their_triangles"),
+    ),
+    Fault(
+        "planes stored whole all those of the first",
+        "native/nodes/src/planes/projected_tree.rs",
+        "self.whole[word as usize]",
+        "self.whole[(word & 0) as usize]",
+        ("oblique", "planes_along_more_directions_than_codes_are_stored_whole"),
+    ),
+    Fault(
+        "clusters that go on after the end of their build",
+        "native/trees/src/bsp/means.rs",
+        "monitor.check().is_err()",
+        "false",
+        ("lib", "means::tests::a_cancelled_build_ends_the_rounds"),
     ),
     Fault(
         "edges of a polygon cut in their middle",

@@ -86,8 +86,8 @@ class _Work:
         shape = b"" if self._followed is None else refits.topology(triangles)
         old = None if self._followed is None else self._followed.find(shape, self._spec)
         structure = None
-        if old is not None and not self.cancelled:
-            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"])
+        if old is not None:
+            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"], self.monitor)
             self.done.append(done)
         if structure is None:
             structure = self._native.build(

@@ -61,6 +61,17 @@ def test_every_frame_is_compared_and_rebuilds_are_counted() -> None:
     assert all(row["drift"] is None for row in rows if row["way"] == "lazy")
 
 
+def test_a_lazy_tree_of_normals_is_measured_beside_the_others() -> None:
+    assert "bsp-wn-plus-kd" in frames.SPECS
+    methods = frames.methods(native, ("bsp-wn-plus-kd",))
+    assert [(one.spec, one.way) for one in methods] == [
+        ("bsp-wn-plus-kd", "rebuild"),
+        ("bsp-wn-plus-kd:lazy=1", "lazy"),
+    ]
+    rows = list(frames.measure(native, animations.built_in("wave"), range(2), methods, size=(64, 64)))
+    assert all(row["wrong"] == 0 for row in rows)
+
+
 def test_triangles_that_appear_are_rebuilt() -> None:
     rows = [row for row in measured(range(3, 5), ("bih",)) if row["way"] == "refit"]
     assert [row["done"] for row in rows] == ["built", "rebuilt"]
