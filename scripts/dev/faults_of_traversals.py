@@ -308,8 +308,8 @@ SURFACES = (
     Fault(
         "normals of closures taken for those of the shading frame",
         "native/render/src/material/bsdf/layers.rs",
-        "self.normals.frame.to_local(normal)",
-        "self.normals.frame.to_world(normal)",
+        "shading.to_local(normal)",
+        "shading.to_world(normal)",
         ("lib", f"{_LOBES}::a_closure_with_a_normal_of_its_own_is_lit_from_there"),
     ),
 )

@@ -131,7 +131,6 @@ impl<'a> Surface<'a> {
         Normals {
             geometric: frame.to_local(self.geometric),
             mapped: mapped.map(|both| both.map(|n| frame.to_local(n))),
-            frame: *frame,
         }
     }
 

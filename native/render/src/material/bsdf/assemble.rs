@@ -6,6 +6,7 @@ use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
     Boundary, Bsdf, Facets, Interface, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals, Seat,
+    Vantage,
 };
 use crate::material::closure::{
     ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, MAX_CLOSURES, Reflector, Transmitter,
@@ -13,7 +14,7 @@ use crate::material::closure::{
 };
 use crate::material::film::Film;
 use crate::material::ggx::Ggx;
-use crate::math::vector::Vec3;
+use crate::math::vector::{Frame, Vec3};
 use crate::values::program::Value;
 
 /// Albedos of facets at the viewing direction.
@@ -54,7 +55,8 @@ const NO_BOUNDARY: Boundary = Boundary {
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
-    /// at the back of the surface; `filter`: the lobes that the settings keep, and their least width.
+    /// at the back of the surface; `filter`: the lobes that the settings keep, and their least width;
+    /// `frame`: the shading frame in scene space, for closures with normals or tangents of their own.
     #[inline(always)]
     pub fn new(
         closures: &[Closure],
@@ -63,6 +65,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         normals: Normals,
         inside: bool,
         filter: LobeFilter,
+        frame: &Frame,
     ) -> Self {
         // Start with empty lobes in arrays of fixed size: the path allocates nothing.
         let mut out = Self {
@@ -83,7 +86,13 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             lobe_count: 0,
         };
         for closure in closures {
-            out.add(&closure.lobes(registers), closure, registers, inside);
+            let lobes = closure.lobes(registers);
+            if LOBES > 0 && closure.needs_lobes() {
+                let vantage = Vantage { frame, inside };
+                out.add_special(&lobes, closure, registers, vantage);
+            } else {
+                out.add(&lobes, closure, inside);
+            }
         }
         out.share_samples();
         out
@@ -92,12 +101,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     /// Adds the lobes of one closure, from the coat down to the base. Each layer passes on what it does not
     /// reflect.
     #[inline(always)]
-    fn add(&mut self, lobes: &Lobes, closure: &Closure, registers: &[Value], inside: bool) {
+    fn add(&mut self, lobes: &Lobes, closure: &Closure, inside: bool) {
         if lobes.weight <= 0.0 {
             return;
-        }
-        if LOBES > 0 && closure.needs_lobes() {
-            return self.add_special(lobes, closure, registers, inside);
         }
         // The weight of what is below shrinks from layer to layer.
         let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight), None);
@@ -264,13 +270,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         seat: Option<&Seat>,
     ) -> f32 {
         // Estimate the reflected energy, which also is the weight for choosing the lobe.
-        let estimated = seat.map_or(*reflector, |seat| seat.estimated(reflector));
-        let (reflected, compensated) = estimated.reflected(
-            self.seen(seat).z,
-            albedos.single,
-            albedos.dielectric,
-            multiscatter,
-        );
+        let FacetAlbedos { single, dielectric } = albedos;
+        let (reflected, compensated) = match seat {
+            None => reflector.reflected(self.wi.z, single, dielectric, multiscatter),
+            Some(seat) => {
+                seat.estimated(reflector)
+                    .reflected(seat.wi.z, single, dielectric, multiscatter)
+            }
+        };
         let scale = weight * reflector.weight * compensated;
         let p = (weight * reflected).mean().max(1e-8);
         if let Some(seat) = seat.filter(|seat| seat.apart) {

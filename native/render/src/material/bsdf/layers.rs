@@ -3,7 +3,7 @@
 
 use crate::material::bsdf::lobe::{Cone, Lobe, Reflectance, STRAIGHT, Shape, UP};
 use crate::material::bsdf::rough::RoughDiffuse;
-use crate::material::bsdf::{Bsdf, Interface, Seat};
+use crate::material::bsdf::{Bsdf, Interface, Seat, Vantage};
 use crate::material::bump::reflecting_normal;
 use crate::material::closure::{
     Closure, Fresnel, Lobes, Reflector, SheenLayer, Single, Special, Transmitter,
@@ -24,12 +24,15 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         lobes: &Lobes,
         closure: &Closure,
         registers: &[Value],
-        inside: bool,
+        vantage: Vantage<'_>,
     ) {
+        if lobes.weight <= 0.0 {
+            return;
+        }
         // Find the frames of coat and closure.
         let special = closure.special(registers);
-        let seat = self.seat(closure, &special);
-        let coat_seat = self.coat_seat(closure, &special);
+        let seat = self.seat(closure, &special, vantage.frame);
+        let coat_seat = self.coat_seat(closure, &special, vantage.frame);
         let mut weight = Vec3::splat(lobes.weight);
         if let Some(sheen) = special.sheen {
             // Sheen lies along the coat as far as there is one.
@@ -48,7 +51,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             && (self.filter.refractions
                 || (self.filter.reflections && transmitter.reflect.is_some()))
         {
-            self.add_glass(transmitter, closure, weight, inside, Some(&seat));
+            self.add_glass(transmitter, closure, weight, vantage.inside, Some(&seat));
         }
         if let Some(single) = special.single {
             self.add_single(single, &seat, weight * special.color);
@@ -56,11 +59,11 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     }
 
     /// Returns the frame of a closure's facets and the normal of its base.
-    fn seat(&self, closure: &Closure, special: &Special) -> Seat {
+    fn seat(&self, closure: &Closure, special: &Special, shading: &Frame) -> Seat {
         let own = self.normals.own();
         // The normal that the nodes computed, and the same bent so that mirror directions leave the surface.
         let (bent, mapped) = if closure.turned {
-            self.bent(special.normal)
+            self.bent(special.normal, shading)
         } else {
             let mapped = self.normals.mapped.map_or(own, |[_, mapped]| mapped);
             (UP, mapped)
@@ -72,7 +75,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             || special.conductor.is_some()
             || special.film.is_some();
         let frame = if stretched {
-            self.stretched_frame(bent, special)
+            stretched_frame(bent, special, shading)
         } else if closure.turned {
             Frame::around(bent)
         } else {
@@ -92,10 +95,10 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     }
 
     /// Returns the frame of a closure's coat.
-    fn coat_seat(&self, closure: &Closure, special: &Special) -> Seat {
+    fn coat_seat(&self, closure: &Closure, special: &Special, shading: &Frame) -> Seat {
         let apart = closure.coat_apart;
         let (bent, mapped) = if apart {
-            self.bent(special.coat_normal)
+            self.bent(special.coat_normal, shading)
         } else {
             (UP, self.normals.own())
         };
@@ -115,28 +118,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
 
     /// Returns a normal in scene space, or the surface's if it is 0, in the shading frame: for facets and for the
     /// base.
-    fn bent(&self, normal: Vec3) -> (Vec3, Vec3) {
+    fn bent(&self, normal: Vec3, shading: &Frame) -> (Vec3, Vec3) {
         let own = self.normals.own();
-        let mapped = self.normals.frame.to_local(normal).normalized_or(own);
+        let mapped = shading.to_local(normal).normalized_or(own);
         if mapped == own || (mapped - own).max_abs() < 1e-6 {
             return (own, own);
         }
         let geometric = self.normals.geometric;
         (reflecting_normal(geometric, self.wi, mapped), mapped)
-    }
-
-    /// Returns the frame about a normal whose x axis is the tangent, rotated.
-    fn stretched_frame(&self, normal: Vec3, special: &Special) -> Frame {
-        let any = Frame::around(normal);
-        let tangent = self.normals.frame.to_local(special.tangent);
-        let y = normal.cross(tangent).normalized_or(any.y);
-        let x = y.cross(normal);
-        let (sin, cos) = sin_cos_turns(special.rotation.clamp(0.0, 1.0));
-        Frame {
-            x: x * cos + y * sin,
-            y: y * cos - x * sin,
-            z: normal,
-        }
     }
 
     /// Adds the sheen of a Principled closure, and returns the weight of everything below.
@@ -284,4 +273,18 @@ fn viewer(frame: &Frame, wi: Vec3) -> Vec3 {
     let mut local = frame.to_local(wi);
     local.z = local.z.max(1e-4);
     local
+}
+
+/// Returns the frame about a normal whose x axis is the tangent, rotated.
+fn stretched_frame(normal: Vec3, special: &Special, shading: &Frame) -> Frame {
+    let any = Frame::around(normal);
+    let tangent = shading.to_local(special.tangent);
+    let y = normal.cross(tangent).normalized_or(any.y);
+    let x = y.cross(normal);
+    let (sin, cos) = sin_cos_turns(special.rotation.clamp(0.0, 1.0));
+    Frame {
+        x: x * cos + y * sin,
+        y: y * cos - x * sin,
+        z: normal,
+    }
 }

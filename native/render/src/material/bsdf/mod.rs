@@ -34,8 +34,6 @@ pub struct Normals {
     /// none. Facets use the second one bent so that no mirror direction points below the surface; the diffuse base
     /// uses it unchanged.
     pub mapped: Option<[Vec3; 2]>,
-    /// The shading frame in scene space, for closures with normals or tangents of their own.
-    pub frame: Frame,
 }
 
 impl Normals {
@@ -142,6 +140,15 @@ struct Interface {
     tint: Vec3,
     /// A thin film on the boundary.
     film: Option<Film>,
+}
+
+/// Where a closure is seen from.
+#[derive(Debug, Clone, Copy)]
+struct Vantage<'a> {
+    /// The shading frame in scene space.
+    frame: &'a Frame,
+    /// Whether the path arrives at the back of the surface.
+    inside: bool,
 }
 
 /// The frame in which the lobes of a closure, or its coat, are assembled.

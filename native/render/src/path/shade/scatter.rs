@@ -55,6 +55,7 @@ impl<
             normals,
             surface.inside,
             self.lobe_filter(path),
+            &frame,
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());

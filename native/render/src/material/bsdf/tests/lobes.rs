@@ -235,11 +235,10 @@ fn a_closure_with_a_normal_of_its_own_is_lit_from_there() {
         let normals = Normals {
             geometric: above,
             mapped: Some([above, vec3(0.0, 0.0, 1.0)]),
-            frame,
         };
         let none = LobeFilter::NONE;
         let bsdf: Bsdf<true, true, { MAX_LOBES }> =
-            Bsdf::new(&material.closures, &[], above, normals, false, none);
+            Bsdf::new(&material.closures, &[], above, normals, false, none, &frame);
         let wo = vec3(0.0, 0.6, 0.8);
         let (f, pdf) = bsdf.eval(frame.to_local(wo));
         let normal = own.unwrap_or(up);

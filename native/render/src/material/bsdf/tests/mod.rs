@@ -57,7 +57,6 @@ fn varying(kind: ClosureKind, inputs: &[Input], more: &[(Input, f32)]) -> Materi
 const FLAT: Normals = Normals {
     geometric: vec3(0.0, 0.0, 1.0),
     mapped: None,
-    frame: lobe::STRAIGHT,
 };
 
 /// The BSDF seen from `wi`.
@@ -72,7 +71,15 @@ fn filtered(
     inside: bool,
     filter: LobeFilter,
 ) -> Bsdf<true, true, MAX_LOBES> {
-    Bsdf::new(&material.closures, &[], wi, FLAT, inside, filter)
+    Bsdf::new(
+        &material.closures,
+        &[],
+        wi,
+        FLAT,
+        inside,
+        filter,
+        &lobe::STRAIGHT,
+    )
 }
 
 /// The viewing direction with this cosine, in the xz plane.
@@ -99,7 +106,15 @@ fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
 fn varying_albedo(material: &Material, inputs: &[f32], cos: f32, inside: bool, n: u32) -> f64 {
     let registers: Vec<_> = inputs.iter().map(|&x| [x; 4]).collect();
     let (closures, none) = (&material.closures, LobeFilter::NONE);
-    let bsdf = Bsdf::new(closures, &registers, view(cos), FLAT, inside, none);
+    let bsdf = Bsdf::new(
+        closures,
+        &registers,
+        view(cos),
+        FLAT,
+        inside,
+        none,
+        &lobe::STRAIGHT,
+    );
     mean_weight(&bsdf, n)
 }
 
