@@ -10,7 +10,7 @@ use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::varying::Varying;
-use crate::values::view::History;
+use crate::values::view::{Bounces, History};
 use crate::values::visibility::RayKind;
 use crate::values::visibility::Visibility;
 
@@ -147,9 +147,13 @@ impl World {
             return constant;
         }
         let mut point = ShadingPoint::background(varying, direction, kind);
-        // The background has no distance.
+        // The background has no distance and is one bounce farther than the point where the ray starts, as in Cycles.
         point.history = History {
             length: 0.0,
+            bounces: Bounces {
+                all: history.bounces.all.saturating_add(1),
+                ..history.bounces
+            },
             ..history
         };
         self.program.run(images, &point, registers);
