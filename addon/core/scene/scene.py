@@ -191,14 +191,27 @@ class Geometry:
         return Geometry(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
 
 
+PANORAMIC = (
+    "equirectangular",
+    "equidistant",
+    "equisolid",
+    "polynomial",
+    "mirror_ball",
+    "central_cylindrical",
+    "cube_face",
+)
+"""Panoramic kinds of cameras."""
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A perspective or parallel camera that looks along its -Z with +Y up.
+    """A perspective, parallel or panoramic camera that looks along its -Z with +Y up.
 
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
     at distance 1 (perspective) or in scene units (orthographic); includes shift, sensor fit and pixel aspect.
     aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
-    radians. aperture_ratio: height by width. focus_distance: along -Z.
+    radians. aperture_ratio: height by width. focus_distance: along -Z. panorama: keys that a panoramic kind needs, as
+    the native module takes them; its window is (0, 1, 0, 1).
     """
 
     kind: str
@@ -211,13 +224,19 @@ class Camera:
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
     focus_distance: float = 1.0
+    panorama: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
-        if self.kind not in ("perspective", "orthographic"):
-            raise SceneError(f"camera.kind: expected perspective or orthographic, got {self.kind!r}")
+        if self.kind not in ("perspective", "orthographic", *PANORAMIC):
+            raise SceneError(f"camera.kind: expected perspective, orthographic or panoramic, got {self.kind!r}")
         if not np.isfinite(self.to_world).all() or not np.isfinite(self.window).all():
             raise SceneError("camera: its transform, lens or shift is not finite")
+
+    def as_dict(self) -> dict[str, Any]:
+        """The camera as the native module takes it."""
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "panorama"}
+        return own | dict(self.panorama)
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,10 +37,13 @@ def context(scene: Any) -> dict[str, Any]:
     light = bpy.data.lights.new("Light", "SPOT")
     world = bpy.data.worlds.new("World")
     item = bpy.data.objects.new("Item", cube())
+    camera = bpy.data.cameras.new("Dome")
+    camera.type = "PANO"
     return {
         "scene": scene,
         "view_layer": scene.view_layers[0],
         "light": light,
+        "camera": camera,
         "world": world,
         "object": item,
         "material": bpy.data.materials.new("Material"),

@@ -14,10 +14,15 @@ import pytest
 from layouts import Layout, draw_own
 from shapes import cube
 
+from addon.blender.read.camera import panorama_settings
 from addon.blender.render.engine import ENGINE
 from addon.blender.ui import compat, data_panels, panels
+from addon.blender.ui.data_panels import OF_PANORAMAS
 
 SOURCES = Path(compat.__file__).parents[1]
+
+PANORAMIC = "Camera " if bpy.app.version >= (5, 0) else "CyclesCameraSettings"
+"""The type that has the settings of panoramas; with a space, because the table names cameras already."""
 
 READ = {
     "Camera": "lens clip_start clip_end dof",
@@ -40,6 +45,10 @@ READ = {
     "pixel_aspect_y",
     "ViewLayer": "use_sky use_solid material_override world_override samples use_pass_z use_pass_mist "
     "use_pass_position use_pass_normal use_pass_uv use_pass_object_index use_pass_material_index",
+    PANORAMIC: "panorama_type fisheye_fov fisheye_lens latitude_min latitude_max longitude_min longitude_max "
+    "fisheye_polynomial_k0 fisheye_polynomial_k1 fisheye_polynomial_k2 fisheye_polynomial_k3 fisheye_polynomial_k4 "
+    "central_cylindrical_range_u_min central_cylindrical_range_u_max central_cylindrical_range_v_min "
+    "central_cylindrical_range_v_max central_cylindrical_radius",
     "WorldMistSettings": "start depth falloff",
 }
 """What the sources of the extension read, by type of Blender's data."""
@@ -85,7 +94,7 @@ TABS = {"view_layer", "world", "object", "material", "data"}
 
 
 def names(table: dict[str, str]) -> set[tuple[str, str]]:
-    return {(kind, name) for kind, text in table.items() for name in text.split()}
+    return {(kind.strip(), name) for kind, text in table.items() for name in text.split()}
 
 
 class Context(SimpleNamespace):
@@ -126,6 +135,12 @@ def contexts(scene: Any) -> Iterator[Context]:
         for unit in ("MILLIMETERS", "FOV"):
             camera.lens_unit = unit
             yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
+    camera = bpy.data.cameras.new("Camera")
+    camera.type = "PANO"
+    settings = panorama_settings(camera)
+    for kind in OF_PANORAMAS if settings is not None else ():
+        settings.panorama_type = kind
+        yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
 
 
 def shown(context: Context) -> Iterator[tuple[Any, Layout]]:

@@ -157,8 +157,13 @@ impl Wavefront {
                 || sampler.pair(sample, 1),
             );
             // The slot is the pixel's sample in the tile's batch.
-            self.rays.push(ray);
             let slot = base + (dy * area.width + dx) as usize;
+            if !camera.sees(&ray) {
+                // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
+                self.samples[slot].alpha = 1.0;
+                continue;
+            }
+            self.rays.push(ray);
             self.paths
                 .push(Path::from_camera(ray.o, sampler, slot as u32));
         }
