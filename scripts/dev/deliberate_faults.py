@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
-from faults_of_traversals import TRAVERSALS
+from faults_of_traversals import PICTURES, TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"
@@ -420,6 +420,7 @@ FAULTS = (
         ("refit", "what_cannot_be_fitted_is_refused_with_its_reason"),
     ),
     *TRAVERSALS,
+    *PICTURES,
 )
 
 

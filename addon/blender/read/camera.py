@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,6 +79,29 @@ def read_camera(
         clip_end=data.clip_end if data else 1000.0,
         **lens(item, parallel=parallel),
     )
+
+
+def shifted(view: Camera, data: Any, shift_x: float) -> Camera:
+    """The camera of one eye. data: the settings of the camera between the eyes; shift_x: in its place for this eye."""
+    if view.kind not in ("perspective", "orthographic"):
+        return view
+    # A shift of 1 is the longer side of the picture, or the one that the sensor fits.
+    left, right, bottom, top = view.window
+    wide = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and right - left >= top - bottom)
+    apart = (shift_x - data.shift_x) * (right - left if wide else top - bottom)
+    return replace(view, window=(left + apart, right + apart, bottom, top))
+
+
+def of_view(item: Any, scene: Any, view: str) -> Any:
+    """The camera object of a view: with *Multi-View* the one of the same name with that view's suffix."""
+    render = scene.render
+    if not (render.use_multiview and render.views_format == "MULTIVIEW" and view in render.views):
+        return item
+    wanted = render.views[view].camera_suffix
+    for suffix in (one.camera_suffix for one in render.views):
+        if suffix and item.name.endswith(suffix):
+            return scene.objects.get(item.name.removesuffix(suffix) + wanted, item)
+    return item
 
 
 def _panorama(

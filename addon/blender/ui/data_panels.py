@@ -11,12 +11,10 @@ import bpy
 
 from ..read.camera import COEFFICIENTS, panorama_settings
 from ..read.nodes import active_tree, output_node
-from ..read.passes import PASSES
 from .panels import EnginePanel
 
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Kinds of objects with surfaces."""
-
 
 OF_PANORAMAS = {
     "EQUIRECTANGULAR": (
@@ -64,26 +62,6 @@ class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
         column.prop(found, "panorama_type")
         for name, text in OF_PANORAMAS.get(found.panorama_type, ()):
             column.prop(found, name, text=text)
-
-
-class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
-    """The passes of a view layer."""
-
-    bl_label = "Passes"
-    section = "Passes"
-    bl_context = "view_layer"
-
-    def draw(self, context: Any) -> None:
-        column = self.column()
-        layer = context.view_layer
-        column.prop(layer, "use_pass_combined")
-        for render_pass in PASSES:
-            if render_pass.switch and not render_pass.own:
-                column.prop(layer, render_pass.switch)
-        column.separator()
-        for render_pass in PASSES:
-            if render_pass.own:
-                column.prop(layer.halfspace, render_pass.switch)
 
 
 class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
@@ -329,7 +307,6 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
 
 CLASSES = (
     HALFSPACE_PT_panorama,
-    HALFSPACE_PT_passes,
     HALFSPACE_PT_filter,
     HALFSPACE_PT_override,
     HALFSPACE_PT_world,

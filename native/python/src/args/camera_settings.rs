@@ -31,6 +31,7 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         "focal",
         "sensor",
         "polynomial",
+        "motion",
     ];
     // An unknown key is an error.
     let keys = Keys::new(dict, "camera".into(), &known)?;
@@ -42,7 +43,24 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         clip_start: keys.number("clip_start")?,
         clip_end: keys.number("clip_end")?,
         lens: lens(&keys)?,
+        motion: motion(&keys)?,
     })
+}
+
+/// Reads the cameras of the pictures before and after.
+fn motion(keys: &Keys<'_, '_>) -> Result<Option<Box<[CameraParams; 2]>>> {
+    let Some(value) = keys.find("motion") else {
+        return Ok(None);
+    };
+    let wrong = || keys.wrong("motion", "a pair of cameras", &value);
+    let [before, after]: [Bound<'_, PyDict>; 2] = value.extract().map_err(|_| wrong())?;
+    if [&before, &after]
+        .iter()
+        .any(|one| one.contains("motion").unwrap_or(true))
+    {
+        return Err(wrong());
+    }
+    Ok(Some(Box::new([camera(&before)?, camera(&after)?])))
 }
 
 /// Reads the projection and the keys that its kind needs.

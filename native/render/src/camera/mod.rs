@@ -11,6 +11,7 @@ use halfspace_ray::Ray;
 
 pub mod filter;
 pub mod lens;
+mod motion;
 pub mod panorama;
 
 /// How the film is projected.
@@ -40,6 +41,8 @@ pub struct CameraParams {
     pub clip_end: f64,
     /// Depth of field.
     pub lens: LensParams,
+    /// The camera in the picture before this one, and in the one after, for the vector pass; they have no motion.
+    pub motion: Option<Box<[CameraParams; 2]>>,
 }
 
 /// A camera prepared for generating rays.
@@ -63,6 +66,8 @@ pub struct Camera {
     panorama: Option<Panorama>,
     /// Angle between pixels of a panorama.
     pixel_angle: Option<f32>,
+    /// The camera in the picture before this one, and in the one after.
+    motion: Option<Box<[Camera; 2]>>,
 }
 
 /// End of the interval of a ray that does not exist.
@@ -107,6 +112,14 @@ impl Camera {
             Projection::Panoramic(panorama) => Some(panorama),
             _ => None,
         };
+        let motion = match &params.motion {
+            None => None,
+            Some(motion) => {
+                let [before, after] = &**motion;
+                let side = |params| Self::new(params, width, height);
+                Some(Box::new([side(before)?, side(after)?]))
+            }
+        };
         let perspective = params.projection != Projection::Orthographic;
         // `at` maps a position in the window and a depth to a vector in scene space, in f64 until the end.
         let at = |sx: f64, sy: f64, depth: f64| {
@@ -131,6 +144,7 @@ impl Camera {
             axes: [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
             lens: Lens::new(&params.lens)?,
             panorama,
+            motion,
             pixel_angle: panorama.map(|it| it.pixel_angle(width)),
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
@@ -299,6 +313,7 @@ impl Default for CameraParams {
             clip_start: 0.1,
             clip_end: 1000.0,
             lens: LensParams::default(),
+            motion: None,
         }
     }
 }

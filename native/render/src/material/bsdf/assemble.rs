@@ -68,6 +68,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             diffuse_probability: 0.0,
             translucent: Vec3::ZERO,
             translucent_probability: 0.0,
+            energy: 0.0,
         };
         for closure in closures {
             out.add(&closure.lobes(registers), closure, inside);
@@ -300,6 +301,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             let boundaries = &self.boundaries[..self.boundary_count];
             total += boundaries.iter().map(|b| b.p).sum::<f32>();
         }
+        self.energy = total;
         if total > 0.0 {
             let norm = 1.0 / total;
             self.diffuse_probability *= norm;

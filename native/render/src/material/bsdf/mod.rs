@@ -15,6 +15,7 @@ mod assemble;
 mod evaluate;
 mod rough;
 mod sample;
+mod shares;
 
 pub use crate::material::bsdf::sample::cosine_direction;
 
@@ -138,6 +139,8 @@ pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
     translucent: Vec3,
     /// Probability of sampling the translucent lobe.
     translucent_probability: f32,
+    /// Estimated energy of all lobes, of which their probabilities are shares.
+    energy: f32,
 }
 
 impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Light samples and their shadow rays: of lights, of a constant background, and for ambient occlusion.
 
+use crate::film::Shares;
 use crate::light::{Arrival, Emitter, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
 use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::scatter::FramedBsdf;
 use crate::path::shade::{Output, Shader};
+use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
@@ -51,8 +53,21 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
+        let shares = || bsdf.shares(frame.to_local(light.direction), light.visible);
+        let group = || match light.emitter {
+            Emitter::Lamp => light.group,
+            Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
+            Emitter::World => scene.world.group,
+        };
+        let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
             out.sample.add(value);
+            if let Some(of) = scattered {
+                add_to_group(out.groups, of.group, value);
+                if let Some(parts) = &mut out.parts {
+                    parts.add_scattered(value, &of.shares, of.indirect);
+                }
+            }
             return;
         }
         // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.
@@ -69,7 +84,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             t_min: 0.0,
             t_max,
         };
-        out.shadows.push(ray, path, value);
+        out.shadows.push(ray, path, value, scattered);
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -78,7 +93,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     pub(super) fn sample_constant_background(
         &self,
         surface: &Surface<'_>,
-        direction: Vec3,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
         scatter: &Scatter,
         path: &Path,
         out: &mut Output<'_>,
@@ -92,6 +107,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
+        let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let ray = Ray {
             o: surface.ray_origin(direction).array(),
             d: direction.array(),
@@ -99,7 +115,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             t_max: f32::INFINITY,
         };
         let value = self.settings.clamped(value, path.bounce > 0);
-        out.shadows.push(ray, path, value);
+        let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
+        out.shadows.push(ray, path, value, scattered);
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -121,7 +138,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
                 t_min: 0.0,
                 t_max: self.settings.ambient_distance,
             };
-            out.shadows.push(ray, path, path.throughput);
+            let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
+            out.shadows.push(ray, path, path.throughput, scattered);
         }
     }
 

@@ -2,17 +2,17 @@
 //! Shading of a wavefront's hits: adds emission, collects shadow rays, and replaces the rays by those of the next
 //! bounce.
 
-use crate::film::PixelSample;
+use crate::film::{Identities, LightParts, PixelSample, Shares};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
-use crate::path::shadow_rays::ShadowRays;
+use crate::path::shadow_rays::{Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Settings};
+use crate::settings::{Integrator, LightPass, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Ray};
 
@@ -52,8 +52,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         rays,
         hits,
         paths,
-        samples,
+        batch,
         sources,
+        shares,
         shadows,
         registers,
         light_registers,
@@ -62,11 +63,25 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let mut kept = 0;
+    let (outputs, groups) = (context.film.outputs(), context.film.groups());
     for i in 0..rays.len() {
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
+        let slot = path.slot as usize;
         let mut out = Output {
-            sample: &mut samples[path.slot as usize],
+            sample: &mut batch.samples[slot],
+            parts: batch.parts.get_mut(slot),
+            groups: batch
+                .groups
+                .get_mut(slot * groups..(slot + 1) * groups)
+                .unwrap_or_default(),
+            identities: batch.identities.get_mut(slot),
+            motion: batch.motion.get_mut(slot),
+            outputs: batch
+                .outputs
+                .get_mut(slot * outputs..(slot + 1) * outputs)
+                .unwrap_or_default(),
+            shares: shares.get(i).copied().unwrap_or(Shares::DIFFUSE),
             shadows: &mut *shadows,
             registers: &mut *registers,
             light_registers: &mut *light_registers,
@@ -79,6 +94,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             if !sources.is_empty() {
                 sources[kept] = out.next;
             }
+            if !shares.is_empty() {
+                shares[kept] = out.shares;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -86,11 +104,24 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     rays.truncate(kept);
     paths.truncate(kept);
     sources.truncate(kept);
+    shares.truncate(kept);
 }
 
 /// The outputs of shading.
 struct Output<'a> {
     sample: &'a mut PixelSample,
+    /// The light of the sample by light pass, if such passes are filled.
+    parts: Option<&'a mut LightParts>,
+    /// The shares of the lobes of the path's first surface, if light passes are filled and it has scattered.
+    shares: Shares,
+    /// The light of the sample by light group.
+    groups: &'a mut [[f32; 3]],
+    /// The identities of the first surface, if a matte is filled.
+    identities: Option<&'a mut Identities>,
+    /// The motion of the first surface, if the vector pass is filled.
+    motion: Option<&'a mut [f32; 5]>,
+    /// The outputs of the first surface's material.
+    outputs: &'a mut [[f32; 4]],
     shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
     registers: &'a mut Vec<Value>,
@@ -101,6 +132,48 @@ struct Output<'a> {
     source: Source,
     /// The beam of the next ray.
     next: Source,
+}
+
+impl Output<'_> {
+    /// Adds light that the path's ray meets. `seen`: the pass of light that the camera sees directly; `group`: returns
+    /// the light group of the emitter, called only if such groups are filled.
+    #[inline(always)]
+    fn add_met(&mut self, light: Vec3, path: &Path, seen: LightPass, group: impl FnOnce() -> u8) {
+        if !self.groups.is_empty() {
+            add_to_group(self.groups, group(), light);
+        }
+        self.sample.add(light);
+        if let Some(parts) = &mut self.parts {
+            if path.bounce == 0 {
+                parts.add(seen, light);
+            } else {
+                parts.add_scattered(light, &self.shares, path.bounce > 1);
+            }
+        }
+    }
+
+    /// Returns what the light passes and light groups need of light that the path's vertex scatters, if they are filled.
+    /// `shares`: returns the shares of the vertex's lobes, which count at the first one; `group`: returns the light
+    /// group of the emitter.
+    #[inline(always)]
+    fn scattered(
+        &self,
+        path: &Path,
+        shares: impl FnOnce() -> Shares,
+        group: impl FnOnce() -> u8,
+    ) -> Option<Scattered> {
+        let divided = self.parts.is_some();
+        if !divided && self.groups.is_empty() {
+            return None;
+        }
+        let indirect = path.bounce > 0;
+        let first = divided && !indirect;
+        Some(Scattered {
+            shares: if first { shares() } else { self.shares },
+            indirect,
+            group: group(),
+        })
+    }
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -192,7 +265,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
         if path.camera {
-            self.write_first_surface(hit, &surface, out.sample);
+            self.write_first_surface(hit, &surface, out);
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -238,8 +311,9 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
 
     /// Writes the first surface's data for passes.
     #[inline(always)]
-    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
+    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, out: &mut Output<'_>) {
         let (scene, camera) = (self.scene, self.context.camera);
+        let sample = &mut *out.sample;
         // The first surface that is not passed makes the pixel opaque.
         sample.alpha = 1.0;
         sample.depth = camera.depth(surface.point);
@@ -250,5 +324,16 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let material = scene.attributes.at(hit.triangle).material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
         sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
+        if let Some(identities) = &mut out.identities {
+            **identities = scene.indices.identities(triangle, material as u32);
+        }
+        if let Some(motion) = &mut out.motion {
+            let moved = scene.indices.moved(triangle, hit.u, hit.v);
+            let [a, b, c, d] = camera.motion(surface.point, moved);
+            **motion = [a, b, c, d, 1.0];
+        }
+        if !out.outputs.is_empty() {
+            surface.material.output(out.registers, out.outputs);
+        }
     }
 }

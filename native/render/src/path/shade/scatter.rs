@@ -9,7 +9,7 @@ use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::{Output, Shader};
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Pass};
+use crate::settings::{Integrator, LightPass, LobeKind, Pass};
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
@@ -36,6 +36,9 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
+            if let Some(parts) = &mut out.parts {
+                parts.add(LightPass::Color(LobeKind::Diffuse), path.throughput);
+            }
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
@@ -53,6 +56,14 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
+        if path.camera
+            && let Some(parts) = &mut out.parts
+        {
+            let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
+            for (kind, color) in kinds.into_iter().zip(bsdf.colors()) {
+                parts.add(LightPass::Color(kind), path.throughput * color);
+            }
+        }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {
             Vec3::ZERO
@@ -127,8 +138,12 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         }
         // Whitted's rays follow mirrors and clear glass only.
         if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
-            self.sample_constant_background(surface, direction, &scatter, path, out);
+            let framed = FramedBsdf { frame, bsdf };
+            self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
+        }
+        if out.parts.is_some() && path.bounce == 0 {
+            out.shares = bsdf.shares_of(&scatter);
         }
         path.throughput = path.throughput * scatter.weight;
         if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
