@@ -30,11 +30,6 @@ FARTHEST = 1e30
 """Replaces infinite settings of a panorama."""
 
 
-def panorama_settings(data: Any) -> Any:
-    """What holds the settings of a camera's panorama: Cycles' group before Blender 5.0, None without Cycles."""
-    return data if hasattr(data, "panorama_type") else getattr(data, "cycles", None)
-
-
 def read_camera(
     item: Any,
     depsgraph: Any,
@@ -111,8 +106,7 @@ def _panorama(
     if item.type != "CAMERA" or item.data.type in ("PERSP", "ORTHO"):
         return None
     data = item.data
-    source = panorama_settings(data)
-    kind = getattr(source, "panorama_type", "") if data.type == "PANO" else ""
+    kind = data.panorama_type if data.type == "PANO" else ""
     width, height = size[0] * pixel_aspect[0], size[1] * pixel_aspect[1]
     # The sensor's other side follows from that of the picture, as in Cycles.
     wide = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
@@ -120,21 +114,21 @@ def _panorama(
     sensor = (length, length * height / width) if wide else (length * width / height, length)
     match kind:
         case "EQUIRECTANGULAR":
-            longitude = (source.longitude_min, source.longitude_max)
-            return "equirectangular", {"longitude": longitude, "latitude": (source.latitude_min, source.latitude_max)}
+            longitude = (data.longitude_min, data.longitude_max)
+            return "equirectangular", {"longitude": longitude, "latitude": (data.latitude_min, data.latitude_max)}
         case "FISHEYE_EQUIDISTANT":
-            return "equidistant", {"fov": source.fisheye_fov}
+            return "equidistant", {"fov": data.fisheye_fov}
         case "FISHEYE_EQUISOLID":
-            return "equisolid", {"fov": source.fisheye_fov, "focal": source.fisheye_lens, "sensor": sensor}
+            return "equisolid", {"fov": data.fisheye_fov, "focal": data.fisheye_lens, "sensor": sensor}
         case "FISHEYE_LENS_POLYNOMIAL":
-            terms = tuple(getattr(source, name) for name in COEFFICIENTS)
-            return "polynomial", {"fov": source.fisheye_fov, "polynomial": terms, "sensor": sensor}
+            terms = tuple(getattr(data, name) for name in COEFFICIENTS)
+            return "polynomial", {"fov": data.fisheye_fov, "polynomial": terms, "sensor": sensor}
         case "MIRRORBALL":
             return "mirror_ball", {}
         case "CENTRAL_CYLINDRICAL":
-            longitude = (source.central_cylindrical_range_u_min, source.central_cylindrical_range_u_max)
-            height = (source.central_cylindrical_range_v_min, source.central_cylindrical_range_v_max)
-            radius = source.central_cylindrical_radius
+            longitude = (data.central_cylindrical_range_u_min, data.central_cylindrical_range_u_max)
+            height = (data.central_cylindrical_range_v_min, data.central_cylindrical_range_v_max)
+            radius = data.central_cylindrical_radius
             limited = tuple(min(max(z / radius, -HIGHEST), HIGHEST) for z in height)
             return "central_cylindrical", {"longitude": longitude, "height": limited}
         case "EQUIANGULAR_CUBEMAP_FACE":

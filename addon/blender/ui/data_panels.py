@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..read.camera import COEFFICIENTS, panorama_settings
+from ..read.camera import COEFFICIENTS
 from ..read.nodes import active_tree, output_node
 from .panels import EnginePanel
 
@@ -49,19 +49,14 @@ class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return (
-            super().poll(context)
-            and context.camera is not None
-            and context.camera.type == "PANO"
-            and panorama_settings(context.camera) is not None
-        )
+        return super().poll(context) and context.camera is not None and context.camera.type == "PANO"
 
     def draw(self, context: Any) -> None:
         column = self.column()
-        found = panorama_settings(context.camera)
-        column.prop(found, "panorama_type")
-        for name, text in OF_PANORAMAS.get(found.panorama_type, ()):
-            column.prop(found, name, text=text)
+        camera = context.camera
+        column.prop(camera, "panorama_type")
+        for name, text in OF_PANORAMAS.get(camera.panorama_type, ()):
+            column.prop(camera, name, text=text)
 
 
 class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):

@@ -16,7 +16,6 @@ from atlas import tile_material
 from shapes import grid
 
 from addon.blender.measure import pictures
-from addon.blender.read.camera import panorama_settings
 from addon.blender.render.engine import ENGINE
 from addon.blender.session import reports
 
@@ -79,8 +78,7 @@ def walls(scene: Any, add: Any) -> Any:
 
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
-    data = hall.camera.data
-    settings = panorama_settings(data)
+    settings = hall.camera.data
     settings.panorama_type = PARTS.get(kind, kind)
     for name, value in KINDS[kind].items():
         setattr(settings, name, value)
@@ -99,8 +97,7 @@ def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
 
 @pytest.mark.parametrize("value", [math.inf, -1e30, 1e30, 0.0])
 def test_absurd_lenses_give_a_picture(hall: Any, value: float) -> None:
-    data = hall.camera.data
-    settings = panorama_settings(data)
+    settings = hall.camera.data
     hall.render.engine = ENGINE
     for kind in ("FISHEYE_EQUISOLID", "FISHEYE_LENS_POLYNOMIAL", "CENTRAL_CYLINDRICAL"):
         settings.panorama_type = kind

@@ -64,7 +64,9 @@ def eyes(scene: Any, path: Path, engine: str) -> dict[str, np.ndarray[Any, Any]]
     channels = exr(scene, path)
     found = {}
     for view in (one.name for one in scene.render.views if one.use):
-        found[view] = np.dstack([channels[f"{view}.Combined.{c}"] for c in "RGB"]).astype(float)
+        # Before Blender 5.0 all views are in one part of the file.
+        name = f"{view}.Combined" if bpy.app.version >= (5, 0) else f"Combined.{view}"
+        found[view] = np.dstack([channels[f"{name}.{c}"] for c in "RGB"]).astype(float)
     return found
 
 

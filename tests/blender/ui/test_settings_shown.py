@@ -14,18 +14,17 @@ import pytest
 from layouts import Layout, draw_own
 from shapes import cube
 
-from addon.blender.read.camera import panorama_settings
 from addon.blender.render.engine import ENGINE
 from addon.blender.ui import compat, data_panels, panels, pass_panels
 from addon.blender.ui.data_panels import OF_PANORAMAS
 
 SOURCES = Path(compat.__file__).parents[1]
 
-PANORAMIC = "Camera " if bpy.app.version >= (5, 0) else "CyclesCameraSettings"
-"""The type that has the settings of panoramas; with a space, because the table names cameras already."""
-
 READ = {
-    "Camera": "lens clip_start clip_end dof",
+    "Camera": "lens clip_start clip_end dof panorama_type fisheye_fov fisheye_lens latitude_min latitude_max "
+    "longitude_min longitude_max fisheye_polynomial_k0 fisheye_polynomial_k1 fisheye_polynomial_k2 "
+    "fisheye_polynomial_k3 fisheye_polynomial_k4 central_cylindrical_range_u_min central_cylindrical_range_u_max "
+    "central_cylindrical_range_v_min central_cylindrical_range_v_max central_cylindrical_radius",
     "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
     "aperture_ratio",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission",
@@ -50,10 +49,6 @@ READ = {
     "use_pass_glossy_indirect use_pass_glossy_color use_pass_transmission_direct use_pass_transmission_indirect "
     "use_pass_transmission_color use_pass_emit use_pass_environment use_pass_cryptomatte_object "
     "use_pass_cryptomatte_material use_pass_cryptomatte_asset pass_cryptomatte_depth",
-    PANORAMIC: "panorama_type fisheye_fov fisheye_lens latitude_min latitude_max longitude_min longitude_max "
-    "fisheye_polynomial_k0 fisheye_polynomial_k1 fisheye_polynomial_k2 fisheye_polynomial_k3 fisheye_polynomial_k4 "
-    "central_cylindrical_range_u_min central_cylindrical_range_u_max central_cylindrical_range_v_min "
-    "central_cylindrical_range_v_max central_cylindrical_radius",
     "WorldMistSettings": "start depth falloff",
 }
 """What the sources of the extension read, by type of Blender's data."""
@@ -99,7 +94,7 @@ TABS = {"view_layer", "world", "object", "material", "data"}
 
 
 def names(table: dict[str, str]) -> set[tuple[str, str]]:
-    return {(kind.strip(), name) for kind, text in table.items() for name in text.split()}
+    return {(kind, name) for kind, text in table.items() for name in text.split()}
 
 
 class Context(SimpleNamespace):
@@ -142,9 +137,8 @@ def contexts(scene: Any) -> Iterator[Context]:
             yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
     camera = bpy.data.cameras.new("Camera")
     camera.type = "PANO"
-    settings = panorama_settings(camera)
-    for kind in OF_PANORAMAS if settings is not None else ():
-        settings.panorama_type = kind
+    for kind in OF_PANORAMAS:
+        camera.panorama_type = kind
         yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
 
 

@@ -69,6 +69,8 @@ pub struct Film {
     outputs: usize,
     /// Number of light groups.
     groups: usize,
+    /// Whether a pass is filled for which [`Batch`] has an array of its own.
+    extra: bool,
     mist: Mist,
     /// Factor on the colours of the combined pass.
     exposure: f32,
@@ -96,6 +98,7 @@ impl Film {
         let count = |last: Option<u8>| last.map_or(0, |last| usize::from(last) + 1);
         let outputs = count(passes.iter().filter_map(|p| p.output()).max());
         let groups = count(passes.iter().filter_map(|p| p.group()).max());
+        let extra = passes.iter().any(|p| p.is_extra());
         let mattes = || passes.iter().filter_map(|p| p.matte());
         // Divide the region into tiles, cut off at its upper and right edge.
         let mut tiles = Vec::new();
@@ -131,6 +134,7 @@ impl Film {
             stride,
             outputs,
             groups,
+            extra,
             mist: settings.mist,
             exposure: settings.exposure,
             tiles,
@@ -155,6 +159,11 @@ impl Film {
     /// Whether a light pass is filled.
     pub fn divides_light(&self) -> bool {
         self.passes.iter().any(|p| matches!(p, Pass::Light(_)))
+    }
+
+    /// Whether a pass is filled for which [`Batch`] has an array of its own.
+    pub fn wants_extra(&self) -> bool {
+        self.extra
     }
 
     /// Whether a matte is filled.
@@ -211,7 +220,9 @@ impl Film {
                     let slot = number * area.pixels() + pixel;
                     let out = &mut sums.values[pixel * self.stride..(pixel + 1) * self.stride];
                     self.add_pixel(out, batch, slot, index == 0);
-                    if let Some(identities) = batch.identities.get(slot) {
+                    if self.extra
+                        && let Some(identities) = batch.identities.get(slot)
+                    {
                         sums.mattes.add(pixel, identities);
                     }
                     if let Some(noise) = &mut sums.noise {

@@ -105,7 +105,9 @@ impl ShadowRays {
             history: path.shadow_history(),
             invisible: 0,
         });
-        self.scattered.extend(scattered);
+        if let Some(scattered) = scattered {
+            self.scattered.push(scattered);
+        }
     }
 
     /// Traces all rays, adds the light of those that are not occluded, and removes them. Returns the number of rays

@@ -98,6 +98,14 @@ impl Pass {
         }
     }
 
+    /// Whether samples carry values for this pass alone.
+    pub fn is_extra(self) -> bool {
+        matches!(
+            self,
+            Self::Light(_) | Self::Matte(_) | Self::Output(_) | Self::Group(_) | Self::Vector
+        )
+    }
+
     /// Returns the number of the light group.
     pub fn group(self) -> Option<u8> {
         match self {

@@ -34,9 +34,11 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         let light = settings.clamped(all, path.bounce > 1);
         out.add_met(light, path, LightPass::Emission, || 0);
         // The limit applies to all lamps together.
-        let kept = light.max_abs() / all.max_abs();
-        for group in (1..).take(out.groups.len()).filter(|_| kept > 0.0) {
-            add_to_group(out.groups, group, lamps(Some(group)) * kept);
+        if let Some(extra) = &mut out.extra {
+            let kept = light.max_abs() / all.max_abs();
+            for group in (1..).take(extra.groups.len()).filter(|_| kept > 0.0) {
+                add_to_group(extra.groups, group, lamps(Some(group)) * kept);
+            }
         }
     }
 
@@ -45,7 +47,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_>) {
         let (scene, settings) = (self.scene, self.settings);
         if path.camera
-            && let Some(motion) = &mut out.motion
+            && let Some(extra) = &mut out.extra
+            && let Some(motion) = &mut extra.motion
         {
             let [a, b, c, d] = self.context.camera.background_motion(d);
             **motion = [a, b, c, d, 1.0];

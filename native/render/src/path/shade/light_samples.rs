@@ -8,7 +8,6 @@ use crate::math::vector::{Frame, Vec3};
 use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::scatter::FramedBsdf;
 use crate::path::shade::{Output, Shader};
-use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
@@ -61,13 +60,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         };
         let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
-            out.sample.add(value);
-            if let Some(of) = scattered {
-                add_to_group(out.groups, of.group, value);
-                if let Some(parts) = &mut out.parts {
-                    parts.add_scattered(value, &of.shares, of.indirect);
-                }
-            }
+            out.add_unoccluded(value, scattered);
             return;
         }
         // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.

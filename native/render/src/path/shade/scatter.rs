@@ -9,7 +9,7 @@ use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::{Output, Shader};
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, LightPass, LobeKind, Pass};
+use crate::settings::{Integrator, Pass};
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
@@ -36,9 +36,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
-            if let Some(parts) = &mut out.parts {
-                parts.add(LightPass::Color(LobeKind::Diffuse), path.throughput);
-            }
+            out.add_colors(path.throughput, || [Vec3::ONE, Vec3::ZERO, Vec3::ZERO]);
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
@@ -56,13 +54,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
-        if path.camera
-            && let Some(parts) = &mut out.parts
-        {
-            let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
-            for (kind, color) in kinds.into_iter().zip(bsdf.colors()) {
-                parts.add(LightPass::Color(kind), path.throughput * color);
-            }
+        if path.camera {
+            out.add_colors(path.throughput, || bsdf.colors());
         }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {
@@ -142,8 +135,11 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
         }
-        if out.parts.is_some() && path.bounce == 0 {
-            out.shares = bsdf.shares_of(&scatter);
+        if let Some(extra) = &mut out.extra
+            && extra.parts.is_some()
+            && path.bounce == 0
+        {
+            extra.shares = bsdf.shares_of(&scatter);
         }
         path.throughput = path.throughput * scatter.weight;
         if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
