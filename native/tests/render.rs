@@ -80,6 +80,7 @@ fn scene_params(triangles: usize) -> SceneParams {
             power: [300.0; 3],
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
+            group: 0,
         }],
         world: [0.2, 0.3, 0.5].into(),
         ..Default::default()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
-from faults_of_traversals import SURFACES, TRAVERSALS
+from faults_of_traversals import PICTURES, SURFACES, TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"
@@ -421,6 +421,7 @@ FAULTS = (
     ),
     *TRAVERSALS,
     *SURFACES,
+    *PICTURES,
 )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults of packets, single rays, leaves, streams, builds and surfaces: the last of the list."""
+"""Deliberate faults of packets, single rays, leaves, streams, builds, surfaces, cameras and passes: the last ones."""
 
 from __future__ import annotations
 
@@ -311,5 +311,68 @@ SURFACES = (
         "shading.to_local(normal)",
         "shading.to_world(normal)",
         ("lib", f"{_LOBES}::a_closure_with_a_normal_of_its_own_is_lit_from_there"),
+    ),
+)
+
+_MATTE = "native/render/src/film/matte.rs"
+_MOTION = "native/render/src/camera/motion.rs"
+_PARTS = "native/render/src/film/light_parts.rs"
+
+PICTURES = (
+    Fault(
+        "glossy light in the pass of diffuse light",
+        _PARTS,
+        "light * glossy",
+        "light * diffuse",
+        ("lib", "film::light_parts::tests::scattered_light_is_divided_without_loss"),
+    ),
+    Fault(
+        "channels without colour stay black",
+        _PARTS,
+        "quotient.unwrap_or(mean)",
+        "quotient.unwrap_or(0.0)",
+        ("lib", "film::light_parts::tests::channels_without_colour_take_the_mean_of_the_others"),
+    ),
+    Fault(
+        "the shares of a later surface in the light passes",
+        "native/render/src/path/shade/scatter.rs",
+        "path.bounce == 0",
+        "path.bounce < u16::MAX",
+        ("tests/blender/read/test_light_passes.py", "each_light_pass"),
+    ),
+    Fault(
+        "each pass of mattes one rank below the last",
+        _MATTE,
+        "2 * usize::from(pass.level)",
+        "usize::from(pass.level)",
+        ("lib", "film::matte::tests::surfaces_are_ranked_by_their_samples_then_by_their_identities"),
+    ),
+    Fault(
+        "surfaces of equal shares in the order of their samples",
+        _MATTE,
+        "(std::cmp::Reverse(count), identity)",
+        "(std::cmp::Reverse(count), 0 * identity)",
+        ("lib", "film::matte::tests::surfaces_are_ranked_by_their_samples_then_by_their_identities"),
+    ),
+    Fault(
+        "motion to the picture after instead of from it",
+        _MOTION,
+        "sign * (x1 - x)",
+        "(x1 - x)",
+        ("lib", "camera::motion::tests::points_and_cameras_move_the_picture"),
+    ),
+    Fault(
+        "the view from behind in a mirror ball",
+        "native/render/src/camera/panorama.rs",
+        "normal * (-2.0 * normal.z)",
+        "normal * (2.0 * normal.z)",
+        ("lib", "camera::panorama::tests::the_centre_looks_ahead_and_the_sides_to_their_sides"),
+    ),
+    Fault(
+        "lamps that the camera sees in every light group",
+        "native/render/src/light/mod.rs",
+        "group.is_some_and(|group| group != light.group)",
+        "group.is_some_and(|_| false)",
+        ("tests/blender/read/test_light_groups.py", "add_up"),
     ),
 )

@@ -13,12 +13,16 @@ from ...core.scene.scene import Closure, Hidden, Image, Material
 from .images import Gallery
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
+from .value_nodes import outputs
 from .values import Layers, Values
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 DEFAULT = Material("(no material)")
+
+NAMELESS = "default_surface"
+"""The name of surfaces without a material in Cryptomatte, as in Cycles."""
 
 UNSUPPORTED = "is not supported yet in material"
 
@@ -45,10 +49,16 @@ class Palette:
     """
 
     def __init__(
-        self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None, owners: Sequence[Any] = ()
+        self,
+        notes: Notes,
+        blocks: Iterable[Any] = (),
+        override: Any = None,
+        owners: Sequence[Any] = (),
+        wanted: outputs.Outputs | None = None,
     ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is read. override: a material that replaces all others. owners: see `Values`.
+        before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
+        the passes that materials write.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -60,6 +70,8 @@ class Palette:
         self._images: set[int] = set()
         self._override = override
         self._owners = owners
+        self._wanted = wanted or {}
+        self._names = [NAMELESS]
         for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
@@ -99,6 +111,10 @@ class Palette:
         """The pass index of each of these materials."""
         return tuple(self._pass_indices)
 
+    def names(self) -> tuple[str, ...]:
+        """The name of each of these materials."""
+        return tuple(self._names)
+
     def _number(self, material: Any, hidden: Hidden) -> int:
         """The number of a material, or of none, with these hidden rays; added with its notes if new."""
         material = material if self._override is None else self._override
@@ -106,6 +122,7 @@ class Palette:
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
+            self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
             self._materials.append(replace(found.material, hidden_from=hidden))
             self._images |= found.images
@@ -124,7 +141,12 @@ class Palette:
                 lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"),
             )
             values.material_index, values.owners = float(material.pass_index), self._owners
-            self._read[key] = _Read(_material(material, values), tuple(remarks), frozenset(values.images))
+            converted = _material(material, values)
+            tree = active_tree(material)
+            if self._wanted and tree is not None:
+                written = outputs.read(tree, values, self._wanted)
+                converted = replace(converted, program=tuple(values.steps), outputs=written)
+            self._read[key] = _Read(converted, tuple(remarks), frozenset(values.images))
         return self._read[key]
 
 

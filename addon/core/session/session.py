@@ -311,7 +311,7 @@ class Session:
 
     def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:
         """Start a native job for one picture and return it at once."""
-        return self.native.render(self.render_scene, asdict(camera), settings.as_dict(), threads=settings.threads)
+        return self.native.render(self.render_scene, camera.as_dict(), settings.as_dict(), threads=settings.threads)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:

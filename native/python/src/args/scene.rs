@@ -7,6 +7,8 @@ use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
+use halfspace_render::settings::Pass;
+use halfspace_render::values::program::Operand;
 use halfspace_render::values::visibility::{RayKind, Visibility};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -26,6 +28,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "closures",
         "program",
         "hidden_from",
+        "outputs",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -50,8 +53,33 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             closures: shader::closures(&keys)?,
             program: shader::program(&keys)?,
             visible: visibility(&keys, default.visible)?,
+            outputs: outputs(&keys)?,
         })
     })
+}
+
+/// Reads the values for passes: pairs of a number and an operand.
+fn outputs(keys: &Keys<'_, '_>) -> Result<Vec<(u8, Operand)>> {
+    let Some(value) = keys.find("outputs") else {
+        return Ok(Vec::new());
+    };
+    let wrong = || {
+        keys.wrong(
+            "outputs",
+            "pairs of a number below 64 and an operand",
+            &value,
+        )
+    };
+    let items: Vec<(u8, Bound<'_, PyAny>)> = value.extract().map_err(|_| wrong())?;
+    items
+        .iter()
+        .map(|(number, operand)| {
+            if *number >= Pass::OUTPUTS {
+                return Err(wrong());
+            }
+            Ok((*number, shader::operand(keys, "outputs", operand)?))
+        })
+        .collect()
 }
 
 /// Reads the visibility: all kinds of rays except those in "hidden_from".
@@ -103,6 +131,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "size_y",
         "casts_shadow",
         "hidden_from",
+        "group",
     ];
     let kinds = [
         ("point", Kind::Point),
@@ -145,8 +174,18 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
             power: keys.color("power")?,
             casts_shadow: keys.flag_or("casts_shadow", true)?,
             visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
+            group: group(&keys)?,
         })
     })
+}
+
+/// Reads a light group, counted from 1; 0 = none.
+fn group(keys: &Keys<'_, '_>) -> Result<u8> {
+    let Some(value) = keys.find("group") else {
+        return Ok(0);
+    };
+    let found = value.extract().ok().filter(|&group| group <= Pass::GROUPS);
+    found.ok_or_else(|| keys.wrong("group", "a number from 0 to 64", &value))
 }
 
 /// Reads the background: a colour, or a program and its result.
@@ -154,7 +193,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
     let Some(dict) = dict else {
         return Ok(WorldParams::default());
     };
-    let known = ["color", "program", "radiance", "hidden_from"];
+    let known = ["color", "program", "radiance", "hidden_from", "group"];
     let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
         color: keys.color("color")?,
@@ -164,5 +203,6 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
             .map(|value| shader::operand(&keys, "radiance", &value))
             .transpose()?,
         visible: visibility(&keys, Visibility::ALL)?,
+        group: group(&keys)?,
     })
 }

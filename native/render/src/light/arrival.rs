@@ -19,6 +19,8 @@ pub struct Arrival {
     pub casts_shadow: bool,
     /// The lobes that the light illuminates.
     pub visible: Visibility,
+    /// The light group of a lamp; 0 = none.
+    pub group: u8,
     /// The emitter. Unless it is a lamp, `radiance` still has to be multiplied by that of the emitter.
     pub emitter: Emitter,
 }

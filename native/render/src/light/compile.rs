@@ -59,6 +59,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         brightness,
         casts_shadow: params.casts_shadow,
         visible: params.visible,
+        group: params.group,
     };
     Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))
 }

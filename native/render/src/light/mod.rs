@@ -90,6 +90,7 @@ impl Lights {
                     brightness,
                     casts_shadow: true,
                     visible: emissive.visible,
+                    group: 0,
                 });
             }
         }
@@ -101,6 +102,7 @@ impl Lights {
                 brightness: map.mean * std::f32::consts::PI,
                 casts_shadow: true,
                 visible: map_visible,
+                group: 0,
             });
         }
         // Only lamps are hit here; triangles and background are hit as surfaces and as misses.
@@ -191,6 +193,7 @@ impl Lights {
             pdf,
             casts_shadow: light.casts_shadow,
             visible: light.visible,
+            group: light.group,
             emitter,
         })
     }
@@ -221,7 +224,7 @@ impl Lights {
 
     /// Adds up the light of all lamps that a ray of this kind from `receiver` hits within the interval `span`.
     /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
-    /// infinite if light samples cannot find it.
+    /// infinite if light samples cannot find it. `group`: the light group of the lamps that count; `None` = all.
     pub fn radiance_along(
         &self,
         receiver: Receiver,
@@ -229,12 +232,14 @@ impl Lights {
         span: [f32; 2],
         pdf: f32,
         kind: RayKind,
+        group: Option<u8>,
     ) -> Vec3 {
         let [t_min, t_max] = span;
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
-            if !light.is_hittable() || !light.visible.to(kind) {
+            let other = group.is_some_and(|group| group != light.group);
+            if !light.is_hittable() || !light.visible.to(kind) || other {
                 return;
             }
             // Triangles and background are hit by the scene's rays, not here.

@@ -62,4 +62,6 @@ pub struct LightParams {
     pub casts_shadow: bool,
     /// The kinds of rays that see the light.
     pub visible: Visibility,
+    /// Light group, counted from 1; 0 = none.
+    pub group: u8,
 }

@@ -28,6 +28,8 @@ pub(super) struct Light {
     pub(super) brightness: f32,
     pub(super) casts_shadow: bool,
     pub(super) visible: Visibility,
+    /// The light group of a lamp; 0 = none.
+    pub(super) group: u8,
 }
 
 impl Light {

@@ -25,6 +25,8 @@ pub struct WorldParams {
     pub radiance: Option<Operand>,
     /// The kinds of rays that see the background.
     pub visible: Visibility,
+    /// Light group, counted from 1; 0 = none.
+    pub group: u8,
 }
 
 impl Default for WorldParams {
@@ -35,6 +37,7 @@ impl Default for WorldParams {
             program: Vec::new(),
             radiance: None,
             visible: Visibility::ALL,
+            group: 0,
         }
     }
 }
@@ -57,6 +60,8 @@ const MAX_TEXELS: usize = 1024;
 pub struct World {
     /// The kinds of rays that see the background.
     pub visible: Visibility,
+    /// Light group; 0 = none.
+    pub group: u8,
     program: Program,
     radiance: Operand,
     /// Map for importance sampling; none for a constant colour, for which scattered rays suffice.
@@ -78,6 +83,7 @@ impl World {
         let program = Program::compile(&params.program, &mut results, "world")?;
         let mut world = Self {
             visible: params.visible,
+            group: params.group,
             program,
             radiance: results[0],
             map: None,

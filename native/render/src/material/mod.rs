@@ -39,6 +39,8 @@ pub struct Material {
     constant: Option<Unscattered>,
     /// Shading normal, if the material computes one.
     normal: Option<Operand>,
+    /// Values for passes: the number of each and the operand.
+    outputs: Vec<(u8, Operand)>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
     /// Whether light can pass straight through.
@@ -72,12 +74,17 @@ impl Material {
         let apart = normals_apart(&mut closures, normal);
         let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
         roots.extend(normal);
+        roots.extend(params.outputs.iter().map(|&(_, operand)| operand));
         let program = Program::compile(&params.program, &mut roots, &name)?;
         let mut compiled = compile(&closures, &roots, grids);
         for (closure, [turned, coat_apart]) in compiled.iter_mut().zip(apart) {
             (closure.turned, closure.coat_apart) = (turned, coat_apart);
         }
-        let normal = normal.and_then(|_| roots.last().copied());
+        // Behind the inputs come the normal, if there is one, and the outputs.
+        let mut rest = roots[INPUTS * closures.len()..].iter().copied();
+        let normal = normal.and_then(|_| rest.next());
+        let outputs = params.outputs.iter().zip(rest);
+        let outputs = outputs.map(|(&(number, _), root)| (number, root)).collect();
 
         // Compile it again for what emission and transparency need: far fewer nodes, which shadow rays run often.
         let reduced = reduced(&closures, &compiled);
@@ -101,6 +108,7 @@ impl Material {
             reduced_closures,
             constant: None,
             normal,
+            outputs,
         };
         // Without varying inputs, compute emission and transparency once.
         if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
@@ -172,6 +180,18 @@ impl Material {
     /// Returns the shading normal, if the material computes one, for registers that its program has filled.
     pub fn normal(&self, registers: &[Value]) -> Option<Vec3> {
         self.normal.map(|operand| rgb(read(operand, registers)))
+    }
+
+    /// Writes the values for passes to their places, with 1 as the fourth number, for registers that the material's program has filled. Numbers
+    /// beyond `out` are ignored.
+    #[cold]
+    pub fn output(&self, registers: &[Value], out: &mut [[f32; 4]]) {
+        for &(number, operand) in &self.outputs {
+            if let Some(place) = out.get_mut(usize::from(number)) {
+                let [r, g, b, _] = read(operand, registers);
+                *place = [r, g, b, 1.0];
+            }
+        }
     }
 
     /// Returns all operations of the material's programs.

@@ -34,6 +34,8 @@ pub struct MaterialParams {
     pub program: Vec<Step>,
     /// The kinds of rays that can hit the material; others pass through it.
     pub visible: Visibility,
+    /// Values for passes: the number of each and the operand.
+    pub outputs: Vec<(u8, Operand)>,
 }
 
 impl Default for MaterialParams {
@@ -52,6 +54,7 @@ impl Default for MaterialParams {
             closures: Vec::new(),
             program: Vec::new(),
             visible: Visibility::ALL,
+            outputs: Vec::new(),
         }
     }
 }

@@ -160,6 +160,7 @@ pub fn light(kind: LightKind, to_world: [[f64; 4]; 4], power: f32) -> LightParam
         power: [power; 3],
         casts_shadow: true,
         visible: Visibility::NOT_BY_CAMERA,
+        group: 0,
     }
 }
 

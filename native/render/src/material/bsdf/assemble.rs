@@ -84,6 +84,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             translucent_probability: 0.0,
             lobes: [Lobe::NONE; LOBES],
             lobe_count: 0,
+            energy: 0.0,
         };
         for closure in closures {
             let lobes = closure.lobes(registers);
@@ -390,6 +391,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             total += boundaries.iter().map(|b| b.p).sum::<f32>();
         }
         total += self.own_lobes().iter().map(|lobe| lobe.p).sum::<f32>();
+        self.energy = total;
         if total > 0.0 {
             let norm = 1.0 / total;
             if LOBES > 0 {

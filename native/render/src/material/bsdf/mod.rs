@@ -21,6 +21,7 @@ mod layers;
 mod lobe;
 mod rough;
 mod sample;
+mod shares;
 
 pub use crate::material::bsdf::lobe::MAX_LOBES;
 pub use crate::material::bsdf::sample::cosine_direction;
@@ -201,6 +202,8 @@ pub struct Bsdf<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> {
     /// Lobes with frames of their own.
     lobes: [Lobe; LOBES],
     lobe_count: usize,
+    /// Estimated energy of all lobes, of which their probabilities are shares.
+    energy: f32,
 }
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Light samples and their shadow rays: of lights, of a constant background, and for ambient occlusion.
 
+use crate::film::Shares;
 use crate::light::{Arrival, Emitter, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
@@ -56,8 +57,15 @@ impl<
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
+        let shares = || bsdf.shares(frame.to_local(light.direction), light.visible);
+        let group = || match light.emitter {
+            Emitter::Lamp => light.group,
+            Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
+            Emitter::World => scene.world.group,
+        };
+        let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
-            out.sample.add(value);
+            out.add_unoccluded(value, scattered);
             return;
         }
         // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.
@@ -74,7 +82,7 @@ impl<
             t_min: 0.0,
             t_max,
         };
-        out.shadows.push(ray, path, value);
+        out.shadows.push(ray, path, value, scattered);
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -83,7 +91,7 @@ impl<
     pub(super) fn sample_constant_background(
         &self,
         surface: &Surface<'_>,
-        direction: Vec3,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         scatter: &Scatter,
         path: &Path,
         out: &mut Output<'_>,
@@ -97,6 +105,7 @@ impl<
         if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
+        let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let ray = Ray {
             o: surface.ray_origin(direction).array(),
             d: direction.array(),
@@ -104,7 +113,8 @@ impl<
             t_max: f32::INFINITY,
         };
         let value = self.settings.clamped(value, path.bounce > 0);
-        out.shadows.push(ray, path, value);
+        let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
+        out.shadows.push(ray, path, value, scattered);
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -126,7 +136,8 @@ impl<
                 t_min: 0.0,
                 t_max: self.settings.ambient_distance,
             };
-            out.shadows.push(ray, path, path.throughput);
+            let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
+            out.shadows.push(ray, path, path.throughput, scattered);
         }
     }
 

@@ -2,18 +2,18 @@
 //! Shading of a wavefront's hits: adds emission, collects shadow rays, and replaces the rays by those of the next
 //! bounce.
 
-use crate::film::PixelSample;
+use crate::film::{Identities, LightParts, PixelSample, Shares};
 use crate::material::bsdf::MAX_LOBES;
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
-use crate::path::shadow_rays::ShadowRays;
+use crate::path::shadow_rays::{Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Settings};
+use crate::settings::{Integrator, LightPass, LobeKind, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Ray};
 
@@ -73,8 +73,9 @@ fn shade<
         rays,
         hits,
         paths,
-        samples,
+        batch,
         sources,
+        shares,
         shadows,
         registers,
         light_registers,
@@ -83,11 +84,21 @@ fn shade<
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let mut kept = 0;
+    let wanted = context.film.wants_extra();
     for i in 0..rays.len() {
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
+        let slot = path.slot as usize;
         let mut out = Output {
-            sample: &mut samples[path.slot as usize],
+            sample: &mut batch.samples[slot],
+            extra: wanted.then(|| Extra {
+                parts: batch.parts.get_mut(slot),
+                shares: shares.get(i).copied().unwrap_or(Shares::DIFFUSE),
+                groups: part(&mut batch.groups, slot, context.film.groups()),
+                identities: batch.identities.get_mut(slot),
+                motion: batch.motion.get_mut(slot),
+                outputs: part(&mut batch.outputs, slot, context.film.outputs()),
+            }),
             shadows: &mut *shadows,
             registers: &mut *registers,
             light_registers: &mut *light_registers,
@@ -100,6 +111,11 @@ fn shade<
             if !sources.is_empty() {
                 sources[kept] = out.next;
             }
+            if let Some(extra) = &out.extra
+                && !shares.is_empty()
+            {
+                shares[kept] = extra.shares;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -107,11 +123,14 @@ fn shade<
     rays.truncate(kept);
     paths.truncate(kept);
     sources.truncate(kept);
+    shares.truncate(kept);
 }
 
 /// The outputs of shading.
 struct Output<'a> {
     sample: &'a mut PixelSample,
+    /// What passes that are rarely filled need, if any is.
+    extra: Option<Extra<'a>>,
     shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
     registers: &'a mut Vec<Value>,
@@ -122,6 +141,97 @@ struct Output<'a> {
     source: Source,
     /// The beam of the next ray.
     next: Source,
+}
+
+/// The outputs of shading for passes that are rarely filled.
+struct Extra<'a> {
+    /// The light of the sample by light pass, if such passes are filled.
+    parts: Option<&'a mut LightParts>,
+    /// The shares of the lobes of the path's first surface, if light passes are filled and it has scattered.
+    shares: Shares,
+    /// The light of the sample by light group.
+    groups: &'a mut [[f32; 3]],
+    /// The identities of the first surface, if a matte is filled.
+    identities: Option<&'a mut Identities>,
+    /// The motion of the first surface, if the vector pass is filled.
+    motion: Option<&'a mut [f32; 5]>,
+    /// The outputs of the first surface's material.
+    outputs: &'a mut [[f32; 4]],
+}
+
+/// Returns the `count` values of a slot.
+fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
+    &mut values[slot * count..(slot + 1) * count]
+}
+
+impl Output<'_> {
+    /// Adds light that the path's ray meets. `seen`: the pass of light that the camera sees directly; `group`: returns
+    /// the light group of the emitter, called only if such groups are filled.
+    #[inline(always)]
+    fn add_met(&mut self, light: Vec3, path: &Path, seen: LightPass, group: impl FnOnce() -> u8) {
+        self.sample.add(light);
+        let Some(extra) = &mut self.extra else {
+            return;
+        };
+        if !extra.groups.is_empty() {
+            add_to_group(extra.groups, group(), light);
+        }
+        if let Some(parts) = &mut extra.parts {
+            if path.bounce == 0 {
+                parts.add(seen, light);
+            } else {
+                parts.add_scattered(light, &extra.shares, path.bounce > 1);
+            }
+        }
+    }
+
+    /// Returns what the light passes and light groups need of light that the path's vertex scatters, if they are filled.
+    /// `shares`: returns the shares of the vertex's lobes, which count at the first one; `group`: returns the light
+    /// group of the emitter.
+    #[inline(always)]
+    fn scattered(
+        &self,
+        path: &Path,
+        shares: impl FnOnce() -> Shares,
+        group: impl FnOnce() -> u8,
+    ) -> Option<Scattered> {
+        let extra = self.extra.as_ref()?;
+        let divided = extra.parts.is_some();
+        if !divided && extra.groups.is_empty() {
+            return None;
+        }
+        let indirect = path.bounce > 0;
+        let first = divided && !indirect;
+        Some(Scattered {
+            shares: if first { shares() } else { extra.shares },
+            indirect,
+            group: group(),
+        })
+    }
+
+    /// Adds light that the path's vertex scatters and nothing occludes.
+    fn add_unoccluded(&mut self, light: Vec3, scattered: Option<Scattered>) {
+        self.sample.add(light);
+        if let (Some(extra), Some(of)) = (&mut self.extra, scattered) {
+            add_to_group(extra.groups, of.group, light);
+            if let Some(parts) = &mut extra.parts {
+                parts.add_scattered(light, &of.shares, of.indirect);
+            }
+        }
+    }
+
+    /// Adds the colours of the path's first surface. `colors`: returns those of the kinds of lobes.
+    #[inline(always)]
+    fn add_colors(&mut self, throughput: Vec3, colors: impl FnOnce() -> [Vec3; 3]) {
+        if let Some(extra) = &mut self.extra
+            && let Some(parts) = &mut extra.parts
+        {
+            let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
+            for (kind, color) in kinds.into_iter().zip(colors()) {
+                parts.add(LightPass::Color(kind), throughput * color);
+            }
+        }
+    }
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -227,7 +337,7 @@ impl<
         }
         // The first surface that is not passed makes the pixel opaque, except for holes.
         if path.camera {
-            self.write_first_surface(hit, &surface, out.sample);
+            self.write_first_surface(hit, &surface, out);
             out.sample.alpha = unscattered.opacity();
         }
         if pass > 0.0 {
@@ -274,8 +384,9 @@ impl<
 
     /// Writes the first surface's data for passes.
     #[inline(always)]
-    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
+    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, out: &mut Output<'_>) {
         let (scene, camera) = (self.scene, self.context.camera);
+        let sample = &mut *out.sample;
         sample.depth = camera.depth(surface.point);
         sample.distance = camera.distance(surface.point);
         sample.normal = surface.shading.array();
@@ -284,5 +395,19 @@ impl<
         let material = scene.attributes.at(hit.triangle).material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
         sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
+        let Some(extra) = &mut out.extra else {
+            return;
+        };
+        if let Some(identities) = &mut extra.identities {
+            **identities = scene.indices.identities(triangle, material as u32);
+        }
+        if let Some(motion) = &mut extra.motion {
+            let moved = scene.indices.moved(triangle, hit.u, hit.v);
+            let [a, b, c, d] = camera.motion(surface.point, moved);
+            **motion = [a, b, c, d, 1.0];
+        }
+        if !extra.outputs.is_empty() {
+            surface.material.output(out.registers, extra.outputs);
+        }
     }
 }

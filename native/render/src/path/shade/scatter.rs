@@ -41,6 +41,7 @@ impl<
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
+            out.add_colors(path.throughput, || [Vec3::ONE, Vec3::ZERO, Vec3::ZERO]);
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
@@ -59,6 +60,9 @@ impl<
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
+        if path.camera {
+            out.add_colors(path.throughput, || bsdf.colors());
+        }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {
             Vec3::ZERO
@@ -133,8 +137,15 @@ impl<
         }
         // Whitted's rays follow mirrors and clear glass only.
         if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
-            self.sample_constant_background(surface, direction, &scatter, path, out);
+            let framed = FramedBsdf { frame, bsdf };
+            self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
+        }
+        if let Some(extra) = &mut out.extra
+            && extra.parts.is_some()
+            && path.bounce == 0
+        {
+            extra.shares = bsdf.shares_of(&scatter);
         }
         path.throughput = path.throughput * scatter.weight;
         if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
