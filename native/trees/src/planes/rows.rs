@@ -33,7 +33,11 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
             let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
-            Ok((planes.in_tiles(tiles)).with_closest(Rays::Stream, streams))
+            let shadow = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            Ok((planes.by_distances().with_tiles(Rays::Tile, tiles))
+                .with_closest(Rays::Stream, streams)
+                .with_any_by_coherence(shadow, any))
         },
     },
     Traversal {
