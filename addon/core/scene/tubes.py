@@ -35,6 +35,9 @@ DEVIATION = 0.125
 """Largest distance in pixels between a tube and the curve that it stands for, while the limits above allow it."""
 
 
+THIN = 1e-5
+"""Radius relative to the coordinates below which corners of a polygon may be equal in f32."""
+
 GOLDEN = (math.sqrt(5) - 1) / 2
 """The share of a turn, up to whole sides, between the polygons of one curve and the next."""
 
@@ -190,22 +193,28 @@ def tubes(found: Strands, pieces: int, sides: int) -> Tubes:
     before[~is_last], before[last] = spread[1], ends
     after[~is_last], after[last] = spread[2], ends
     shares[~is_last] = share
-    # Put a polygon around each point.
+    # Put a polygon around each point. Start at a different angle for each curve, so that breadths average for any view.
     centre, radius = rows[:, :3], np.maximum(rows[:, 3], 0)
-    right, up = frames(centre, first)
-    # Start at a different angle for each curve, so that their breadths average for any view.
+    right, up = (part.astype(np.float32) for part in frames(centre, first))
     begin = np.repeat((found.numbers * GOLDEN) % 1.0, counts)
-    angle = (np.arange(sides) + begin[:, None])[:, :, None] * (2 * math.pi / sides)
-    outward = np.cos(angle) * right[:, None] + np.sin(angle) * up[:, None]
+    angle = ((np.arange(sides) + begin[:, None]) * (2 * math.pi / sides)).astype(np.float32)[:, :, None]
+    outward = np.cos(angle) * right[:, None]
+    outward += np.sin(angle) * up[:, None]
     wider = (math.pi / sides) / math.sin(math.pi / sides)
-    positions = centre[:, None] + wider * radius[:, None, None] * outward
+    positions = (wider * radius).astype(np.float32)[:, None, None] * outward
+    positions += centre.astype(np.float32)[:, None]
+    # Join each polygon to the next one.
     each = np.repeat(np.arange(len(rows)), sides)
-    corners = positions.reshape(-1, 3).astype(np.float32)
+    corners = positions.reshape(-1, 3)
     triangles = _sides(np.flatnonzero(~is_last), sides)
+    size = np.abs(centre).max(initial=0.0)
+    repeated = (centre[1:] == centre[:-1]).all(axis=1)
+    if radius.min(initial=np.inf) <= THIN * size or repeated.any():
+        triangles = triangles[_apart(corners, triangles)]
     return Tubes(
         corners,
-        outward.reshape(-1, 3).astype(np.float32),
-        triangles[_apart(corners, triangles)],
+        outward.reshape(-1, 3),
+        triangles,
         found.rows[before[each]],
         found.rows[after[each]],
         shares[each].astype(np.float32),
@@ -312,8 +321,9 @@ def _apart(positions: F32, triangles: I32) -> NDArray[np.bool_]:
 
 def _sides(rings: NDArray[np.int64], sides: int) -> I32:
     """Two triangles for each side between each of these polygons and the next one, facing outward."""
-    corner = np.arange(sides)
-    a = rings[:, None] * sides + corner
-    b = rings[:, None] * sides + (corner + 1) % sides
-    quads = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)
-    return np.ascontiguousarray(quads.reshape(-1, 3), np.int32)
+    corner = np.arange(sides, dtype=np.int32)
+    after = (corner + 1) % sides
+    quads = np.empty((len(rings), sides, 6), np.int32)
+    for column, offset in enumerate((corner, after, after + sides, corner, after + sides, corner + sides)):
+        np.add((rings * sides).astype(np.int32)[:, None], offset, out=quads[:, :, column])
+    return quads.reshape(-1, 3)
