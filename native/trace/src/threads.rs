@@ -16,6 +16,10 @@ use std::thread::Builder;
 /// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
 pub const CHUNK: usize = STREAM;
 
+/// Number of chunks that many rays are cut into, if their kernel takes so many at once (chosen: enough for the threads of
+/// most machines; each part begins with beams of its own).
+const PARTS: usize = 8;
+
 /// How many rays a worker takes at once, and how many workers there are.
 #[derive(Debug, Clone, Copy)]
 pub struct Shares {
@@ -34,10 +38,11 @@ impl Shares {
         }
     }
 
-    /// Chunks for a kernel that takes up to `most` rays at once: one per thread if that is enough.
+    /// Chunks for a kernel that takes up to `most` rays at once: as large as [`PARTS`] of them allow, whatever the number
+    /// of threads, so that what the kernel counts does not depend on it.
     fn large(threads: usize, rays: usize, most: Option<usize>) -> Self {
         let chunk = most.map_or(CHUNK, |most| {
-            let share = rays.div_ceil(wanted(threads)).next_multiple_of(CHUNK);
+            let share = rays.div_ceil(PARTS).next_multiple_of(CHUNK);
             share.clamp(CHUNK, most.max(CHUNK))
         });
         Self { threads, chunk }

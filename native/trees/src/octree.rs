@@ -125,8 +125,8 @@ const BEAM_WAYS: [Way; 3] = [
         "polygon",
         "Polygons",
         Rays::Beam,
-        "camera rays as published, in beams that begin with the whole image: polygons that each cell clips and hands on; \
-         other rays as net",
+        "camera rays as published, in beams that begin with the whole image, of a pinhole or of an orthographic camera: \
+         polygons that each cell clips and hands on; other rays as net",
     ),
     way(
         "octants",
