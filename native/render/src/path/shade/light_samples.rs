@@ -18,8 +18,13 @@ use halfspace_ray::{Hit, Ray};
 /// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
 const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, EXTRA>
 {
     /// Samples a light and adds a shadow ray if the light could contribute.
     #[inline(always)]
@@ -29,7 +34,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
         Selection { choice, u }: Selection,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, settings) = (self.scene, self.settings);
         let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
@@ -89,7 +94,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
         scatter: &Scatter,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Only a constant, visible background is handled here; others are sampled as lights.
         let world = &self.scene.world;
@@ -120,7 +125,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         frame: &Frame,
         random: VertexSamples,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Directions below the triangle would be occluded by it.
         let direction = frame.to_world(cosine_direction(random.direction()));

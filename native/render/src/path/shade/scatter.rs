@@ -20,8 +20,13 @@ pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool> {
     pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS>,
 }
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, EXTRA>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -32,7 +37,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         d: Vec3,
         random: VertexSamples,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
@@ -108,7 +113,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
         Selection { choice, u }: Selection,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         // The expected weight of a sampled direction is the albedo.
         if path.camera
@@ -135,7 +140,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
         }
-        if let Some(extra) = &mut out.extra
+        if let Some(extra) = out.extra()
             && extra.parts.is_some()
             && path.bounce == 0
         {
@@ -171,7 +176,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         direction: Vec3,
         scatter: &Scatter,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
         if scatter.pdf.is_finite() || surface.shading != surface.geometric {
