@@ -269,7 +269,7 @@ impl Shared {
 
     /// Renders steps until none is left, the time is over or the render is cancelled.
     fn work(&self) {
-        let mut wavefront = Wavefront::new(self.scene.features());
+        let mut wavefront = Wavefront::new(self.scene.features(), self.film.wants_extra());
         let context = Context {
             scene: &self.scene,
             camera: &self.camera,

@@ -75,8 +75,8 @@ pub struct Wavefront {
 }
 
 impl Wavefront {
-    /// A wavefront for scenes with these features.
-    pub fn new(features: Features) -> Self {
+    /// A wavefront for scenes with these features. `extra`: whether passes that are rarely filled are.
+    pub fn new(features: Features, extra: bool) -> Self {
         Self {
             rays: Vec::new(),
             hits: Vec::new(),
@@ -91,7 +91,7 @@ impl Wavefront {
             registers: Vec::new(),
             light_registers: Vec::new(),
             calls: Calls::default(),
-            shade: shade::choose(features),
+            shade: shade::choose(features, extra),
             work: Work::default(),
         }
     }

@@ -15,11 +15,12 @@ impl<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Adds the light of lamps that the ray hits before the surface.
     #[inline(always)]
-    pub(super) fn add_lamps(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Output<'_>) {
+    pub(super) fn add_lamps(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Output<'_, EXTRA>) {
         let (scene, settings) = (self.scene, self.settings);
         // Camera rays see lamps only if one is visible to them, and never on a transparent film's background.
         if path.camera && (!self.camera_sees_lamps || (settings.film_transparent && !hit.is_hit()))
@@ -39,7 +40,7 @@ impl<
         let light = settings.clamped(all, path.bounce > 1);
         out.add_met(light, path, LightPass::Emission, || 0);
         // The limit applies to all lamps together.
-        if let Some(extra) = &mut out.extra {
+        if let Some(extra) = out.extra() {
             let kept = light.max_abs() / all.max_abs();
             for group in (1..).take(extra.groups.len()).filter(|_| kept > 0.0) {
                 add_to_group(extra.groups, group, lamps(Some(group)) * kept);
@@ -49,10 +50,10 @@ impl<
 
     /// Adds the light of the background to a path whose ray hits nothing.
     #[inline(always)]
-    pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_>) {
+    pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_, EXTRA>) {
         let (scene, settings) = (self.scene, self.settings);
         if path.camera
-            && let Some(extra) = &mut out.extra
+            && let Some(extra) = out.extra()
             && let Some(motion) = &mut extra.motion
         {
             let [a, b, c, d] = self.context.camera.background_motion(d);
@@ -95,7 +96,7 @@ impl<
         hit: &Hit,
         cos: f32,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let mut emission = path.throughput * emission;
         if path.pdf.is_finite() {

@@ -24,7 +24,8 @@ impl<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and adds a shadow ray if the light could contribute.
     #[inline(always)]
@@ -34,7 +35,7 @@ impl<
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, settings) = (self.scene, self.settings);
         let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
@@ -94,7 +95,7 @@ impl<
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         scatter: &Scatter,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Only a constant, visible background is handled here; others are sampled as lights.
         let world = &self.scene.world;
@@ -125,7 +126,7 @@ impl<
         frame: &Frame,
         random: VertexSamples,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Directions below the triangle would be occluded by it.
         let direction = frame.to_world(cosine_direction(random.direction()));

@@ -24,26 +24,35 @@ mod scatter;
 /// Shades all hits of a wavefront for the sample with this index.
 pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
 
-/// Returns the variant of [`shade`] compiled for exactly these features.
-pub fn choose(features: Features) -> Shade {
-    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
+/// Returns the variant of [`shade`] compiled for exactly these features. `extra`: whether a pass is filled for which
+/// [`crate::film::Batch`] has an array of its own.
+pub fn choose(features: Features, extra: bool) -> Shade {
     let Features {
         lights,
         smooth_normals,
         ..
     } = features;
+    // Passes that are rarely filled have two variants, for all other features.
+    if extra {
+        return if smooth_normals {
+            shade::<true, true, true, true, MAX_LOBES, true>
+        } else {
+            shade::<true, true, true, false, MAX_LOBES, true>
+        };
+    }
+    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
     if features.lobes {
         return match (lights, smooth_normals) {
-            (false, false) => shade::<false, true, true, false, MAX_LOBES>,
-            (false, true) => shade::<false, true, true, true, MAX_LOBES>,
-            (true, false) => shade::<true, true, true, false, MAX_LOBES>,
-            (true, true) => shade::<true, true, true, true, MAX_LOBES>,
+            (false, false) => shade::<false, true, true, false, MAX_LOBES, false>,
+            (false, true) => shade::<false, true, true, true, MAX_LOBES, false>,
+            (true, false) => shade::<true, true, true, false, MAX_LOBES, false>,
+            (true, true) => shade::<true, true, true, true, MAX_LOBES, false>,
         };
     }
     // Expand the flags, one by one, to the constant parameters of `shade`.
     macro_rules! variant {
         ($($flag:expr),*; $($chosen:tt)*) => { variant!(@ [$($flag),*] [$($chosen)*]) };
-        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)* 0> };
+        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)* 0, false> };
         (@ [$flag:expr $(, $rest:expr)*] [$($chosen:tt)*]) => {
             if $flag {
                 variant!(@ [$($rest),*] [$($chosen)* true,])
@@ -63,12 +72,13 @@ fn shade<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
+    const EXTRA: bool,
 >(
     wave: &mut Wavefront,
     context: &Context<'_>,
     sample: u32,
 ) {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>::new(context, sample);
+    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context, sample);
     let Wavefront {
         rays,
         hits,
@@ -84,14 +94,13 @@ fn shade<
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let mut kept = 0;
-    let wanted = context.film.wants_extra();
     for i in 0..rays.len() {
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let slot = path.slot as usize;
-        let mut out = Output {
+        let mut out = Output::<EXTRA> {
             sample: &mut batch.samples[slot],
-            extra: wanted.then(|| Extra {
+            extra: EXTRA.then(|| Extra {
                 parts: batch.parts.get_mut(slot),
                 shares: shares.get(i).copied().unwrap_or(Shares::DIFFUSE),
                 groups: part(&mut batch.groups, slot, context.film.groups()),
@@ -111,7 +120,8 @@ fn shade<
             if !sources.is_empty() {
                 sources[kept] = out.next;
             }
-            if let Some(extra) = &out.extra
+            if EXTRA
+                && let Some(extra) = &out.extra
                 && !shares.is_empty()
             {
                 shares[kept] = extra.shares;
@@ -127,7 +137,7 @@ fn shade<
 }
 
 /// The outputs of shading.
-struct Output<'a> {
+struct Output<'a, const EXTRA: bool> {
     sample: &'a mut PixelSample,
     /// What passes that are rarely filled need, if any is.
     extra: Option<Extra<'a>>,
@@ -164,13 +174,19 @@ fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
     &mut values[slot * count..(slot + 1) * count]
 }
 
-impl Output<'_> {
+impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
+    /// Returns what passes that are rarely filled need.
+    #[inline(always)]
+    fn extra(&mut self) -> Option<&mut Extra<'a>> {
+        if EXTRA { self.extra.as_mut() } else { None }
+    }
+
     /// Adds light that the path's ray meets. `seen`: the pass of light that the camera sees directly; `group`: returns
     /// the light group of the emitter, called only if such groups are filled.
     #[inline(always)]
     fn add_met(&mut self, light: Vec3, path: &Path, seen: LightPass, group: impl FnOnce() -> u8) {
         self.sample.add(light);
-        let Some(extra) = &mut self.extra else {
+        let Some(extra) = self.extra() else {
             return;
         };
         if !extra.groups.is_empty() {
@@ -195,7 +211,7 @@ impl Output<'_> {
         shares: impl FnOnce() -> Shares,
         group: impl FnOnce() -> u8,
     ) -> Option<Scattered> {
-        let extra = self.extra.as_ref()?;
+        let extra = self.extra.as_ref().filter(|_| EXTRA)?;
         let divided = extra.parts.is_some();
         if !divided && extra.groups.is_empty() {
             return None;
@@ -210,9 +226,10 @@ impl Output<'_> {
     }
 
     /// Adds light that the path's vertex scatters and nothing occludes.
+    #[inline(always)]
     fn add_unoccluded(&mut self, light: Vec3, scattered: Option<Scattered>) {
         self.sample.add(light);
-        if let (Some(extra), Some(of)) = (&mut self.extra, scattered) {
+        if let (Some(extra), Some(of)) = (self.extra(), scattered) {
             add_to_group(extra.groups, of.group, light);
             if let Some(parts) = &mut extra.parts {
                 parts.add_scattered(light, &of.shares, of.indirect);
@@ -223,7 +240,7 @@ impl Output<'_> {
     /// Adds the colours of the path's first surface. `colors`: returns those of the kinds of lobes.
     #[inline(always)]
     fn add_colors(&mut self, throughput: Vec3, colors: impl FnOnce() -> [Vec3; 3]) {
-        if let Some(extra) = &mut self.extra
+        if let Some(extra) = self.extra()
             && let Some(parts) = &mut extra.parts
         {
             let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
@@ -242,6 +259,7 @@ struct Shader<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
+    const EXTRA: bool,
 > {
     context: &'a Context<'a>,
     scene: &'a RenderScene,
@@ -261,7 +279,8 @@ impl<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
-> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
+    const EXTRA: bool,
+> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Computes the values that are the same for all hits.
     fn new(context: &'a Context<'a>, sample: u32) -> Self {
@@ -289,7 +308,7 @@ impl<
         ray: &Ray,
         hit: &Hit,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
         // The direction has unit length.
@@ -358,7 +377,7 @@ impl<
         d: Vec3,
         distance: f32,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, material) = (self.scene, surface.material);
         if material.program.is_empty() {
@@ -384,7 +403,7 @@ impl<
 
     /// Writes the first surface's data for passes.
     #[inline(always)]
-    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, out: &mut Output<'_>) {
+    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, out: &mut Output<'_, EXTRA>) {
         let (scene, camera) = (self.scene, self.context.camera);
         let sample = &mut *out.sample;
         sample.depth = camera.depth(surface.point);
@@ -395,7 +414,7 @@ impl<
         let material = scene.attributes.at(hit.triangle).material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
         sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
-        let Some(extra) = &mut out.extra else {
+        let Some(extra) = out.extra.as_mut().filter(|_| EXTRA) else {
             return;
         };
         if let Some(identities) = &mut extra.identities {

@@ -26,7 +26,8 @@ impl<
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES>
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -37,7 +38,7 @@ impl<
         d: Vec3,
         random: VertexSamples,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
@@ -114,7 +115,7 @@ impl<
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         // The expected weight of a sampled direction is the albedo.
         if path.camera
@@ -141,7 +142,7 @@ impl<
             self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
         }
-        if let Some(extra) = &mut out.extra
+        if let Some(extra) = out.extra()
             && extra.parts.is_some()
             && path.bounce == 0
         {
@@ -177,7 +178,7 @@ impl<
         direction: Vec3,
         scatter: &Scatter,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
         // A lobe of its own frame may mirror about another normal than the polygon's.
