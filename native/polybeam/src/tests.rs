@@ -124,14 +124,14 @@ fn visits<F: Form>(tree: &Octree, octant: &Octant<F>, way: [f32; 3]) -> u32 {
 }
 
 /// Triangles and an octree over them.
-struct Place {
+struct Setup {
     scene: Triangles,
     frame: Frame,
     tree: Arc<Octree>,
     blocks: Arc<Blocks>,
 }
 
-impl Place {
+impl Setup {
     fn new(scene: Triangles) -> Self {
         let frame = Frame::new(scene.bounds());
         let (tree, blocks) = tree_over(&scene, &frame);
@@ -163,8 +163,8 @@ fn nearest(scene: &Triangles, ray: &Ray) -> (f32, u32) {
 /// Traces beams of any number of rays. Compares the answers with those of all triangles, and the number of nodes that
 /// each ray visits with its own; returns the number of rays of which all nodes were compared, and the largest number of
 /// nodes.
-fn compare(place: &Place, rays: &[Ray], visits: impl Fn(&Ray) -> u32) -> [u32; 2] {
-    let Place {
+fn compare(place: &Setup, rays: &[Ray], visits: impl Fn(&Ray) -> u32) -> [u32; 2] {
+    let Setup {
         scene,
         frame,
         tree,
@@ -212,8 +212,8 @@ fn each_ray_is_in_one_beam_in_the_cells_on_its_way() {
     let mut random = Random(5);
     let (mut compared, mut longest, mut inside) = (0, 0, 0);
     for round in 0..30 {
-        let place = Place::new(small_triangles(&mut random, 20 + 4 * round));
-        let Place { frame, tree, .. } = &place;
+        let place = Setup::new(small_triangles(&mut random, 20 + 4 * round));
+        let Setup { frame, tree, .. } = &place;
         // Look from anywhere, in half of the rounds from a corner of cells, along their walls.
         let mut o = random.point().map(|x| 2.5 * x);
         let lattice = round % 2 == 0;
@@ -266,8 +266,8 @@ fn each_parallel_ray_is_in_one_beam_in_the_cells_on_its_way() {
     let mut random = Random(6);
     let (mut compared, mut longest) = (0, 0);
     for round in 0..30_usize {
-        let place = Place::new(small_triangles(&mut random, 20 + 4 * round));
-        let Place { frame, tree, .. } = &place;
+        let place = Setup::new(small_triangles(&mut random, 20 + 4 * round));
+        let Setup { frame, tree, .. } = &place;
         // Look anywhere; in half of the rounds along walls or diagonals of cells, from their corners.
         let lattice = round % 2 == 0;
         let mut d = random.point();

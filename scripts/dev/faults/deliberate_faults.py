@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
-from faults_of_traversals import PICTURES, SURFACES, TRAVERSALS
+from faults_of_pictures import PICTURES, SURFACES
+from faults_of_traversals import TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"
