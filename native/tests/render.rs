@@ -171,6 +171,7 @@ fn polygons_render_sunny_pictures_of_orthographic_cameras() {
             power: [power; 3],
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
+            group: 0,
         }
     };
     let lights = vec![
