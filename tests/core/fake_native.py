@@ -30,7 +30,7 @@ class Structure:
             "triangles": triangles,
         }
 
-    def refit(self, vertices: Any, *, threads: int = 0) -> Structure:
+    def refit(self, vertices: Any, *, threads: int = 0, monitor: Monitor | None = None) -> Structure:
         """Refuses, as trees of planes do."""
         raise RefitError("built again")
 
