@@ -26,7 +26,7 @@ from ..measure import comparing, workloads
 from ..read import camera, extract, passes, remarks
 from ..session import reports, trees
 from ..settings import properties, quality
-from . import denoising, running
+from . import denoising, moving, running
 from .requested import render_settings
 from .viewport import Viewport
 
@@ -120,13 +120,16 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it."""
+    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it. times: the scene at the
+    times that samples take in turn, if it moves.
+    """
 
     scene: Scene
     view: Camera
     layout: Layout
     moment: int
     seconds: float
+    times: tuple[Scene, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +170,8 @@ class _Picture:
         built = self._build(module, read, settings)
         tree = self._keep(read, built)
 
-        job = self._trace(settings, read, built)
+        later = [self._build_set(module, scene, settings, built.spec).session for scene in read.times]
+        job = self._trace(settings, read, built, later)
         self._report(job, read, built, tree)
         self._warn()
 
@@ -182,7 +186,9 @@ class _Picture:
         layout = found.layout(instancing, integrator=quality.integrator(self.group))
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         view = self._camera(scene.geometry.origin)
-        return _Read(scene, view, layout, moment, time.perf_counter() - start)
+        still = moving.Still(scene, view, layout, self.notes)
+        view, times = moving.read(self.engine, self.depsgraph, still, self._camera, self._reading)
+        return _Read(scene, view, layout, moment, time.perf_counter() - start, times)
 
     def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
         """The structure of the settings, or the automatically chosen one, with the scene around it."""
@@ -199,9 +205,10 @@ class _Picture:
         self._note_dropped(read.scene.geometry, session.structure.statistics)
         return built
 
-    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
-        """Build the structure of the settings."""
-        spec, label = properties.spec(self.group), properties.structure(self.group).label
+    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> _Built:
+        """Build the structure of the settings, or of this specification."""
+        spec = properties.spec(self.group) if spec is None else spec
+        label = properties.structure(self.group).label
         properties.remark_unknown(self.group, self.notes)
         self._show_status(f"{label}: building over {scene.geometry.count:,} triangles")
         session = Session.start(
@@ -233,15 +240,18 @@ class _Picture:
         structure, geometry = built.session.structure, read.scene.geometry
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
-    def _trace(self, settings: RenderSettings, read: _Read, built: _Built) -> Any:
-        """Render into a result that is shown coarse at once, then while it converges. Returns the finished job."""
+    def _trace(self, settings: RenderSettings, read: _Read, built: _Built, later: list[Session]) -> Any:
+        """Render into a result that is shown coarse at once, then while it converges. Returns the finished job.
+
+        later: sessions of the times that samples take in turn, if the scene moves.
+        """
         width, height = settings.size
         origin = read.scene.geometry.origin
         self.result = self.engine.begin_result(
             0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
         )
         first = self._show_coarse(settings, read, built) if is_displayed() else None
-        job = built.session.render(read.view, settings)
+        job = built.session.render(read.view, settings, later)
         buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
         if first is not None:
             buffers["Combined"] = first

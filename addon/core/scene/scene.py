@@ -86,6 +86,20 @@ class Source:
     names: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """A grid in the space of an object. values: (x, y, z, 1 or 3) float32. to_index: (3, 4), object space to the
+    array's indices, where the voxels lie at whole numbers.
+    """
+
+    values: F32
+    to_index: list[list[float]]
+
+    def __post_init__(self) -> None:
+        check("voxels", self.values, np.float32, (None, None, None, None))
+        self.values.flags.writeable = False
+
+
 @dataclass(frozen=True)
 class ObjectFrame:
     """An object's coordinate frames for textures.
@@ -198,7 +212,8 @@ class Camera:
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
     at distance 1 (perspective) or in scene units (orthographic); includes shift, sensor fit and pixel aspect.
     aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
-    radians. aperture_ratio: height by width. focus_distance: along -Z.
+    radians. aperture_ratio: height by width. focus_distance: along -Z. poses: transforms like `to_world` at equal
+    intervals while the shutter is open; fewer than two: none.
     """
 
     kind: str
@@ -211,6 +226,7 @@ class Camera:
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
     focus_distance: float = 1.0
+    poses: tuple[tuple[tuple[float, ...], ...], ...] = ()
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
@@ -243,7 +259,10 @@ Step = Mapping[str, Any]
 
 
 Hidden = tuple[str, ...]
-"""Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission."""
+"""Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission, volume."""
+
+Volume = Mapping[str, Any]
+"""The inside of objects: "closures" and "program", as the native module takes them."""
 
 
 @dataclass(frozen=True)
@@ -290,6 +309,7 @@ class Material:
     alpha: float = 1.0
     closures: tuple[Closure, ...] = ()
     program: tuple[Step, ...] = ()
+    volume: Volume | None = None
     hidden_from: Hidden = ()
 
     @property
@@ -337,13 +357,15 @@ class Light:
 class World:
     """The background; `color` is linear RGB and includes its strength.
 
-    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result.
+    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. volume: the
+    medium everywhere outside, which does not vary.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
     program: tuple[Step, ...] = ()
     radiance: Operand | None = None
     hidden_from: Hidden = ()
+    volume: Volume | None = None
 
 
 @dataclass(frozen=True)
@@ -381,6 +403,7 @@ class Scene:
     world: World
     numbers: Numbers = field(default_factory=Numbers)
     images: tuple[Image, ...] = ()
+    grids: tuple[Voxels, ...] = ()
 
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)

@@ -2,6 +2,7 @@
 //! Camera rays: perspective and orthographic, through a pinhole or a thin lens.
 
 use crate::camera::lens::{Lens, LensParams};
+use crate::camera::poses::Poses;
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
@@ -10,6 +11,7 @@ use halfspace_ray::Ray;
 
 pub mod filter;
 pub mod lens;
+pub mod poses;
 
 /// How the film is projected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,6 +37,9 @@ pub struct CameraParams {
     pub clip_end: f64,
     /// Depth of field.
     pub lens: LensParams,
+    /// Transforms like `to_world` at equal intervals while the shutter is open, in place of it for rays; fewer than two
+    /// = the camera stands still.
+    pub poses: Vec<[[f64; 4]; 4]>,
 }
 
 /// A camera prepared for generating rays.
@@ -55,7 +60,40 @@ pub struct Camera {
     clip: [f32; 2],
     lens: Option<Lens>,
     view: View,
+    moving: Option<Box<Moving>>,
 }
+
+/// A camera that moves.
+#[derive(Debug, Clone)]
+struct Moving {
+    poses: Poses,
+    /// The same camera at the origin.
+    local: Camera,
+}
+
+impl Moving {
+    /// The moving camera of these parameters; `None` if it stands still.
+    fn new(params: &CameraParams, width: u32, height: u32) -> Result<Option<Box<Self>>> {
+        let Some(poses) = Poses::new(&params.poses)? else {
+            return Ok(None);
+        };
+        let still = CameraParams {
+            to_world: IDENTITY,
+            poses: Vec::new(),
+            ..params.clone()
+        };
+        let local = Camera::new(&still, width, height)?;
+        Ok(Some(Box::new(Self { poses, local })))
+    }
+}
+
+/// The transform of a camera at the origin.
+const IDENTITY: [[f64; 4]; 4] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+];
 
 impl Camera {
     /// A camera for a film of `width` × `height` pixels.
@@ -112,6 +150,7 @@ impl Camera {
             up: at(0.0, (top - bottom) / f64::from(height), 0.0),
             axes: [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
             lens: Lens::new(&params.lens)?,
+            moving: Moving::new(params, width, height)?,
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
                 end as f32,
@@ -130,18 +169,37 @@ impl Camera {
         }
     }
 
+    /// Like [`Self::ray`], at a time from 0 to 1 of the shutter's opening, which is drawn only if the camera moves.
+    #[inline]
+    pub fn ray_at(
+        &self,
+        x: f32,
+        y: f32,
+        lens: impl FnOnce() -> [f32; 2],
+        time: impl FnOnce() -> f32,
+    ) -> Ray {
+        match &self.moving {
+            None => self.ray(x, y, lens),
+            Some(moving) => moving.poses.placed(&moving.local.ray(x, y, lens), time()),
+        }
+    }
+
     /// Returns the camera's frame.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// Whether the camera is a pinhole (or sharp orthographic) one.
+    /// Whether the camera is a pinhole (or sharp orthographic) one that stands still.
     pub fn is_sharp(&self) -> bool {
-        self.lens.is_none()
+        self.lens.is_none() && self.moving.is_none()
     }
 
-    /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens.
+    /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens
+    /// or if the camera moves.
     pub fn source(&self) -> Source {
+        if self.moving.is_some() {
+            return Source::None;
+        }
         match (&self.lens, self.perspective) {
             (Some(_), _) => Source::None,
             (None, true) => Source::Point(self.origin),
@@ -245,6 +303,7 @@ impl Default for CameraParams {
             clip_start: 0.1,
             clip_end: 1000.0,
             lens: LensParams::default(),
+            poses: Vec::new(),
         }
     }
 }

@@ -34,7 +34,7 @@ mod shapes;
 mod tree;
 pub mod world;
 
-pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Receiver};
+pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Reach, Receiver};
 pub use crate::light::params::{AreaShape, LightKind, LightParams};
 
 /// All lights of a scene: lamps first, then emissive triangles, then the background.
@@ -219,9 +219,7 @@ impl Lights {
         }
     }
 
-    /// Adds up the light of all lamps that a ray of this kind from `receiver` hits within the interval `span`.
-    /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
-    /// infinite if light samples cannot find it.
+    /// Like [`Self::radiance_through`], through vacuum.
     pub fn radiance_along(
         &self,
         receiver: Receiver,
@@ -230,7 +228,30 @@ impl Lights {
         pdf: f32,
         kind: RayKind,
     ) -> Vec3 {
-        let [t_min, t_max] = span;
+        let reach = Reach {
+            receiver,
+            direction,
+            span,
+        };
+        self.radiance_through(reach, pdf, kind, |_| Vec3::ONE)
+    }
+
+    /// Adds up the light of all lamps that a ray of this kind hits within its reach.
+    /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
+    /// infinite if light samples cannot find it. `transmittance`: of the way to a lamp at this distance.
+    #[inline(always)]
+    pub fn radiance_through(
+        &self,
+        reach: Reach,
+        pdf: f32,
+        kind: RayKind,
+        mut transmittance: impl FnMut(f32) -> Vec3,
+    ) -> Vec3 {
+        let Reach {
+            receiver,
+            direction,
+            span: [t_min, t_max],
+        } = reach;
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
@@ -263,7 +284,7 @@ impl Lights {
             } else {
                 1.0
             };
-            sum += light.strength * (factor * weight);
+            sum += light.strength * (factor * weight) * transmittance(distance);
         };
         // Test all lamps, or those that the tree finds plus the suns.
         match &self.many {

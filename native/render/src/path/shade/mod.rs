@@ -4,8 +4,11 @@
 
 use crate::film::PixelSample;
 use crate::math::vector::Vec3;
+use crate::medium::stack::Stack;
 use crate::path::beams::source::Source;
-use crate::path::shadow_rays::ShadowRays;
+use crate::path::media::Scratch;
+use crate::path::shade::volume::Crossed;
+use crate::path::shadow_rays::{Passing, ShadowRays};
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
@@ -19,6 +22,7 @@ use halfspace_ray::{Hit, Ray};
 mod emission;
 mod light_samples;
 mod scatter;
+mod volume;
 
 /// Shades all hits of a wavefront for the sample with this index.
 pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
@@ -54,6 +58,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         paths,
         samples,
         sources,
+        media,
+        scratch,
         shadows,
         registers,
         light_registers,
@@ -73,11 +79,17 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             work: &mut *work,
             source: sources.get(i).copied().unwrap_or(Source::None),
             next: Source::None,
+            media: media.get(i).copied(),
+            scratch: &mut *scratch,
+            seed: 0,
         };
         if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut out) {
             rays[kept] = next;
             if !sources.is_empty() {
                 sources[kept] = out.next;
+            }
+            if let Some(stack) = out.media {
+                media[kept] = stack;
             }
             paths[kept] = path;
             kept += 1;
@@ -86,6 +98,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     rays.truncate(kept);
     paths.truncate(kept);
     sources.truncate(kept);
+    media.truncate(kept);
 }
 
 /// The outputs of shading.
@@ -101,6 +114,34 @@ struct Output<'a> {
     source: Source,
     /// The beam of the next ray.
     next: Source,
+    /// The media that the ray is in; `None` if the scene has none, or they are not rendered.
+    media: Option<Stack>,
+    scratch: &'a mut Scratch,
+    /// Seed of the streams of random numbers within media; set where there are any.
+    seed: u32,
+}
+
+impl Output<'_> {
+    /// Adds a shadow ray with its light. `surface`: from which it starts, to either side.
+    #[inline(always)]
+    fn cast(&mut self, ray: Ray, path: &Path, value: Vec3, surface: Option<&Surface<'_>>) {
+        self.shadows.push(ray, path, value);
+        if let Some(stack) = self.media {
+            let mut passing = Passing::new(stack, self.seed);
+            if let Some(surface) = surface.filter(|s| s.geometric.dot(Vec3::from(ray.d)) < 0.0) {
+                passing.stack.cross(surface.medium_behind(), surface.inside);
+            }
+            self.shadows.push_media(passing);
+        }
+    }
+
+    /// Crosses a surface into or out of its object.
+    #[inline(always)]
+    fn cross(&mut self, surface: &Surface<'_>) {
+        if let Some(stack) = &mut self.media {
+            stack.cross(surface.medium_behind(), surface.inside);
+        }
+    }
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -150,8 +191,14 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let (scene, features) = (self.scene, self.features);
         // The direction has unit length.
         let d = Vec3::from(ray.d);
-        // Add the light of lamps in front of the hit, and of the background.
-        if LIGHTS && features.lights_hittable {
+        // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
+        if out.media.is_some() {
+            match volume::cross(self.context, self.sample, ray, hit, path, out) {
+                Crossed::Reached => {}
+                Crossed::Scattered(next) => return Some(next),
+                Crossed::Ended => return None,
+            }
+        } else if LIGHTS && features.lights_hittable {
             self.add_lamps(d, hit, path, out);
         }
         if !hit.is_hit() {
@@ -162,6 +209,13 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
         if features.hidden && !surface.material.visible.to(path.kind) {
+            return path
+                .pass_invisible(hit.t)
+                .then(|| surface.continued(ray, hit));
+        }
+        // Pass the boundaries of volumes.
+        if out.media.is_some() && surface.material.boundary {
+            out.cross(&surface);
             return path
                 .pass_invisible(hit.t)
                 .then(|| surface.continued(ray, hit));
@@ -189,6 +243,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let pass = unscattered.pass_probability();
         if features.transparency && opacity < pass {
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
+            out.cross(&surface);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
         if path.camera {

@@ -140,6 +140,9 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         path.passed = 0.0;
         path.camera = false;
         path.scatter(scatter.kind);
+        if scatter.through {
+            out.cross(surface);
+        }
         if let Some(ray) = self.beam_ray(surface, direction, &scatter, path, out) {
             return Some(ray);
         }
