@@ -853,8 +853,12 @@ class RenderScene:
         the index), "film_thickness" (nm), "film_ior", each an argument as in a program, and "normal",
         "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
         principled. "hidden_from" names the kinds of rays
-        that pass through its surfaces: camera, shadow, diffuse, glossy, transmission.
+        that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
         "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
+        "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
+        with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"
+        (-1 to 1; Henyey and Greenstein's phase function), each an argument as in a program, 0 by
+        default; they add up, and what is constant is traversed in closed form. Path tracing only.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
     surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
@@ -873,8 +877,8 @@ class RenderScene:
         such rays. Negative power darkens. Lights without power are left out.
         "group" (0): the light group, from 1 to 64, 0 = none.
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
-        an argument as in a material, the radiance of each direction. "hidden_from" as for materials. "group"
-        as for lights.
+        an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must not
+        vary, as for materials. "group" as for lights.
     images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
         whether colours are decoded after interpolation. An image without pixels is missing: pink.
     layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
@@ -883,6 +887,9 @@ class RenderScene:
         rows of four floats that the steps "object_value" read by "column" (none).
     object_index: (m,) uint32, the object of each triangle; None = the first for all.
     origin: (3,), the world position of the scene's origin.
+    grids: dictionaries of "values", (x, y, z, 1 or 3) float32, voxels that the step "voxels" reads by their number
+        in this list, counted from 1, at a position in object space, and "to_index", (3, 4), object space to the
+        array's indices, where the voxels lie at whole numbers.
     indices: object and material indices for the passes of that name; None = all 0. "first" (n,) int32,
         the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
         index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
@@ -913,6 +920,7 @@ class RenderScene:
         objects: Sequence[Mapping[str, Any]] | None = None,
         object_index: npt.NDArray[np.uint32] | None = None,
         origin: tuple[float, float, float] | None = None,
+        grids: Sequence[Mapping[str, Any]] | None = None,
         indices: Mapping[str, Any] | None = None,
     ) -> None: ...
     @property
@@ -989,7 +997,7 @@ class RenderJob:
         """
 
 def render(
-    scene: RenderScene,
+    scene: RenderScene | Sequence[RenderScene],
     camera: Mapping[str, Any],
     settings: Mapping[str, Any],
     *,
@@ -997,6 +1005,8 @@ def render(
 ) -> RenderJob:
     """Starts a render and returns at once.
 
+    scene: a RenderScene, or a sequence of the same scene in the middles of equal parts of the time in which the shutter
+        is open; the samples take them in turn.
     camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
         -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
         distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
@@ -1007,12 +1017,14 @@ def render(
         length and (2,) "sensor" in its unit; "polynomial" "fov", "sensor" and (5,) "polynomial";
         "central_cylindrical" (2,) "longitude" and (2,) "height" on a cylinder of radius 1; "mirror_ball" and
         "cube_face" none. "motion": a pair of cameras, of the picture before this one and of the one after, for the
-        pass "Vector" (None: the camera stays).
+        pass "Vector" (None: the camera stays). "poses": transforms (4, 4) at equal intervals from the opening of the
+        shutter to its end, between which rays are interpolated; fewer than two: none.
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
         "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
         "ambient_distance" (inf));
-        "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): upper limit of what a sample
+        "max_bounces" (4): 0 = direct light only, as in Cycles; "volume_bounces" (0): the same for scattering in
+        volumes; "clamp_indirect" (0): upper limit of what a sample
         adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
         for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
         improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting

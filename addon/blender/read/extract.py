@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.base.arrays import F64
 from ...core.scene.instances import Layout, choose
 from ...core.scene.mattes import Mattes
-from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, World
+from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, Voxels, World
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
-from .object_values import Instance, Value
+from .media import grids
+from .object_values import DENSITY_SCALE, Instance, Value
 from .strands.collecting import Collector
 from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
@@ -27,10 +29,6 @@ if TYPE_CHECKING:
 MESH_TYPES = {"MESH"}
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
 ROUND_TYPES = {"CURVES", "POINTCLOUD"}
-SKIPPED_TYPES = {
-    "VOLUME": "volume",
-}
-"""Objects that are reported as left out. Grease pencil is not among them: Blender draws it over any picture."""
 
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
@@ -39,8 +37,15 @@ HOLDOUT = "Holdout is not supported yet, rendered as usual"
 THIN = 1e-6
 """Thickness of a collapsed axis relative to the width of the sheet."""
 
-RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
-"""The kinds of rays that an object can be hidden from."""
+RAYS = {
+    "camera": "visible_camera",
+    "shadow": "visible_shadow",
+    "diffuse": "visible_diffuse",
+    "glossy": "visible_glossy",
+    "transmission": "visible_transmission",
+    "volume": "visible_volume_scatter",
+}
+"""The kinds of rays that an object can be hidden from, with Blender's settings."""
 
 
 @dataclass
@@ -69,6 +74,8 @@ class Found:
     made: tuple[str, ...] = ()
     """Lines on hair and points: what was made into how many triangles."""
     mattes: Mattes | None = None
+    media: bool = False
+    grids: tuple[Voxels, ...] = ()
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
@@ -88,17 +95,23 @@ class Found:
         smooth = any(placement.mesh.normals is not None for placement in self.placements)
         return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
 
-    def flattened(self, *, uvs: bool = False) -> Scene:
-        """The scene with every triangle of every instance."""
-        return self._scene(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=self.objects))
+    def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
+        """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
+        # Media are told apart by their objects.
+        objects = self.objects or self.media
+        return self._scene(
+            meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin)
+        )
 
-    def instanced(self) -> Scene:
-        """The scene with every mesh once, and its instances."""
-        return self._scene(meshes.keep_instances(self.placements))
+    def instanced(self, origin: F64 | None = None) -> Scene:
+        """The scene with every mesh once, and its instances. origin: as for `flattened`."""
+        return self._scene(meshes.keep_instances(self.placements, origin))
 
     def _scene(self, geometry: Any) -> Scene:
         moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images, self.mattes)
+        return Scene(
+            geometry, self.materials, moved, self.world, self.numbers, self.images, self.grids, mattes=self.mattes
+        )
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
@@ -165,6 +178,8 @@ def find(
         objects=reader.palette.layers.objects,
         made=tuple(reader.strands.made),
         mattes=Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
+        media=reader.palette.layers.media,
+        grids=tuple(reader.grids),
     )
 
 
@@ -189,6 +204,9 @@ class _Reader:
         self._held: set[str] = set()
         self._unreadable: set[texture_layers.Key] = set()
         self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
+        self._volumes: dict[tuple[str, int], grids.Grids] = {}
+        self._grid_numbers: dict[tuple[str, int], dict[str, float]] = {}
+        self.grids: list[Voxels] = []
         self._surfaces, self._strands = layer.use_solid, layer.use_strand
         self._marks = view_layers.Marks(layer)
         self._given: set[int] = set()
@@ -224,8 +242,8 @@ class _Reader:
                 self._note_linking(item, item.name_full)
                 group = self._group_numbers.get(item.lightgroup, 0)
                 self.lights.append(replace(light, hidden_from=_hidden(item, parent), group=group))
-        elif kind in SKIPPED_TYPES:
-            self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
+        elif kind == "VOLUME":
+            self._place_volume(item, matrix, parent, number)
 
     def placements(self) -> list[meshes.Placement]:
         """The placements, in order of appearance, those of hair and points last."""
@@ -275,6 +293,31 @@ class _Reader:
             group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
         group.matrices.append(sheet)
         group.names.append(item.name_full)
+        group.values.append(instance.values(self.palette.layers.object_values))
+
+    def _place_volume(self, item: Any, matrix: np.ndarray[Any, Any], parent: Any, number: int) -> None:
+        """Add the box around the grids of a volume object."""
+        data, name = item.data, item.name_full
+        self._check_once(item, name)
+        key = ("volume", data.as_pointer())
+        if key not in self._volumes:
+            self._volumes[key] = grids.read_volume(data, name, self.notes)
+            first = len(self.grids) + 1
+            self._grid_numbers[key] = {grid: float(first + i) for i, grid in enumerate(self._volumes[key].voxels)}
+            self.grids += self._volumes[key].voxels.values()
+        box = self._volumes[key].box
+        if box is None or not np.isfinite(matrix).all() or not _is_regular(matrix):
+            self.notes.add("Skipped, the volume is empty or has no size", name)
+            return
+        used = self.palette.indices(item, data, self._seen(item, parent))
+        if all(self.palette.materials()[i].volume is None for i in used):
+            self.notes.add("Skipped, the volume has no material with a volume shader", name)
+            return
+        group = self._groups.setdefault((key, used), _Group(box, np.array(used, np.int32)))
+        group.matrices.append(matrix)
+        group.names.append(name)
+        scale = {DENSITY_SCALE: grids.density_scale(matrix, data)}
+        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number, self._grid_numbers[key] | scale)
         group.values.append(instance.values(self.palette.layers.object_values))
 
     def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
@@ -364,7 +407,7 @@ def _topmost(item: Any) -> Any:
 def _hidden(item: Any, parent: Any) -> Hidden:
     """The rays that ignore an object; those that its instancer ignores are included."""
     both = [item] if parent is None else [item, parent]
-    return tuple(ray for ray in RAYS if not all(getattr(one, f"visible_{ray}") for one in both))
+    return tuple(ray for ray, setting in RAYS.items() if not all(getattr(one, setting) for one in both))
 
 
 def _as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:

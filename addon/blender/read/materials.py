@@ -11,6 +11,7 @@ import bpy
 from ...core.base.notes import Notes
 from ...core.scene.scene import Closure, Hidden, Image, Material
 from .images import Gallery
+from .media.volumes import Volume
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
 from .value_nodes import outputs
@@ -72,6 +73,8 @@ class Palette:
         self._owners = owners
         self._wanted = wanted or {}
         self._names = [NAMELESS]
+        blocks = list(blocks)
+        self.layers.grids = any(isinstance(block, bpy.types.Volume) for block in blocks)
         for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
@@ -152,6 +155,26 @@ class Palette:
 
 def _material(material: Any, values: Values) -> Material:
     """Convert a Blender material; without nodes, or with an unsupported surface, its viewport settings are used."""
+    surface = _surface(material, values)
+    tree = active_tree(material)
+    output = None if tree is None else output_node(tree)
+    if output is None or not output.inputs["Volume"].is_linked:
+        return surface
+    # A volume has a program of its own, which runs along rays.
+    inner = values.inner()
+    volume = Volume(inner)
+    try:
+        volume.read(Place(output.inputs["Volume"]))
+    except Unsupported as unsupported:
+        values.remark(f"{unsupported} (volume)")
+        return surface
+    values.images |= inner.images
+    values.layers.media |= bool(volume.closures)
+    return replace(surface, volume=volume.as_dict())
+
+
+def _surface(material: Any, values: Values) -> Material:
+    """The surface of a material."""
     name = material.name
     viewport = Material(
         name,
@@ -166,9 +189,8 @@ def _material(material: Any, values: Values) -> Material:
     if output is None:
         return _black(name)
     # Note outputs that are not rendered, then read the surface.
-    for socket in ("Displacement", "Volume"):
-        if output.inputs[socket].is_linked:
-            values.remark(socket)
+    if output.inputs["Displacement"].is_linked:
+        values.remark("Displacement")
     surface = Surface(values, viewport.base_color)
     socket = Place(output.inputs["Surface"])
     try:

@@ -149,15 +149,17 @@ def assemble(
     uvs: bool = False,
     layers: Sequence[texture_layers.Key] = (),
     objects: bool = False,
+    origin: F64 | None = None,
 ) -> Geometry:
-    """All placements as one geometry, with its origin at the centre of the box around the boxes of the placed meshes.
+    """All placements as one geometry, with its origin at the centre of the box around the boxes of the placed meshes,
+    unless it is given.
 
     layers: corner attributes that materials read. objects: whether materials need object frames. Raises SceneError.
     """
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     if not placements:
         return Geometry.empty()
-    origin = _centre(placements)
+    origin = _centre(placements) if origin is None else origin
     vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
     smooth = any(p.mesh.normals is not None for p in placements)
@@ -265,10 +267,11 @@ class LayerRoom:
             )
 
 
-def keep_instances(placements: list[Placement]) -> InstancedGeometry:
+def keep_instances(placements: list[Placement], origin: F64 | None = None) -> InstancedGeometry:
     """All placements with each mesh once, with the origin and the triangle order of `assemble`."""
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
-    origin = _centre(placements) if placements else np.zeros(3)
+    if origin is None:
+        origin = _centre(placements) if placements else np.zeros(3)
     numbers: dict[int, int] = {}
     kept: list[Mesh] = []
     for placement in placements:

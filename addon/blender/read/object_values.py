@@ -3,30 +3,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 Key = tuple[str, str]
-"""The kind of a value, INFO, OBJECT or INSTANCER, and its name."""
+"""The kind of a value, INFO, OBJECT, INSTANCER or GRID, and its name."""
 
 Value = tuple[float, float, float, float]
 
 INFO, OBJECT, INSTANCER = "INFO", "OBJECT", "INSTANCER"
+
+GRID, DENSITY_SCALE = "GRID", ""
+"""The number of a grid by its name, counted from 1, and the factor on the coefficients of volumes."""
 
 MASK = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
 class Instance:
-    """An evaluated object at one place. parent: its instancer, if any. number: the instance's random number."""
+    """An evaluated object at one place. parent: its instancer, if any. number: the instance's random number.
+    grids: values of the kind GRID.
+    """
 
     item: Any
     parent: Any
     location: tuple[float, ...]
     number: int = 0
+    grids: Mapping[str, float] = field(default_factory=lambda: {DENSITY_SCALE: 1.0})
 
     def values(self, keys: Sequence[Key]) -> tuple[Value, ...]:
         """The values of these keys; 0 where there is none."""
@@ -34,6 +40,8 @@ class Instance:
 
     def _value(self, kind: str, name: str) -> Value | None:
         item = self.item
+        if kind == GRID:
+            return as_value(self.grids.get(name, 0.0))
         if kind == INFO:
             match name:
                 case "Location":

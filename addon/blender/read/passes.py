@@ -71,6 +71,12 @@ LIGHT_PASSES = (
 )
 """The parts of the light, as in Cycles."""
 
+VOLUME_PASSES = (
+    Pass("Volume Direct", "RGB", "COLOR", "use_pass_volume_direct", own=True, before_5="VolumeDir"),
+    Pass("Volume Indirect", "RGB", "COLOR", "use_pass_volume_indirect", own=True, before_5="VolumeInd"),
+)
+"""The parts of the light that a volume scatters first, whose switches in Cycles belong to its add-on."""
+
 OWN_PASSES = (
     Pass("Denoising Albedo", "RGB", "COLOR", "use_pass_albedo", own=True),
     Pass("Sample Count", "X", "VALUE", "use_pass_samples", own=True),
@@ -87,7 +93,7 @@ MATTES = {
 }
 """What Cryptomatte distinguishes, with the property of the view layer that enables it."""
 
-PASSES = (*DATA_PASSES, *LIGHT_PASSES, *OWN_PASSES)
+PASSES = (*DATA_PASSES, *LIGHT_PASSES, *VOLUME_PASSES, *OWN_PASSES)
 
 
 def wanted_passes(view_layer: Any) -> list[Pass]:

@@ -16,8 +16,6 @@ def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
     render = scene.render
     if not triangles:
         notes.add("The scene has no surface, only the background is rendered", scene.name)
-    if render.use_motion_blur:
-        notes.add("Motion blur is not supported, objects are rendered without motion", scene.name)
     if render.use_freestyle:
         notes.add("Freestyle lines are not supported", scene.name)
     for name in unknown_passes(view_layer):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .nodes import NUMBERS, Place, Remark, Unsupported, converted
-from .object_values import Key, found
+from .object_values import GRID, Key, found
 from .value_nodes import NODES, UV, constant
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ class Layers:
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
+        self.media = False
+        self.grids = False
         self.object_values: list[Key] = []
 
     def number(self, kind: str, name: str) -> int:
@@ -75,6 +77,7 @@ class Values:
         self.layers, self.gallery, self.remark, self.background = layers, gallery, remark, background
         self.wait, self.keep_going = wait, keep_going
         self.material_index = 0.0
+        self.volume = False
         self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
@@ -82,6 +85,12 @@ class Values:
         self._known: dict[Any, Operand] = {}
         self._open: list[Any] = []
         self._shift: dict[str, Any] = {}
+
+    def inner(self) -> Values:
+        """For another program of the same material."""
+        inner = Values(self.layers, self.gallery, self.remark, background=self.background)
+        inner.material_index, inner.owners, inner.volume = self.material_index, self.owners, True
+        return inner
 
     def step(self, op: str, *args: Operand, **settings: Any) -> int:
         """Append a step. Returns its number. Raises Unsupported if there are too many."""
@@ -98,10 +107,19 @@ class Values:
             self.layers.objects = True
         return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind, **self._shift))
 
-    def layer(self, kind: str, name: str) -> int:
-        """The step for the value of a layer at the shading point."""
+    def layer(self, kind: str, name: str) -> Operand:
+        """The step for the value of a layer at the shading point; in volumes that of a grid."""
+        if self.volume:
+            return self.grid(name, 0.0)
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number, **self._shift))
+
+    def grid(self, name: str, absent: float) -> Operand:
+        """The step for the value of a grid; `absent` in objects that have none of this name."""
+        if self.background or not (name and self.layers.grids):
+            return absent
+        number, position = self.of_object(GRID, name), self.coordinate("object")
+        return self.once((GRID, name, absent), lambda: self.step("voxels", number, position, absent))
 
     def of_object(self, kind: str, name: str) -> Operand:
         """The step for a value of the shaded object, see `object_values`."""

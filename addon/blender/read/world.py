@@ -9,12 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.scene.scene import Light, World
 from .images import Gallery
+from .media.volumes import Volume, varies
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
 from .values import Layers, Values
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
+
+
+RAYS = {
+    "camera": "camera",
+    "diffuse": "diffuse",
+    "glossy": "glossy",
+    "transmission": "transmission",
+    "volume": "scatter",
+}
+"""The kinds of rays that a world can be hidden from, with Cycles' settings."""
 
 
 def read_world(
@@ -34,7 +45,7 @@ def read_world(
     found, images, suns = _read(world, notes, gallery, wait, keep_going)
     # Cycles stores these with the world, if it is enabled.
     flags = getattr(world, "cycles_visibility", None)
-    hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
+    hidden = tuple(ray for ray, flag in RAYS.items() if not getattr(flags, flag, True))
     return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
 
 
@@ -56,23 +67,37 @@ def _read(
     output = output_node(tree)
     if output is None:
         return World(), *nothing
-    if output.inputs["Volume"].is_linked:
-        remark("Volume")
     values = Values(Layers(), gallery or Gallery(), remark, background=True, wait=wait, keep_going=keep_going)
     surface = Surface(values, plain.color)
+    volume = _volume(output, values)
     values.sun_strength = _sky_strength(output)
     try:
         surface.read(Place(output.inputs["Surface"]))
         total = _total(surface)
     except Unsupported as unsupported:
         remark(str(unsupported))
-        return plain, *nothing
+        return replace(plain, volume=volume), *nothing
     # Turn a constant sum into a colour, and keep a program otherwise.
     if total is None:
-        return World(), *nothing
+        return World(volume=volume), *nothing
     if isinstance(total, tuple):
-        return World(_rgb(total)), *nothing
-    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
+        return World(_rgb(total), volume=volume), *nothing
+    return World((0.0, 0.0, 0.0), tuple(values.steps), total, volume=volume), values.images, values.suns
+
+
+def _volume(output: Any, values: Values) -> Any:
+    """The medium everywhere outside; None if there is none or it varies."""
+    if not output.inputs["Volume"].is_linked:
+        return None
+    volume = Volume(values.inner())
+    try:
+        volume.read(Place(output.inputs["Volume"]))
+        if varies(volume.values.steps):
+            raise Unsupported("A volume that varies")
+    except Unsupported as unsupported:
+        values.remark(str(unsupported))
+        return None
+    return volume.as_dict()
 
 
 def _total(surface: Surface) -> Any:

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ...core.base.notes import Notes
 from ..read import camera
 
 if TYPE_CHECKING:
     from ...core.base.arrays import F64
-    from ...core.base.notes import Notes
     from ...core.scene.scene import Camera
 
 
@@ -41,3 +41,14 @@ def views(scene: Any) -> list[str]:
     """The names of the views that a scene renders; one without a name unless there are several."""
     render = scene.render
     return [view.name for view in render.views if view.use] if render.use_multiview else [""]
+
+
+def by_view(engine: Any, depsgraph: Any, origin: F64, notes: Notes) -> dict[str, Camera]:
+    """The active camera of each view by its name, see `active`. Changes the engine's active view."""
+    found = {}
+    for name in views(depsgraph.scene_eval):
+        engine.active_view_set(name)
+        seen = Notes()
+        found[name] = active(engine, depsgraph, origin, seen)
+        notes.join(seen)  # once, not once for each view
+    return found

@@ -18,7 +18,7 @@ from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
 from ...core.scene.scene import Geometry
-from ...core.session import coarse, refits
+from ...core.session import coarse
 from ...core.session.refits import FOLLOWED
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
@@ -27,13 +27,15 @@ from ..measure import comparing, workloads
 from ..read import extract, passes, remarks
 from ..session import reports, trees
 from ..settings import properties, quality
-from . import cameras, denoising, motion, running
+from . import cameras, denoising, motion, moving, running
 from .previews import Preview
 from .requested import render_settings
-from .result import Result, copy
+from .result import Result, copy, summary
 from .viewport import Viewport
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ...core.base.arrays import F32, F64
     from ...core.scene.instances import Layout
     from ...core.scene.scene import Camera, Scene
@@ -123,18 +125,24 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it. made: see `extract.Found`.
-
-    motion: for the vector pass.
+    """A scene that was read. views: the camera of each view by name. moment: its `trees.moment`. seconds: the time to
+    read it. made: see `extract.Found`. motion: for the vector pass. times: the scene at the times that samples take in
+    turn, if it moves.
     """
 
     scene: Scene
-    view: Camera
+    views: Mapping[str, Camera]
     layout: Layout
     moment: int
     seconds: float
     made: tuple[str, ...] = ()
     motion: motion.Motion | None = None
+    times: tuple[Scene, ...] = ()
+
+    @property
+    def view(self) -> Camera:
+        """The camera of the first view."""
+        return next(iter(self.views.values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +187,8 @@ class _Picture:
         built = self._build(module, read, settings)
         tree = self._keep(read, built)
 
-        job = self._trace(settings, read, built)
+        later = [self._build_set(module, scene, settings, built.spec).session for scene in read.times]
+        job = self._trace(settings, read, built, later)
         self._report(job, read, built, tree)
         self._warn()
 
@@ -188,37 +197,44 @@ class _Picture:
         start, moment = time.perf_counter(), trees.moment(self.scene)
         quality.remark_unknown(self.group, self.notes)
         uvs = "UV" in settings.passes
-        moving = self._motion() if "Vector" in settings.passes else None
-        found = extract.find(
-            self.depsgraph,
-            self.notes,
-            uvs=uvs,
-            keep_going=self._reading,
-            wanted=passes.wanted_data(self.depsgraph.view_layer_eval),
-        )
+        vectors = self._motion() if "Vector" in settings.passes else None
+        found = self._find(uvs, self.notes)
         # Only flattened triangles carry UVs and motion.
-        instancing = "flatten" if uvs or moving is not None else quality.instancing(self.group)
+        instancing = "flatten" if uvs or vectors is not None else quality.instancing(self.group)
         layout = found.layout(instancing, integrator=quality.integrator(self.group))
-        scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
-        if moving is not None and isinstance(scene.geometry, Geometry):
-            scene = replace(scene, motion=moving.corners(scene.geometry))
-        view = cameras.active(self.engine, self.depsgraph, scene.geometry.origin, self.notes)
-        return _Read(scene, view, layout, moment, time.perf_counter() - start, found.made, moving)
+
+        def placed(found: extract.Found, origin: F64 | None = None) -> Scene:
+            scene = found.instanced(origin) if layout.two_level else found.flattened(uvs=uvs, origin=origin)
+            if vectors is None or not isinstance(scene.geometry, Geometry):
+                return scene
+            return replace(scene, motion=vectors.corners(scene.geometry))
+
+        scene = placed(found)
+        origin = scene.geometry.origin
+        views = cameras.by_view(self.engine, self.depsgraph, origin, self.notes)
+        still = moving.Still(scene, views, self.notes)
+        views, times = moving.read(
+            self.engine,
+            self.depsgraph,
+            still,
+            lambda: placed(self._find(uvs, Notes()), origin),
+            lambda: cameras.by_view(self.engine, self.depsgraph, origin, Notes()),
+            self._reading,
+        )
+        self._fetch()
+        return _Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
+
+    def _find(self, uvs: bool, notes: Notes) -> extract.Found:
+        """What the scene shows at the depsgraph's time."""
+        wanted = passes.wanted_data(self.depsgraph.view_layer_eval)
+        return extract.find(self.depsgraph, notes, uvs=uvs, keep_going=self._reading, wanted=wanted)
 
     def _motion(self) -> motion.Motion:
         """The frames before and after. Evaluates the scene three times, the last time for this frame."""
-        names = cameras.views(self.scene)
-
-        def of_views(origin: F64) -> dict[str, Camera]:
-            found = {}
-            for name in names:
-                self.engine.active_view_set(name)
-                found[name] = cameras.active(self.engine, self.depsgraph, origin, Notes())
-            return found
-
-        moving = motion.read(self.engine, self.depsgraph, of_views)
+        engine, depsgraph = self.engine, self.depsgraph
+        found = motion.read(engine, depsgraph, lambda origin: cameras.by_view(engine, depsgraph, origin, Notes()))
         self._fetch()
-        return moving
+        return found
 
     def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
         """The structure of the settings, or the automatically chosen one, with the scene around it."""
@@ -235,9 +251,10 @@ class _Picture:
         self._note_dropped(read.scene.geometry, session.structure.statistics)
         return built
 
-    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
-        """Build the structure of the settings."""
-        spec, label = properties.spec(self.group), properties.structure(self.group).label
+    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> _Built:
+        """Build the structure of the settings, or of this specification."""
+        spec = properties.spec(self.group) if spec is None else spec
+        label = properties.structure(self.group).label
         properties.remark_unknown(self.group, self.notes)
         self._show_status(f"{label}: building over {scene.geometry.count:,} triangles")
         session = Session.start(
@@ -269,30 +286,33 @@ class _Picture:
         structure, geometry = built.session.structure, read.scene.geometry
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
-    def _trace(self, settings: RenderSettings, read: _Read, built: _Built) -> Any:
+    def _trace(self, settings: RenderSettings, read: _Read, built: _Built, later: list[Session]) -> Any:
         """Render all views into a result that is shown coarse at once, then while it converges. Returns the last job,
         finished.
+
+        later: sessions of the times that samples take in turn, if the scene moves.
         """
         self.result = Result(self.engine, self.depsgraph, settings.size)
         job = None
         for number, name in enumerate(self.result.views):
             self.engine.active_view_set(name)
-            origin = read.scene.geometry.origin
-            view = cameras.active(self.engine, self.depsgraph, origin, self.notes) if name else read.view
+            view = read.views.get(name, read.view)
             if read.motion is not None:
-                view = replace(view, motion=read.motion.cameras(name, origin))
-            job = self._trace_view(settings, replace(read, view=view), built, number)
+                view = replace(view, motion=read.motion.cameras(name, read.scene.geometry.origin))
+            job = self._trace_view(settings, view, read, built, later, number)
         self.result.describe(read.scene)
         self.result.end()
         self.result = None
         return job
 
-    def _trace_view(self, settings: RenderSettings, read: _Read, built: _Built, number: int) -> Any:
+    def _trace_view(
+        self, settings: RenderSettings, view: Camera, read: _Read, built: _Built, later: list[Session], number: int
+    ) -> Any:
         """Render one view of the open result. Returns the finished job."""
         assert self.result is not None
         result, (width, height), origin = self.result, settings.size, read.scene.geometry.origin
-        first = self._show_coarse(settings, read, built, number) if is_displayed() else None
-        job = built.session.render(read.view, settings)
+        first = self._show_coarse(settings, view, built, number) if is_displayed() else None
+        job = built.session.render(view, settings, later)
         buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
         if first is not None:
             buffers["Combined"] = first
@@ -302,7 +322,7 @@ class _Picture:
                 copy(job, buffers, origin, keep=first is not None)
                 result.fill(buffers, number)
                 result.show()
-            self._show_status(_summary(built.label, built.session.structure.statistics, job, built.answers))
+            self._show_status(summary(built.label, built.session.structure.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         copy(job, buffers, origin)
@@ -311,11 +331,11 @@ class _Picture:
         result.fill(buffers, number)
         return job
 
-    def _show_coarse(self, settings: RenderSettings, read: _Read, built: _Built, number: int) -> F32 | None:
+    def _show_coarse(self, settings: RenderSettings, view: Camera, built: _Built, number: int) -> F32 | None:
         """Show a view in large pixels. Returns the last such picture, flat; None if there was none."""
         assert self.result is not None
         last = None
-        for last in coarse.pictures(built.session, read.view, settings, self._reading):
+        for last in coarse.pictures(built.session, view, settings, self._reading):
             self.result.fill({"Combined": last}, number)
             self.result.show()
         return last
@@ -327,7 +347,7 @@ class _Picture:
         session, count = built.session, read.scene.geometry.count
         # Update Blender's status and memory display.
         statistics = {**session.structure.statistics, **job.statistics}
-        self._show_status(_summary(built.label, statistics, job, built.answers))
+        self._show_status(summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         # Keep the report for the panels.
@@ -420,10 +440,3 @@ class _Picture:
 def is_displayed() -> bool:
     """Whether somebody can watch the picture converge: not in the background."""
     return not bpy.app.background
-
-
-def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
-    return (
-        f"{label} | {refits.duration(statistics)} | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
-        f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
-    )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base import cryptomatte
+from ...core.session import refits
 from ..read import passes
 
 if TYPE_CHECKING:
@@ -71,3 +72,11 @@ def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> N
     """Move flat (n * 3,) positions from the scene frame to the world, in place; background pixels (0, 0, 0) stay."""
     points = positions.reshape(-1, 3)
     points[points.any(axis=1)] += origin.astype(np.float32)
+
+
+def summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
+    """The line on a picture in Blender's status bar. job: that renders it; answers: see `reports.Report`."""
+    return (
+        f"{label} | {refits.duration(statistics)} | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
+        f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
+    )

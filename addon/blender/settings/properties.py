@@ -229,8 +229,16 @@ BUILD_PROPERTIES: dict[str, Any] = {
 
 
 class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
-    """The passes that only this engine has."""
+    """The passes without a switch in Blender."""
 
+    use_pass_volume_direct: BoolProperty(  # type: ignore[valid-type]
+        name="Volume Direct", description="Light that a volume scatters first, from a light", default=False
+    )
+    use_pass_volume_indirect: BoolProperty(  # type: ignore[valid-type]
+        name="Volume Indirect",
+        description="Light that a volume scatters first, from other volumes and surfaces",
+        default=False,
+    )
     use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
         name="Denoising Albedo",
         description="Share of white light that each pixel's first surface scatters: with Normal, an input of the "

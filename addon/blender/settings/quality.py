@@ -90,6 +90,13 @@ _LIGHT_PATHS: dict[str, Any] = {
     "max_bounces": IntProperty(
         name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
     ),
+    "volume_bounces": IntProperty(
+        name="Volume",
+        description="Largest number of times that light scatters in volumes after the first time. As in Cycles",
+        default=0,
+        min=0,
+        max=1024,
+    ),
     "secondary_beams": BoolProperty(
         name="Beams",
         description="Send the rays that flat mirrors and panes reflect and refract as beams from the virtual eye of "
@@ -132,6 +139,17 @@ _LIGHT_PATHS: dict[str, Any] = {
     ),
 }
 
+_MOTION: dict[str, Any] = {
+    "motion_steps": IntProperty(
+        name="Steps",
+        description="Number of times while the shutter is open at which moving objects are shown, each with a "
+        "structure of its own. The camera moves smoothly",
+        default=8,
+        min=1,
+        max=256,
+    ),
+}
+
 _FILM: dict[str, Any] = {
     "film_exposure": FloatProperty(
         name="Exposure",
@@ -160,7 +178,7 @@ _FILM: dict[str, Any] = {
     ),
 }
 
-PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_FILM}
+PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_MOTION, **_FILM}
 """Annotations of the property group."""
 
 
@@ -191,6 +209,7 @@ def settings(scene: Any) -> dict[str, Any]:
         "integrator": integrator(group),
         "ambient_distance": group.ambient_distance or math.inf,
         "max_bounces": group.max_bounces,
+        "volume_bounces": group.volume_bounces,
         "clamp_direct": group.clamp_direct,
         "clamp_indirect": group.clamp_indirect,
         "filter_glossy": group.filter_glossy,

@@ -133,7 +133,7 @@ class HALFSPACE_PT_world_ray_visibility(EnginePanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         column = self.column()
-        for name in ("camera", "diffuse", "glossy", "transmission"):
+        for name in ("camera", "diffuse", "glossy", "transmission", "scatter"):
             column.prop(context.world.cycles_visibility, name)
 
 
@@ -177,6 +177,7 @@ class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         column = self.column()
         for ray in ("camera", "diffuse", "glossy", "transmission"):
             column.prop(context.object, f"visible_{ray}", text=ray.capitalize())
+        column.prop(context.object, "visible_volume_scatter", text="Volume Scatter")
         if context.object.type != "LIGHT":
             column.prop(context.object, "visible_shadow", text="Shadow")
 

@@ -145,6 +145,8 @@ class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
         column = self.column()
         group = context.scene.halfspace
         column.prop(group, "max_bounces")
+        if group.integrator == "path":
+            column.prop(group, "volume_bounces")
         if group.integrator == "whitted":
             column.prop(group, "secondary_beams")
 
@@ -202,6 +204,25 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
         if body is not None:
             body.prop(group, "instancing")
             body.prop(group, "memory_limit")
+
+
+class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
+    """The time in which the shutter is open."""
+
+    bl_label = "Motion Blur"
+    section = "Motion Blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        render = context.scene.render
+        column.active = render.use_motion_blur
+        column.prop(render, "motion_blur_position", text="Position")
+        column.prop(render, "motion_blur_shutter", text="Shutter")
+        column.prop(context.scene.halfspace, "motion_steps")
 
 
 class HALFSPACE_PT_film(EnginePanel, bpy.types.Panel):
@@ -337,6 +358,7 @@ CLASSES = (
     HALFSPACE_PT_light_paths_clamping,
     HALFSPACE_PT_light_paths_caustics,
     HALFSPACE_PT_structure,
+    HALFSPACE_PT_motion_blur,
     HALFSPACE_PT_film,
     HALFSPACE_PT_film_pixel_filter,
     HALFSPACE_PT_performance,

@@ -43,6 +43,9 @@ class HALFSPACE_PT_passes_light(EnginePanel, bpy.types.Panel):
             rows = column.column(heading=kind.capitalize(), align=True)
             for part in ("direct", "indirect", "color"):
                 rows.prop(layer, f"use_pass_{kind}_{part}", text=part.capitalize())
+        rows = column.column(heading="Volume", align=True)
+        for part in ("direct", "indirect"):
+            rows.prop(layer.halfspace, f"use_pass_volume_{part}", text=part.capitalize())
         rows = column.column(heading="Other", align=True)
         rows.prop(layer, "use_pass_emit", text="Emission")
         rows.prop(layer, "use_pass_environment")

@@ -193,7 +193,7 @@ class Native(Protocol):
 
     def render(
         self,
-        scene: halfspace_native.RenderScene,
+        scene: halfspace_native.RenderScene | Sequence[halfspace_native.RenderScene],
         camera: Mapping[str, Any],
         settings: Mapping[str, Any],
         *,

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import F32, F64, I32
-from .scene import Geometry, SceneError, check, faulty
+from .faulty import faulty
+from .scene import Geometry, SceneError, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32, U32
+from .faulty import faulty
 from .mattes import Mattes
 
 if TYPE_CHECKING:
@@ -40,41 +41,6 @@ def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> N
         raise SceneError(f"{name}: expected a C-contiguous array")
 
 
-def faulty(vertices: F32, triangles: I32) -> NDArray[np.bool_]:
-    """(m,) bool: triangles without area or with a non-finite vertex."""
-    finite = np.isfinite(vertices).all(axis=1)
-    found = np.zeros(len(triangles), bool) if finite.all() else ~finite[triangles].all(axis=1)
-    # Nearly all others have an area that is certain in f32 in one coordinate plane. Compute only the rest in f64.
-    doubtful = np.flatnonzero(~found)
-    columns = [np.ascontiguousarray(column) for column in vertices.T]
-    for x, y in ((0, 1), (1, 2), (2, 0)):
-        doubtful = doubtful[~_plainly_sound(columns[x], columns[y], triangles[doubtful])]
-    edges = vertices[triangles[doubtful]].astype(np.float64)
-    normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
-    found[doubtful] = ~normals.any(axis=1)
-    return found
-
-
-CLEAR = np.float32(2.0**-20)
-"""Derived: differences, products and their difference are rounded four times, each by at most 2^-24 of the products'
-sum.
-"""
-
-TINY = np.float32(1e-30)
-"""Derived: far above what underflow can remove from a product."""
-
-
-def _plainly_sound(x: F32, y: F32, triangles: I32) -> NDArray[np.bool_]:
-    """(m,) bool: triangles that certainly have an area in the plane of these finite coordinates, each (n,)."""
-    a, b, c = triangles.T
-    x0, y0 = x[a], y[a]
-    with np.errstate(invalid="ignore", over="ignore"):
-        left, right = (x[b] - x0) * (y[c] - y0), (y[b] - y0) * (x[c] - x0)
-        size = np.abs(left) + np.abs(right)
-        sound: NDArray[np.bool_] = (np.abs(left - right) > CLEAR * size + TINY) & np.isfinite(size)
-    return sound
-
-
 @dataclass(frozen=True)
 class Source:
     """The origin of a run of triangles: one mesh, placed once for each name.
@@ -85,6 +51,20 @@ class Source:
     start: int
     count: int
     names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """A grid in the space of an object. values: (x, y, z, 1 or 3) float32. to_index: (3, 4), object space to the
+    array's indices, where the voxels lie at whole numbers.
+    """
+
+    values: F32
+    to_index: list[list[float]]
+
+    def __post_init__(self) -> None:
+        check("voxels", self.values, np.float32, (None, None, None, None))
+        self.values.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -213,6 +193,7 @@ class Camera:
     aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
     radians. aperture_ratio: height by width. focus_distance: along -Z. panorama: keys that a panoramic kind needs, as
     the native module takes them; its window is (0, 1, 0, 1). motion: the camera a frame before and a frame after.
+    poses: transforms like `to_world` at equal intervals while the shutter is open; fewer than two: none.
     """
 
     kind: str
@@ -227,6 +208,7 @@ class Camera:
     focus_distance: float = 1.0
     panorama: Mapping[str, Any] = field(default_factory=dict)
     motion: tuple[Camera, Camera] | None = None
+    poses: tuple[tuple[tuple[float, ...], ...], ...] = ()
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
@@ -266,7 +248,10 @@ Step = Mapping[str, Any]
 
 
 Hidden = tuple[str, ...]
-"""Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission."""
+"""Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission, volume."""
+
+Volume = Mapping[str, Any]
+"""The inside of objects: "closures" and "program", as the native module takes them."""
 
 
 @dataclass(frozen=True)
@@ -322,6 +307,7 @@ class Material:
     alpha: float = 1.0
     closures: tuple[Closure, ...] = ()
     program: tuple[Step, ...] = ()
+    volume: Volume | None = None
     hidden_from: Hidden = ()
     outputs: tuple[tuple[int, Operand], ...] = ()
 
@@ -372,7 +358,7 @@ class World:
     """The background; `color` is linear RGB and includes its strength.
 
     If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. group: as
-    of a light.
+    of a light. volume: the medium everywhere outside, which does not vary.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
@@ -380,6 +366,7 @@ class World:
     radiance: Operand | None = None
     hidden_from: Hidden = ()
     group: int = 0
+    volume: Volume | None = None
 
 
 @dataclass(frozen=True)
@@ -419,6 +406,7 @@ class Scene:
     world: World
     numbers: Numbers = field(default_factory=Numbers)
     images: tuple[Image, ...] = ()
+    grids: tuple[Voxels, ...] = ()
     mattes: Mattes | None = None
     motion: tuple[F32, F32] | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -223,6 +223,7 @@ class SceneArguments(TypedDict, total=False):
     images: list[dict[str, Any]]
     layers: list[F32 | None]
     objects: list[dict[str, Any]]
+    grids: list[dict[str, Any]]
     object_index: NDArray[np.uint32] | None
     origin: tuple[float, float, float]
     indices: dict[str, Any] | None
@@ -243,6 +244,8 @@ def arguments(scene: Scene) -> SceneArguments:
             "objects": [asdict(frame) for frame in geometry.objects],
             "object_index": geometry.object_index,
         }
+    if scene.grids:
+        carried["grids"] = [asdict_shallow(grid) for grid in scene.grids]
     x, y, z = geometry.origin
     return {
         **carried,
@@ -309,9 +312,14 @@ class Session:
         """Features that are not computed because this scene lacks them, one reason per line."""
         return list(self.render_scene.left_out)
 
-    def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:
-        """Start a native job for one picture and return it at once."""
-        return self.native.render(self.render_scene, camera.as_dict(), settings.as_dict(), threads=settings.threads)
+    def render(self, camera: Camera, settings: RenderSettings, times: Sequence[Session] = ()) -> RenderJob:
+        """Start a native job for one picture and return it at once.
+
+        times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it stands
+        still.
+        """
+        scenes = [session.render_scene for session in times] or self.render_scene
+        return self.native.render(scenes, camera.as_dict(), settings.as_dict(), threads=settings.threads)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:

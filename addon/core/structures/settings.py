@@ -67,6 +67,7 @@ class RenderSettings:
     """Settings of one picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None:
     all.
 
+    volume_bounces: largest number of times a path scatters in volumes after the first time.
     integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
     clamp_direct, clamp_indirect: largest contribution of a sample up to and after its first bounce, 0 = no limit.
     filter_glossy: blur of lobes met after improbable bounces, 0 = none. caustics_reflective, caustics_refractive:
@@ -82,6 +83,7 @@ class RenderSettings:
     border: tuple[int, int, int, int] | None = None
     samples: int = 32
     max_bounces: int = 6
+    volume_bounces: int = 0
     integrator: str = "path"
     ambient_distance: float = math.inf
     clamp_direct: float = 0.0
@@ -102,7 +104,8 @@ class RenderSettings:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("width", 1), ("height", 1), ("samples", 1), ("max_bounces", 0), ("threads", 0)):
+        positive, others = ("width", "height", "samples"), ("max_bounces", "volume_bounces", "threads")
+        for name, least in (*((name, 1) for name in positive), *((name, 0) for name in others)):
             if getattr(self, name) < least:
                 raise SettingsError(f"{name}: expected at least {least}, got {getattr(self, name)}")
         if self.border is not None:
@@ -126,6 +129,7 @@ class RenderSettings:
             "border": self.border,
             "samples": self.samples,
             "max_bounces": self.max_bounces,
+            "volume_bounces": self.volume_bounces,
             "integrator": self.integrator,
             "ambient_distance": self.ambient_distance,
             "clamp_direct": self.clamp_direct,

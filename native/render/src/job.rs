@@ -33,13 +33,13 @@ pub struct Statistics {
 
 /// The state that all threads of a render share.
 struct Shared {
-    scene: Arc<RenderScene>,
+    scenes: Vec<Arc<RenderScene>>,
     camera: Camera,
     filter: Filter,
     settings: Settings,
     film: Film,
-    /// The polygons that mirror and refract beams, if secondary rays go as beams.
-    polygons: Option<Polygons>,
+    /// The polygons that mirror and refract beams, scene by scene, if secondary rays go as beams; otherwise none.
+    polygons: Vec<Polygons>,
     /// Samples done per tile; locked while a step of the tile is rendered.
     tile_samples: Vec<Mutex<u32>>,
     /// Number of steps handed out so far, over all tiles.
@@ -71,6 +71,19 @@ struct State {
     seconds: f64,
 }
 
+/// Largest number of scenes of a render.
+const MAX_SCENES: usize = 1 << 10;
+
+/// One scene at one or several times.
+pub struct Moments(pub Vec<Arc<RenderScene>>);
+
+impl From<Arc<RenderScene>> for Moments {
+    /// A scene without motion.
+    fn from(scene: Arc<RenderScene>) -> Self {
+        Self(vec![scene])
+    }
+}
+
 /// A running or finished render. Dropping it cancels it and waits for its threads.
 pub struct Job {
     shared: Arc<Shared>,
@@ -78,18 +91,26 @@ pub struct Job {
 }
 
 impl Job {
-    /// Starts rendering on new threads and returns at once. `threads`: number of threads, 0 = one per core.
+    /// Starts rendering on new threads and returns at once. `scenes`: one, or the same one at several times while the
+    /// shutter is open, which the samples take in turn. `threads`: number of threads, 0 = one per core.
     ///
     /// # Errors
-    /// If a setting or the camera is invalid, the film exceeds the memory, or no thread can be started.
+    /// If there is no scene or too many, a setting or the camera is invalid, the film exceeds the memory, or no thread can be started.
     pub fn start(
-        scene: Arc<RenderScene>,
+        scenes: impl Into<Moments>,
         camera: &CameraParams,
         settings: Settings,
         threads: usize,
     ) -> Result<Self> {
         // Check everything before the first thread starts.
         settings.check()?;
+        let Moments(scenes) = scenes.into();
+        if scenes.is_empty() || scenes.len() > MAX_SCENES {
+            return Err(Error::Spec(format!(
+                "scenes: expected 1 to {MAX_SCENES}, got {}",
+                scenes.len()
+            )));
+        }
         check_room("settings: the film", Film::bytes(&settings))?;
         let camera = Camera::new(camera, settings.width, settings.height)?;
         let filter = Filter::new(settings.filter, settings.filter_width)?;
@@ -110,7 +131,8 @@ impl Job {
             n => n.min(1024),
         };
         let threads = threads.min(tiles).max(1);
-        let polygons = settings.secondary_beams.then(|| Polygons::of(&scene));
+        let with_beams = scenes.iter().filter(|_| settings.secondary_beams);
+        let polygons = with_beams.map(|scene| Polygons::of(scene)).collect();
         let shared = Arc::new(Shared {
             tile_samples: (0..tiles).map(|_| Mutex::new(0)).collect(),
             next: AtomicUsize::new(0),
@@ -123,7 +145,7 @@ impl Job {
             started: Instant::now(),
             state: Mutex::new(State::default()),
             ended: Condvar::new(),
-            scene,
+            scenes,
             camera,
             filter,
             settings,
@@ -269,14 +291,17 @@ impl Shared {
 
     /// Renders steps until none is left, the time is over or the render is cancelled.
     fn work(&self) {
-        let mut wavefront = Wavefront::new(self.scene.features(), self.film.wants_extra());
+        let mut wavefront = Wavefront::new(self.scenes[0].features(), self.film.wants_extra());
         let context = Context {
-            scene: &self.scene,
+            scene: &self.scenes[0],
+            moment: 0,
+            scenes: &self.scenes,
             camera: &self.camera,
             filter: &self.filter,
             settings: &self.settings,
             film: &self.film,
-            polygons: self.polygons.as_ref(),
+            polygons: self.polygons.first(),
+            all_polygons: &self.polygons,
             stop: &self.stop,
         };
         let mut active = Vec::new();

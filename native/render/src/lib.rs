@@ -7,6 +7,7 @@
 //! - [`math`]: vectors, sines, random numbers, Fresnel's equations;
 //! - [`camera`]: camera rays, the lens, the pixel filter;
 //! - [`values`]: programs, images and attributes that vary over a surface;
+//! - [`medium`]: scattering inside volumes;
 //! - [`material`]: scattering at surfaces;
 //! - [`light`]: light sources, the background, and how they are sampled;
 //! - [`scene`]: the scene, the features it needs, one surface point;
@@ -26,6 +27,7 @@ pub mod job;
 pub mod light;
 pub mod material;
 pub mod math;
+pub mod medium;
 pub mod path;
 pub mod scene;
 pub mod settings;

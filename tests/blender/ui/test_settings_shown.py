@@ -27,21 +27,24 @@ READ = {
     "central_cylindrical_range_v_min central_cylindrical_range_v_max central_cylindrical_radius",
     "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
     "aperture_ratio",
-    "CyclesVisibilitySettings": "camera diffuse glossy transmission",
+    "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_adaptive noise_threshold time_limit "
-    "render_seed max_bounces clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
-    "secondary_beams "
+    "render_seed max_bounces volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective "
+    "caustics_refractive secondary_beams "
     "film_exposure pixel_filter_type filter_width automatic instancing memory_limit structure",
-    "HalfspaceViewLayerSettings": "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
+    "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_albedo use_pass_samples "
+    "use_pass_steps use_pass_tests use_pass_depth",
     "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
     "PointLight": "energy shadow_soft_size",
     "SpotLight": "energy shadow_soft_size spot_size spot_blend",
     "SunLight": "energy angle",
     "AreaLight": "energy shape size size_y",
     "Material": "pass_index",
-    "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow pass_index lightgroup",
+    "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow "
+    "visible_volume_scatter pass_index lightgroup",
     "World": "lightgroup",
-    "RenderSettings": "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
+    "RenderSettings": "use_motion_blur motion_blur_position motion_blur_shutter "
+    "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
     "pixel_aspect_y",
     "ViewLayer": "use_sky use_solid use_strand material_override world_override samples use_pass_z use_pass_mist "
     "use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index use_pass_material_index "

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.equality import same
-from addon.core.scene.scene import Camera, Geometry, Light, Material, Scene, SceneError, Source, World, faulty
+from addon.core.scene.faulty import faulty
+from addon.core.scene.scene import Camera, Geometry, Light, Material, Scene, SceneError, Source, World
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.scene import spheres, tubes
-from addon.core.scene.scene import faulty
+from addon.core.scene.faulty import faulty
 
 
 def some_curves(*, straight: bool = False, radius: float = 0.05) -> tubes.Strands:

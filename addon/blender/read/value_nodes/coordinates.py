@@ -81,6 +81,10 @@ def _color_attribute(values: Values, node: Place) -> Operand:
     return values.step("alpha", rgba) if node.socket.name == "Alpha" else rgba
 
 
+def _volume_info(values: Values, node: Place) -> Operand:
+    return values.grid(node.socket.name.lower(), 0.0)
+
+
 def _attribute(values: Values, node: Place) -> Operand:
     item = node.node
     match item.attribute_type:
@@ -145,6 +149,7 @@ COORDINATES = {
     "ShaderNodeLightPath": _light_path,
     "ShaderNodeVertexColor": _color_attribute,
     "ShaderNodeAttribute": _attribute,
+    "ShaderNodeVolumeInfo": _volume_info,
     "ShaderNodeObjectInfo": _object_info,
     "ShaderNodeCameraData": _camera_data,
     "ShaderNodeVectorTransform": _vector_transform,

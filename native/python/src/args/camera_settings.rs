@@ -32,6 +32,7 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         "sensor",
         "polynomial",
         "motion",
+        "poses",
     ];
     // An unknown key is an error.
     let keys = Keys::new(dict, "camera".into(), &known)?;
@@ -44,6 +45,7 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         clip_end: keys.number("clip_end")?,
         lens: lens(&keys)?,
         motion: motion(&keys)?,
+        poses: poses(&keys)?,
     })
 }
 
@@ -122,6 +124,20 @@ fn floats<const N: usize>(keys: &Keys<'_, '_>, key: &str) -> Result<[f32; N]> {
     Ok(std::array::from_fn(|k| numbers[k] as f32))
 }
 
+/// Reads the transforms of a moving camera; none by default.
+fn poses(keys: &Keys<'_, '_>) -> Result<Vec<[[f64; 4]; 4]>> {
+    let Some(value) = keys.find("poses") else {
+        return Ok(Vec::new());
+    };
+    let wrong = || keys.wrong("poses", "a list of (4, 4) matrices", &value);
+    let matrices: Vec<Vec<Vec<f64>>> = value.extract().map_err(|_| wrong())?;
+    let rows = |matrix: Vec<Vec<f64>>| {
+        let rows: Option<Vec<[f64; 4]>> = matrix.into_iter().map(|r| r.try_into().ok()).collect();
+        rows.and_then(|rows| rows.try_into().ok()).ok_or_else(wrong)
+    };
+    matrices.into_iter().map(rows).collect()
+}
+
 /// Reads the lens of the camera; missing keys have their default.
 fn lens(keys: &Keys<'_, '_>) -> Result<LensParams> {
     let default = LensParams::default();
@@ -148,6 +164,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "integrator",
         "ambient_distance",
         "max_bounces",
+        "volume_bounces",
         "clamp_indirect",
         "clamp_direct",
         "filter_glossy",
@@ -192,6 +209,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         },
         ambient_distance: keys.number_or("ambient_distance", default.ambient_distance)?,
         max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
+        volume_bounces: optional("volume_bounces")?.unwrap_or(default.volume_bounces),
         clamp_indirect: keys.number_or("clamp_indirect", default.clamp_indirect)?,
         clamp_direct: keys.number_or("clamp_direct", default.clamp_direct)?,
         filter_glossy: keys.number_or("filter_glossy", default.filter_glossy)?,

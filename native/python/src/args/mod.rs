@@ -12,3 +12,4 @@ pub mod shader;
 pub mod steps;
 pub mod surface;
 pub mod textures;
+pub mod volume;

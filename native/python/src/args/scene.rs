@@ -2,7 +2,7 @@
 //! Conversion of the dictionaries of materials, lights and background, with checks. Every message names the key.
 
 use crate::args::keys::{Keys, list};
-use crate::args::shader;
+use crate::args::{shader, volume};
 use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
@@ -27,6 +27,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "alpha",
         "closures",
         "program",
+        "volume",
         "hidden_from",
         "outputs",
     ];
@@ -52,6 +53,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             alpha: keys.number_or("alpha", default.alpha)?,
             closures: shader::closures(&keys)?,
             program: shader::program(&keys)?,
+            volume: volume::volume(&keys)?,
             visible: visibility(&keys, default.visible)?,
             outputs: outputs(&keys)?,
         })
@@ -93,9 +95,10 @@ fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
         ("diffuse", RayKind::Diffuse),
         ("glossy", RayKind::Glossy),
         ("transmission", RayKind::Transmission),
+        ("volume", RayKind::Volume),
     ];
     let wrong = || {
-        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission";
+        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission, volume";
         keys.wrong("hidden_from", expected, &value)
     };
     let names: Vec<String> = value.extract().map_err(|_| wrong())?;
@@ -193,7 +196,14 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
     let Some(dict) = dict else {
         return Ok(WorldParams::default());
     };
-    let known = ["color", "program", "radiance", "hidden_from", "group"];
+    let known = [
+        "color",
+        "program",
+        "radiance",
+        "volume",
+        "hidden_from",
+        "group",
+    ];
     let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
         color: keys.color("color")?,
@@ -202,6 +212,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
             .find("radiance")
             .map(|value| shader::operand(&keys, "radiance", &value))
             .transpose()?,
+        volume: volume::volume(&keys)?,
         visible: visibility(&keys, Visibility::ALL)?,
         group: group(&keys)?,
     })

@@ -285,7 +285,7 @@ fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
     clippy::cast_possible_truncation,
     reason = "beyond f32 becomes infinite, which a program replaces by 0"
 )]
-fn rows(keys: &Keys<'_, '_>, key: &str) -> Result<[[f32; 4]; 3]> {
+pub fn rows(keys: &Keys<'_, '_>, key: &str) -> Result<[[f32; 4]; 3]> {
     let numbers = keys.numbers(key, &[3, 4])?;
     Ok([0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| numbers[4 * r + c] as f32)))
 }
@@ -419,5 +419,6 @@ pub fn varying(
         objects: frames,
         object_index,
         origin,
+        grids: Vec::new(),
     })
 }

@@ -90,6 +90,7 @@ pub fn step(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
         "wavelength" => Op::Wavelength,
         "rotate_axis" => Op::RotateAxis,
         "rotate_euler" => Op::RotateEuler(keys.flag_or("inverse", false)?),
+        "voxels" => Op::Voxels,
         "object_value" => Op::ObjectValue(index(keys, "column")?),
         "transform" => Op::Transform(
             keys.choice("vector", VECTORS)?,

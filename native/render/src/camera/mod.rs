@@ -3,6 +3,7 @@
 
 use crate::camera::lens::{Lens, LensParams};
 use crate::camera::panorama::Panorama;
+use crate::camera::poses::Moving;
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
@@ -13,6 +14,7 @@ pub mod filter;
 pub mod lens;
 mod motion;
 pub mod panorama;
+pub mod poses;
 
 /// How the film is projected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +45,9 @@ pub struct CameraParams {
     pub lens: LensParams,
     /// The camera in the picture before this one, and in the one after, for the vector pass; they have no motion.
     pub motion: Option<Box<[CameraParams; 2]>>,
+    /// Transforms like `to_world` at equal intervals while the shutter is open, in place of it for rays; fewer than two
+    /// = the camera stands still.
+    pub poses: Vec<[[f64; 4]; 4]>,
 }
 
 /// A camera prepared for generating rays.
@@ -68,6 +73,7 @@ pub struct Camera {
     pixel_angle: Option<f32>,
     /// The camera in the picture before this one, and in the one after.
     motion: Option<Box<[Camera; 2]>>,
+    moving: Option<Box<Moving>>,
 }
 
 /// End of the interval of a ray that does not exist.
@@ -146,6 +152,7 @@ impl Camera {
             panorama,
             motion,
             pixel_angle: panorama.map(|it| it.pixel_angle(width)),
+            moving: Moving::new(params, width, height)?,
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
                 end as f32,
@@ -167,19 +174,35 @@ impl Camera {
         }
     }
 
+    /// Like [`Self::ray`], at a time from 0 to 1 of the shutter's opening, which is drawn only if the camera moves.
+    #[inline]
+    pub fn ray_at(
+        &self,
+        x: f32,
+        y: f32,
+        lens: impl FnOnce() -> [f32; 2],
+        time: impl FnOnce() -> f32,
+    ) -> Ray {
+        match &self.moving {
+            None => self.ray(x, y, lens),
+            Some(moving) => moving.poses.placed(&moving.local.ray(x, y, lens), time()),
+        }
+    }
+
     /// Returns the camera's frame.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// Whether the camera is a pinhole (or sharp orthographic) one.
+    /// Whether the camera is a pinhole (or sharp orthographic) one that stands still.
     pub fn is_sharp(&self) -> bool {
-        self.lens.is_none() && self.panorama.is_none()
+        self.lens.is_none() && self.panorama.is_none() && self.moving.is_none()
     }
 
-    /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens.
+    /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens
+    /// or if the camera moves.
     pub fn source(&self) -> Source {
-        if self.panorama.is_some() {
+        if self.panorama.is_some() || self.moving.is_some() {
             return Source::None;
         }
         match (&self.lens, self.perspective) {
@@ -314,6 +337,7 @@ impl Default for CameraParams {
             clip_end: 1000.0,
             lens: LensParams::default(),
             motion: None,
+            poses: Vec::new(),
         }
     }
 }

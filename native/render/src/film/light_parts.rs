@@ -9,6 +9,8 @@ use crate::settings::{LightPass, LobeKind};
 pub struct Shares {
     diffuse: Vec3,
     glossy: Vec3,
+    /// Whether a volume scatters all of the light before any surface.
+    volume: bool,
 }
 
 impl Shares {
@@ -16,6 +18,14 @@ impl Shares {
     pub const DIFFUSE: Self = Self {
         diffuse: Vec3::ONE,
         glossy: Vec3::ZERO,
+        volume: false,
+    };
+
+    /// All light comes from a volume.
+    pub const VOLUME: Self = Self {
+        diffuse: Vec3::ZERO,
+        glossy: Vec3::ZERO,
+        volume: true,
     };
 
     /// All light comes from one kind of lobes.
@@ -24,6 +34,7 @@ impl Shares {
         Self {
             diffuse: share(LobeKind::Diffuse),
             glossy: share(LobeKind::Glossy),
+            volume: false,
         }
     }
 
@@ -40,6 +51,7 @@ impl Shares {
         Self {
             diffuse: shares(diffuse),
             glossy: shares(glossy),
+            volume: false,
         }
     }
 }
@@ -64,14 +76,24 @@ impl LightParts {
         }
     }
 
-    /// Adds light that the first surface scattered. `indirect`: whether another surface had scattered it before.
+    /// Adds light that the first surface or volume scattered. `indirect`: whether another one had scattered it before.
     pub fn add_scattered(&mut self, light: Vec3, shares: &Shares, indirect: bool) {
+        if shares.volume {
+            let pass = if indirect {
+                LightPass::VolumeIndirect
+            } else {
+                LightPass::VolumeDirect
+            };
+            return self.add(pass, light);
+        }
         let pass = if indirect {
             LightPass::Indirect
         } else {
             LightPass::Direct
         };
-        let Shares { diffuse, glossy } = *shares;
+        let Shares {
+            diffuse, glossy, ..
+        } = *shares;
         self.add(pass(LobeKind::Diffuse), light * diffuse);
         self.add(pass(LobeKind::Glossy), light * glossy);
         let rest = Vec3::ONE - diffuse - glossy;
@@ -111,6 +133,11 @@ mod tests {
             parts.add_scattered(light, &Shares::only(kind), false);
             assert_eq!(*parts.at(LightPass::Direct(kind)), light.array());
         }
+        let mut parts = LightParts::EMPTY;
+        parts.add_scattered(light, &Shares::VOLUME, true);
+        assert_eq!(*parts.at(LightPass::VolumeIndirect), light.array());
+        let direct = LightPass::Direct(LobeKind::Transmission);
+        assert_eq!(*parts.at(direct), [0.0; 3], "no surface scattered it");
     }
 
     #[test]

@@ -49,6 +49,17 @@ pub struct EmissiveTriangle {
     pub radiance: f32,
 }
 
+/// The part of a ray from a receiver within which lamps are looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Reach {
+    /// Where the ray comes from.
+    pub receiver: Receiver,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Interval of distances from the receiver.
+    pub span: [f32; 2],
+}
+
 /// A point that receives light.
 #[derive(Debug, Clone, Copy)]
 pub struct Receiver {

@@ -34,7 +34,7 @@ mod shapes;
 mod tree;
 pub mod world;
 
-pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Receiver};
+pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Reach, Receiver};
 pub use crate::light::params::{AreaShape, LightKind, LightParams};
 
 /// All lights of a scene: lamps first, then emissive triangles, then the background.
@@ -222,9 +222,8 @@ impl Lights {
         }
     }
 
-    /// Adds up the light of all lamps that a ray of this kind from `receiver` hits within the interval `span`.
-    /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
-    /// infinite if light samples cannot find it. `group`: the light group of the lamps that count; `None` = all.
+    /// Like [`Self::radiance_through`], through vacuum: of the lamps that a ray of this kind from `receiver` hits within
+    /// the interval `span`.
     pub fn radiance_along(
         &self,
         receiver: Receiver,
@@ -234,7 +233,32 @@ impl Lights {
         kind: RayKind,
         group: Option<u8>,
     ) -> Vec3 {
-        let [t_min, t_max] = span;
+        let reach = Reach {
+            receiver,
+            direction,
+            span,
+        };
+        self.radiance_through(reach, pdf, kind, group, |_| Vec3::ONE)
+    }
+
+    /// Adds up the light of all lamps that a ray of this kind hits within its reach.
+    /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
+    /// infinite if light samples cannot find it. `group`: the light group of the lamps that count; `None` = all.
+    /// `transmittance`: of the way to a lamp at this distance.
+    #[inline(always)]
+    pub fn radiance_through(
+        &self,
+        reach: Reach,
+        pdf: f32,
+        kind: RayKind,
+        group: Option<u8>,
+        mut transmittance: impl FnMut(f32) -> Vec3,
+    ) -> Vec3 {
+        let Reach {
+            receiver,
+            direction,
+            span: [t_min, t_max],
+        } = reach;
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
@@ -268,7 +292,7 @@ impl Lights {
             } else {
                 1.0
             };
-            sum += light.strength * (factor * weight);
+            sum += light.strength * (factor * weight) * transmittance(distance);
         };
         // Test all lamps, or those that the tree finds plus the suns.
         match &self.many {

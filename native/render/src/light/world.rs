@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::check::{Error, Result, finite, within};
 use crate::light::direction_map::DirectionMap;
 use crate::math::vector::Vec3;
+use crate::medium::VolumeParams;
 use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
@@ -23,6 +24,8 @@ pub struct WorldParams {
     pub program: Vec<Step>,
     /// Result of the program.
     pub radiance: Option<Operand>,
+    /// The medium everywhere outside; its coefficients are constant.
+    pub volume: VolumeParams,
     /// The kinds of rays that see the background.
     pub visible: Visibility,
     /// Light group, counted from 1; 0 = none.
@@ -36,6 +39,7 @@ impl Default for WorldParams {
             color: [0.0; 3],
             program: Vec::new(),
             radiance: None,
+            volume: VolumeParams::default(),
             visible: Visibility::ALL,
             group: 0,
         }

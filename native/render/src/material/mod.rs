@@ -7,6 +7,7 @@ use crate::material::closure::{
     Closure, ClosureKind, ClosureParams, INPUTS, Input, MAX_CLOSURES, MAX_PRINCIPLED, Unscattered,
 };
 use crate::math::vector::Vec3;
+use crate::medium::Volume;
 use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
@@ -43,6 +44,10 @@ pub struct Material {
     outputs: Vec<(u8, Operand)>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
+    /// The inside of the objects, if it is not vacuum.
+    pub volume: Option<Volume>,
+    /// Whether the surface is nothing but the boundary of a volume, which rays pass unchanged.
+    pub boundary: bool,
     /// Whether light can pass straight through.
     pub transparent: bool,
     /// Whether it can emit.
@@ -96,6 +101,8 @@ impl Material {
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
         let mut material = Self {
             visible: params.visible,
+            volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
+            boundary: false,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
@@ -114,6 +121,11 @@ impl Material {
         if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
             material.constant = Some(sum(&material.reduced_closures, &[]));
         }
+        material.boundary = material.volume.is_some()
+            && closures.iter().all(|c| c.kind == ClosureKind::Transparent)
+            && material
+                .constant
+                .is_some_and(|c| c.transparent == Vec3::ONE);
         Ok(material)
     }
 
@@ -196,7 +208,9 @@ impl Material {
 
     /// Returns all operations of the material's programs.
     pub fn ops(&self) -> impl Iterator<Item = &Op> {
-        self.program.ops().chain(self.reduced_program.ops())
+        let volume = self.volume.iter().flat_map(Volume::ops);
+        let surface = self.program.ops().chain(self.reduced_program.ops());
+        surface.chain(volume)
     }
 }
 

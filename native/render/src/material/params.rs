@@ -3,6 +3,7 @@
 
 use crate::check::{Result, finite, within};
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
+use crate::medium::VolumeParams;
 use crate::values::program::{Operand, Step};
 use crate::values::visibility::Visibility;
 
@@ -32,6 +33,8 @@ pub struct MaterialParams {
     pub closures: Vec<ClosureParams>,
     /// Program that computes the closures' inputs.
     pub program: Vec<Step>,
+    /// The inside of closed meshes.
+    pub volume: VolumeParams,
     /// The kinds of rays that can hit the material; others pass through it.
     pub visible: Visibility,
     /// Values for passes: the number of each and the operand.
@@ -53,6 +56,7 @@ impl Default for MaterialParams {
             alpha: 1.0,
             closures: Vec::new(),
             program: Vec::new(),
+            volume: VolumeParams::default(),
             visible: Visibility::ALL,
             outputs: Vec::new(),
         }

@@ -33,6 +33,37 @@ impl PixelSampler {
         let y = owen(sobol_1_reversed(shuffled), seed ^ 0x9496_4d4e).reverse_bits();
         [unit(x), unit(y)]
     }
+
+    /// Returns the seed of a stream of independent numbers for sample `index` and pair `pair` of dimensions.
+    pub fn stream(self, index: u32, pair: u32) -> u32 {
+        hash(self.seed ^ hash(pair ^ hash(index ^ 0x2545_f491)))
+    }
+}
+
+/// Independent random numbers of which nobody knows how many are needed, such as those of tracking a medium.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Stream {
+    seed: u32,
+    count: u32,
+}
+
+impl Stream {
+    /// The numbers of a seed.
+    pub fn new(seed: u32) -> Self {
+        Self { seed, count: 0 }
+    }
+
+    /// Returns the next number in [0, 1).
+    #[inline]
+    pub fn number(&mut self) -> f32 {
+        self.count = self.count.wrapping_add(1);
+        unit(hash(self.seed ^ hash(self.count)))
+    }
+
+    /// Returns the seed of another stream, which this number selects.
+    pub fn fork(&self, number: u32) -> u32 {
+        hash(self.seed.wrapping_add(hash(number ^ 0x51f1_5eed)))
+    }
 }
 
 /// Returns Sobol's dimension 1 of `index`, its 32 bits in reversed order: the product with the upper triangular

@@ -3,6 +3,7 @@
 
 pub mod beams;
 pub mod calls;
+pub mod media;
 pub mod random;
 mod shade;
 mod shadow_rays;

@@ -3,7 +3,7 @@
 
 use crate::math::sampler::PixelSampler;
 
-/// First random pair of a path's vertices: 0 is for the filter, 1 for the lens, 2 and 3 are unused.
+/// First random pair of a path's vertices: 0 is for the filter, 1 for the lens, 2 for the time, 3 is unused.
 const FIRST_VERTEX: u32 = 4;
 /// Random pairs of a vertex: direction, choices, light, survival.
 const PAIRS_PER_VERTEX: u32 = 4;

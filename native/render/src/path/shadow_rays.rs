@@ -2,10 +2,14 @@
 //! The shadow rays of a wavefront, each with the light that arrives if nothing occludes it.
 
 use crate::film::{LightParts, PixelSample, Shares};
+use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
+use crate::medium::stack::Stack;
 use crate::path::calls::{Calls, Cancelled};
+use crate::path::media::{Scratch, Through};
 use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT, Path};
 use crate::path::wavefront::Context;
+use crate::scene::media::MediumRay;
 use crate::scene::surface::Surface;
 use crate::values::program::Value;
 use crate::values::view::History;
@@ -73,6 +77,22 @@ pub struct Scattered {
     pub group: u8,
 }
 
+/// The media that a shadow ray is in, and its random numbers for them.
+#[derive(Clone, Copy)]
+pub struct Passing {
+    /// The media.
+    pub stack: Stack,
+    stream: Stream,
+}
+
+impl Passing {
+    /// Of a ray that starts in these media. `seed`: of the ray's path.
+    pub fn new(stack: Stack, seed: u32) -> Self {
+        let stream = Stream::new(Stream::new(seed).fork(1));
+        Self { stack, stream }
+    }
+}
+
 /// Shadow rays with their light.
 #[derive(Default)]
 pub struct ShadowRays {
@@ -82,6 +102,9 @@ pub struct ShadowRays {
     scattered: Vec<Scattered>,
     blocked: Vec<bool>,
     hits: Vec<Hit>,
+    /// The media of each ray; empty if the scene has none.
+    media: Vec<Passing>,
+    scratch: Scratch,
     /// Registers of a material's program, reused from point to point.
     registers: Vec<Value>,
 }
@@ -92,6 +115,13 @@ impl ShadowRays {
         self.rays.clear();
         self.light.clear();
         self.scattered.clear();
+        self.media.clear();
+    }
+
+    /// Sets the media of the ray added last; either all rays have some or none.
+    #[inline(always)]
+    pub fn push_media(&mut self, passing: Passing) {
+        self.media.push(passing);
     }
 
     /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample; `scattered`: for all
@@ -122,7 +152,7 @@ impl ShadowRays {
         samples: &mut Samples<'_>,
     ) -> Result<u64, Cancelled> {
         // Any-hit traversal is faster, but cannot see what it passes.
-        let cast = if context.scene.features().transparency {
+        let cast = if context.scene.features().transparency || !self.media.is_empty() {
             self.cast_through(context, calls, samples)?
         } else {
             self.cast_opaque(context, calls, samples)?
@@ -170,6 +200,8 @@ impl ShadowRays {
             light,
             scattered,
             hits,
+            media,
+            scratch,
             registers,
             ..
         } = self;
@@ -189,42 +221,24 @@ impl ShadowRays {
             for i in 0..rays.len() {
                 // Add the remaining light of a ray without a hit.
                 let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
+                let mut passing = media.get(i).copied();
+                if let Some(passing) = &mut passing {
+                    carried.value =
+                        carried.value * passing.transmittance(context, &ray, &hit, scratch);
+                }
                 if !hit.is_hit() {
                     samples.add(&carried, scattered.get(i));
                     continue;
                 }
-                // Normalize: the direction's length is the distance to the light, which the program must not depend
-                // on.
-                let d = Vec3::from(ray.d).normalized();
-                let surface = Surface::of(scene, &hit, d);
-                carried.history.length += hit.t * Vec3::from(ray.d).length();
-                // Filter the light by the surface, unless shadow rays do not see it.
-                if surface.material.visible.to(RayKind::Shadow) {
-                    let point = || {
-                        let mut point = surface.shading_point(scene, d, RayKind::Shadow);
-                        point.view = Some(context.camera.view());
-                        point.history = carried.history;
-                        point
-                    };
-                    let unscattered =
-                        surface
-                            .material
-                            .unscattered_reduced(&scene.images, point, registers);
-                    carried.value = carried.value * unscattered.transparent;
-                    carried.history.transparent += 1;
-                } else {
-                    carried.invisible += 1;
-                }
-                // Continue while some light is left and the interval is not exhausted.
-                if carried.history.transparent < MAX_TRANSPARENT
-                    && carried.invisible < MAX_INVISIBLE
-                    && carried.value.max_abs() > 0.0
-                    && ray.t_max > hit.t
-                {
-                    rays[kept] = surface.continued(&ray, &hit);
+                let next = carried.pass(context, &ray, &hit, passing.as_mut(), registers);
+                if let Some(next) = next {
+                    rays[kept] = next;
                     light[kept] = carried;
                     if !scattered.is_empty() {
                         scattered[kept] = scattered[i];
+                    }
+                    if let Some(passing) = passing {
+                        media[kept] = passing;
                     }
                     kept += 1;
                 }
@@ -232,7 +246,88 @@ impl ShadowRays {
             rays.truncate(kept);
             light.truncate(kept);
             scattered.truncate(kept);
+            media.truncate(kept);
         }
         Ok(cast)
+    }
+}
+
+impl Light {
+    /// Passes the surface of a hit. Returns the rest of the ray while some light is left.
+    fn pass(
+        &mut self,
+        context: &Context<'_>,
+        ray: &Ray,
+        hit: &Hit,
+        passing: Option<&mut Passing>,
+        registers: &mut Vec<Value>,
+    ) -> Option<Ray> {
+        let scene = context.scene;
+        // Normalize: the direction's length is the distance to the light, which the program must not depend on.
+        let d = Vec3::from(ray.d).normalized();
+        let surface = Surface::of(scene, hit, d);
+        self.history.length += hit.t * Vec3::from(ray.d).length();
+        let visible = surface.material.visible.to(RayKind::Shadow);
+        let in_media = passing.is_some();
+        if let Some(passing) = passing.filter(|_| visible) {
+            passing.stack.cross(surface.medium_behind(), surface.inside);
+        }
+        // Filter the light by the surface, unless shadow rays do not see it.
+        if visible && !(in_media && surface.material.boundary) {
+            let point = || {
+                let mut point = surface.shading_point(scene, d, RayKind::Shadow);
+                point.view = Some(context.camera.view());
+                point.history = self.history;
+                point
+            };
+            let material = surface.material;
+            let unscattered = material.unscattered_reduced(&scene.images, point, registers);
+            self.value = self.value * unscattered.transparent;
+            self.history.transparent += 1;
+        } else {
+            self.invisible += 1;
+        }
+        // Continue while some light is left and the interval is not exhausted.
+        let goes_on = self.history.transparent < MAX_TRANSPARENT
+            && self.invisible < MAX_INVISIBLE
+            && self.value.max_abs() > 0.0
+            && ray.t_max > hit.t;
+        goes_on.then(|| surface.continued(ray, hit))
+    }
+}
+
+impl Passing {
+    /// Returns the transmittance of the media up to a hit, or to the end of the ray.
+    fn transmittance(
+        &mut self,
+        context: &Context<'_>,
+        ray: &Ray,
+        hit: &Hit,
+        scratch: &mut Scratch,
+    ) -> Vec3 {
+        if self.stack.is_empty() {
+            return Vec3::ONE;
+        }
+        // The direction's length is a distance, of which the interval is a fraction.
+        let d = Vec3::from(ray.d);
+        let length = d.length();
+        let end = if hit.is_hit() { hit.t } else { ray.t_max };
+        let through = Through {
+            scene: context.scene,
+            stack: &self.stack,
+            ray: MediumRay {
+                origin: Vec3::from(ray.o),
+                direction: d.normalized(),
+                kind: RayKind::Shadow,
+                view: Some(context.camera.view()),
+                probes: 0,
+            },
+        };
+        let span = [ray.t_min * length, end * length];
+        // Each ray has its own numbers, which go on from segment to segment.
+        scratch.stream = self.stream;
+        let transmittance = through.transmittance(span, scratch);
+        self.stream = scratch.stream;
+        transmittance
     }
 }

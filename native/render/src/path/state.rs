@@ -45,6 +45,8 @@ pub struct Path {
     pub kind: RayKind,
     /// Number of bounces by kind.
     bounces: Bounces,
+    /// Number of times the path has scattered in volumes.
+    pub volume_bounces: u16,
 }
 
 impl Path {
@@ -68,6 +70,7 @@ impl Path {
             camera: true,
             kind: RayKind::Camera,
             bounces: Bounces::default(),
+            volume_bounces: 0,
         }
     }
 
@@ -88,6 +91,10 @@ impl Path {
             RayKind::Diffuse => diffuse,
             RayKind::Glossy => glossy,
             RayKind::Transmission => transmission,
+            RayKind::Volume => {
+                self.volume_bounces += 1;
+                return;
+            }
             RayKind::Camera | RayKind::Shadow => return,
         };
         *count = count.saturating_add(1);
@@ -131,6 +138,11 @@ impl Path {
         let samples = VertexSamples::new(self.sampler, sample, self.vertex);
         self.vertex += 1;
         samples
+    }
+
+    /// Returns the seed of a stream of random numbers for the current ray of sample `sample`.
+    pub fn stream(&self, sample: u32) -> u32 {
+        self.sampler.stream(sample, u32::from(self.vertex))
     }
 
     /// Passes a surface at this distance that is invisible to the ray. Returns whether the path may continue.

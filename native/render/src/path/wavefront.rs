@@ -7,30 +7,38 @@
 //! `clamp_direct`, `filter_glossy`, caustics that are switched off, and adaptive sampling are biased on purpose. The
 //! scene's features select one of the compiled variants of [`crate::path::shade`] once per render.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::camera::Camera;
 use crate::camera::filter::Filter;
 use crate::film::{Batch, Film, Shares, TileArea};
 use crate::math::sampler::PixelSampler;
+use crate::medium::stack::Stack;
 use crate::path::beams::groups::Groups;
 use crate::path::beams::polygons::Polygons;
 use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
+use crate::path::media::{Scratch, enclosure};
 use crate::path::shade::{self, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
-use crate::settings::{Pass, Settings};
+use crate::settings::{Integrator, Pass, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Order as RayOrder, Ray, RayCounters};
 
 /// The inputs of rendering a tile, the same for all tiles of a render.
+#[derive(Clone, Copy)]
 pub struct Context<'a> {
-    /// Scene.
+    /// Scene at the time of the current sample.
     pub scene: &'a RenderScene,
+    /// Its number in `scenes`.
+    pub moment: usize,
+    /// The scene at equal intervals of time while the shutter is open.
+    pub scenes: &'a [Arc<RenderScene>],
     /// Camera.
     pub camera: &'a Camera,
     /// Pixel filter.
@@ -41,8 +49,31 @@ pub struct Context<'a> {
     pub film: &'a Film,
     /// The polygons that mirror and refract beams, if secondary rays go as beams.
     pub polygons: Option<&'a Polygons>,
+    /// The same for each scene.
+    pub all_polygons: &'a [Polygons],
     /// Set to cancel the render.
     pub stop: &'a AtomicBool,
+}
+
+impl Context<'_> {
+    /// Returns the context of a sample: the scenes take turns in the order of van der Corput's sequence, so that few
+    /// samples are spread over the whole time, too.
+    fn at_sample(&self, sample: u32) -> Self {
+        let count = self.scenes.len() as u64;
+        let moment = ((u64::from(sample.reverse_bits()) * count) >> 32) as usize;
+        Self {
+            scene: &self.scenes[moment],
+            moment,
+            polygons: self.all_polygons.get(moment),
+            ..*self
+        }
+    }
+
+    /// Returns a time from 0 to 1 of the shutter's opening within the interval of the scene, for a random number in
+    /// [0, 1).
+    fn time(&self, u: f32) -> f32 {
+        (self.moment as f32 + u) / self.scenes.len() as f32
+    }
 }
 
 /// The rays and paths of one worker thread.
@@ -59,6 +90,11 @@ pub struct Wavefront {
     pub(super) sources: Vec<Source>,
     /// The shares of the lobes of each path's first surface; empty without light passes.
     pub(super) shares: Vec<Shares>,
+    /// The media that each ray is in; empty if the scene has none.
+    pub(super) media: Vec<Stack>,
+    pub(super) scratch: Scratch,
+    /// The media around the pinhole in one of the scenes, once known.
+    around: Option<(usize, Stack)>,
     groups: Groups,
     pub(super) shadows: ShadowRays,
     /// The samples of the tile.
@@ -85,6 +121,9 @@ impl Wavefront {
             paths: Vec::new(),
             sources: Vec::new(),
             shares: Vec::new(),
+            media: Vec::new(),
+            scratch: Scratch::default(),
+            around: None,
             groups: Groups::default(),
             shadows: ShadowRays::default(),
             batch: Batch::default(),
@@ -111,9 +150,12 @@ impl Wavefront {
         self.batch
             .reset(context.film, area.pixels() * count as usize);
         for index in 0..count {
+            let context = &context.at_sample(first + index);
+            self.shade = shade::choose(context.scene.features(), context.film.wants_extra());
             // Each sample index has its own range of slots.
             let base = index as usize * area.pixels();
             self.start(context, area, active, first + index, base);
+            self.enclose(context)?;
             // Trace, shade and test shadows until all paths have ended.
             let mut primary = true;
             while !self.rays.is_empty() {
@@ -157,10 +199,11 @@ impl Wavefront {
             let (x, y) = (area.x + dx, area.y + dy);
             let sampler = PixelSampler::new(x, y, settings.seed);
             let [u, v] = sampler.pair(sample, 0);
-            let ray = camera.ray(
+            let ray = camera.ray_at(
                 x as f32 + 0.5 + filter.offset(u),
                 y as f32 + 0.5 + filter.offset(v),
                 || sampler.pair(sample, 1),
+                || context.time(sampler.pair(sample, 2)[0]),
             );
             // The slot is the pixel's sample in the tile's batch.
             let slot = base + (dy * area.width + dx) as usize;
@@ -183,6 +226,29 @@ impl Wavefront {
         if context.polygons.is_some() {
             self.sources.resize(self.rays.len(), camera.source());
         }
+    }
+
+    /// Finds the media that the camera rays start in.
+    fn enclose(&mut self, context: &Context<'_>) -> Result<(), Cancelled> {
+        self.media.clear();
+        // Only path tracing renders media.
+        if !context.scene.features().media || context.settings.integrator != Integrator::Path {
+            return Ok(());
+        }
+        let (scene, stop) = (context.scene, context.stop);
+        if let Source::Point(pinhole) = context.camera.source() {
+            // The rays of a pinhole share their media.
+            let around = match self.around {
+                Some((moment, around)) if moment == context.moment => around,
+                _ => enclosure::media_at(scene, &[pinhole.array()], &mut self.calls, stop)?[0],
+            };
+            self.around = Some((context.moment, around));
+            self.media.resize(self.rays.len(), around);
+        } else {
+            let origins: Vec<_> = self.rays.iter().map(|ray| ray.o).collect();
+            self.media = enclosure::media_at(scene, &origins, &mut self.calls, stop)?;
+        }
+        Ok(())
     }
 
     /// Finds the nearest hits of all rays. `primary`: whether they are camera rays.

@@ -47,6 +47,8 @@ pub struct Attributes {
     /// Attributes of each mesh; of the flattened scene alone if nothing is instanced.
     meshes: Vec<MeshAttributes>,
     instanced: Option<(Arc<Instances>, InstanceAttributes)>,
+    /// Object of each triangle of a flattened scene; empty = one object.
+    objects: Vec<u32>,
 }
 
 /// The attributes of one triangle.
@@ -73,6 +75,7 @@ impl Attributes {
         Ok(Self {
             meshes: vec![mesh],
             instanced: None,
+            objects: Vec::new(),
         })
     }
 
@@ -91,7 +94,15 @@ impl Attributes {
         Ok(Self {
             meshes,
             instanced: Some((instances, each)),
+            objects: Vec::new(),
         })
+    }
+
+    /// Sets the object of each triangle, which tells media apart; ignored for instances.
+    pub fn set_objects(&mut self, objects: &[u32]) {
+        if self.instanced.is_none() {
+            self.objects = objects.to_vec();
+        }
     }
 
     /// Whether some mesh has shading normals.
@@ -166,6 +177,12 @@ impl At<'_> {
             None => index as usize,
             Some((_, each)) => each.material(self.instance, index),
         }
+    }
+
+    /// Returns the number of the object: the instance, or in a flattened scene what [`Attributes::set_objects`] gave.
+    pub fn object(&self) -> u32 {
+        let given = self.all.objects.get(self.triangle);
+        given.copied().unwrap_or(self.instance as u32)
     }
 
     /// Returns the shading normals at the triangle's corners in scene space, or `None` if the whole scene is flat.

@@ -68,6 +68,7 @@ impl EmissionProbe<'_> {
                     footprint: 0.0,
                     view: None,
                     history: History::default(),
+                    probes: 0,
                 };
                 let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
                 sum += unscattered.emission.mean_abs();

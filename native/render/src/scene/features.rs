@@ -31,6 +31,8 @@ pub struct Features {
     pub emission: bool,
     /// The background depends on the direction.
     pub world: bool,
+    /// A material or the background has a volume: rays traverse media.
+    pub media: bool,
     /// At least one mesh has corner normals.
     pub smooth_normals: bool,
     /// At least one material is in use, that is, there is a triangle.
@@ -38,7 +40,7 @@ pub struct Features {
 }
 
 impl Features {
-    /// Determines the features from the materials in use, the lights and the background.
+    /// Determines the features from the materials in use, the lights and the background; all but `media`.
     pub fn resolve<'a>(
         used: impl Iterator<Item = &'a Material> + Clone,
         lights: &Lights,
@@ -58,6 +60,7 @@ impl Features {
             hidden: any(|m| !m.visible.is_all()),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
+            media: false,
             smooth_normals,
             surfaces: any(|_| true),
         }
@@ -104,6 +107,10 @@ impl Features {
                 "a map of the background: it is the same in all directions",
             ),
             (self.smooth_normals, "smooth normals: none given"),
+            (
+                self.media,
+                "media: neither a material nor the world has a volume",
+            ),
         ];
         rows.iter()
             .filter(|(present, _)| !present)

@@ -8,10 +8,12 @@ use crate::light::world::{World, WorldParams};
 use crate::light::{LightParams, Lights};
 use crate::material::albedo::Grids;
 use crate::material::{Material, MaterialParams};
+use crate::medium::Volume;
 use crate::scene::attributes::{Attributes, InstancedAttributes, MeshAttributes};
 use crate::scene::emitters::EmissionProbe;
 use crate::scene::features::Features;
 use crate::scene::indices::Indices;
+use crate::scene::media::Media;
 use crate::values::image::Image;
 use crate::values::program::Op;
 use crate::values::varying::Varying;
@@ -21,6 +23,7 @@ pub mod attributes;
 mod emitters;
 pub mod features;
 pub mod indices;
+pub mod media;
 pub mod surface;
 
 /// A structure shared by several threads.
@@ -36,6 +39,7 @@ pub struct RenderScene {
     pub(crate) lights: Lights,
     pub(crate) world: World,
     pub(crate) indices: Indices,
+    pub(crate) media: Media,
     features: Features,
 }
 
@@ -77,7 +81,7 @@ impl RenderScene {
         for (index, material) in materials.iter().enumerate() {
             check_references(material, index, params.images.len(), varying.layers.len())?;
         }
-        let attributes = match params.instanced {
+        let mut attributes = match params.instanced {
             Some(instanced) => Attributes::instanced(instanced, materials.len())?,
             None => {
                 let mesh = MeshAttributes {
@@ -87,6 +91,9 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
+        if materials.iter().any(|m| m.volume.is_some()) {
+            attributes.set_objects(&varying.object_index);
+        }
         // Prepare the background; whether it varies decides how it is sampled.
         params.indices.check(count)?;
         let mut world = World::new(&params.world, &params.images, &varying)?;
@@ -115,8 +122,12 @@ impl RenderScene {
             world.take_map(),
             world.visible,
         )?;
-        let features = Features::resolve(used, &lights, &world, attributes.smooth());
-        Ok(Self {
+        let media = Media::new(world_volume(&params.world)?);
+        let features = Features {
+            media: media.world.is_some() || used.clone().any(|m| m.volume.is_some()),
+            ..Features::resolve(used, &lights, &world, attributes.smooth())
+        };
+        let mut scene = Self {
             tracer,
             attributes,
             materials,
@@ -125,14 +136,28 @@ impl RenderScene {
             lights,
             world,
             indices: params.indices,
+            media,
             features,
-        })
+        };
+        scene.find_majorants();
+        Ok(scene)
     }
 
     /// Returns the features that paths in this scene need.
     pub fn features(&self) -> Features {
         self.features
     }
+}
+
+/// Compiles the medium of the background. Without an end, it has no box in which its largest extinction could be found.
+fn world_volume(params: &WorldParams) -> Result<Option<Volume>> {
+    let volume = Volume::new(&params.volume, "world['volume']")?;
+    if volume.as_ref().is_some_and(|v| !v.is_uniform()) {
+        return Err(Error::Spec(
+            "world['volume']: the volume of a background must not vary".into(),
+        ));
+    }
+    Ok(volume)
 }
 
 /// Compiles the materials, which share their albedo grids; without any, Blender's default.

@@ -5,6 +5,7 @@ use crate::material::Material;
 use crate::material::bsdf::Normals;
 use crate::material::bump::reflecting_normal;
 use crate::math::vector::{Frame, Vec3, offset_origin};
+use crate::medium::stack::Inside;
 use crate::scene::RenderScene;
 use crate::scene::attributes::At;
 use crate::values::shading_point::ShadingPoint;
@@ -110,6 +111,7 @@ impl<'a> Surface<'a> {
             footprint: 0.0,
             view: None,
             history: History::default(),
+            probes: 0,
         }
     }
 
@@ -144,6 +146,16 @@ impl<'a> Surface<'a> {
     /// Returns the number of the triangle.
     pub fn triangle(&self) -> u32 {
         self.triangle as u32
+    }
+
+    /// Returns the medium inside the object, if the material has a volume.
+    pub fn medium_behind(&self) -> Option<Inside> {
+        self.material.volume.as_ref()?;
+        Some(Inside {
+            material: self.at.material() as u32,
+            object: self.at.object(),
+            triangle: self.triangle(),
+        })
     }
 
     /// Returns the shading frame.

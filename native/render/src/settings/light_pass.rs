@@ -13,7 +13,7 @@ pub enum LobeKind {
 }
 
 /// A part of the light of the combined pass, as in Cycles. Emission, environment, and the direct and indirect light of
-/// all kinds of lobes, each multiplied by its colour, add up to the combined pass.
+/// all kinds of lobes, each multiplied by its colour, and that of volumes add up to the combined pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightPass {
     /// Light that the first surface scatters from a light, divided by the colour.
@@ -22,18 +22,22 @@ pub enum LightPass {
     Indirect(LobeKind),
     /// Albedo of the lobes of the first surface.
     Color(LobeKind),
-    /// Light of surfaces and lamps that the camera sees.
+    /// Light of surfaces, volumes and lamps that the camera sees.
     Emission,
     /// Light of the background that the camera sees.
     Environment,
+    /// Light that a volume scatters first, from a light.
+    VolumeDirect,
+    /// Light that a volume scatters first, from other volumes and surfaces.
+    VolumeIndirect,
 }
 
-use LightPass::{Color, Direct, Emission, Environment, Indirect};
+use LightPass::{Color, Direct, Emission, Environment, Indirect, VolumeDirect, VolumeIndirect};
 use LobeKind::{Diffuse, Glossy, Transmission};
 
 impl LightPass {
     /// All light passes.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Direct(Diffuse),
         Indirect(Diffuse),
         Color(Diffuse),
@@ -45,6 +49,8 @@ impl LightPass {
         Color(Transmission),
         Emission,
         Environment,
+        VolumeDirect,
+        VolumeIndirect,
     ];
 
     /// Returns the position in [`Self::ALL`].
@@ -56,6 +62,8 @@ impl LightPass {
             Color(lobe) => (lobe, 2),
             Emission => return 9,
             Environment => return 10,
+            VolumeDirect => return 11,
+            VolumeIndirect => return 12,
         };
         3 * lobe as usize + part
     }
@@ -74,6 +82,8 @@ impl LightPass {
             Color(Transmission) => "Transmission Color",
             Emission => "Emission",
             Environment => "Environment",
+            VolumeDirect => "Volume Direct",
+            VolumeIndirect => "Volume Indirect",
         }
     }
 
@@ -81,7 +91,7 @@ impl LightPass {
     pub const fn divisor(self) -> Option<Self> {
         match self {
             Direct(lobe) | Indirect(lobe) => Some(Color(lobe)),
-            Color(_) | Emission | Environment => None,
+            Color(_) | Emission | Environment | VolumeDirect | VolumeIndirect => None,
         }
     }
 

@@ -48,6 +48,8 @@ pub struct Settings {
     pub secondary_beams: bool,
     /// Largest number of times a path scatters after its first surface; 0 = direct light only. As in Cycles.
     pub max_bounces: u32,
+    /// Largest number of times a path scatters in volumes after the first time; 0 = single scattering. As in Cycles.
+    pub volume_bounces: u32,
     /// Upper limit of what one sample adds after its first bounce, as the mean of its channels; 0 = no limit,
     /// unbiased. Lower values remove fireflies and lose light. As in Cycles.
     pub clamp_indirect: f32,
@@ -98,6 +100,7 @@ impl Default for Settings {
             integrator: Integrator::Path,
             ambient_distance: f32::INFINITY,
             max_bounces: 4,
+            volume_bounces: 0,
             clamp_indirect: 0.0,
             clamp_direct: 0.0,
             filter_glossy: 0.0,
@@ -193,6 +196,12 @@ impl Settings {
             let got = self.max_bounces;
             return spec(format!(
                 "settings['max_bounces'] must lie in 0..1024, got {got}"
+            ));
+        }
+        if self.volume_bounces > 1024 {
+            let got = self.volume_bounces;
+            return spec(format!(
+                "settings['volume_bounces'] must lie in 0..1024, got {got}"
             ));
         }
         if let Some(step) = self.step_samples

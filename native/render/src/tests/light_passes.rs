@@ -7,10 +7,14 @@ use std::time::Duration;
 use crate::film::Unsampled;
 use crate::job::Job;
 use crate::light::LightKind;
+use crate::light::world::WorldParams;
 use crate::material::MaterialParams;
+use crate::medium::{VolumeClosure, VolumeParams};
 use crate::scene::{RenderScene, SceneParams};
 use crate::settings::{Integrator, LightPass, LobeKind, Pass, Settings};
 use crate::tests::setup::{Mesh, at, from_above, light, matte, square};
+use crate::values::program::Operand;
+use crate::values::visibility::Visibility;
 
 /// A matt floor, and above it a glossy plate, glass, and a lamp that the camera sees.
 fn plates() -> Arc<RenderScene> {
@@ -67,6 +71,36 @@ fn plates() -> Arc<RenderScene> {
     })
 }
 
+/// A glowing fog, denser in blue, over a glossy floor in a bright world, with a lamp of a light group in it.
+fn fog() -> Arc<RenderScene> {
+    let mut mesh = Mesh::default();
+    mesh.floor(4.0, 0.0, 0);
+    let mut lamp = light(LightKind::Point { radius: 0.5 }, at(-2.0, -2.0, 3.0), 90.0);
+    lamp.group = 1;
+    lamp.visible = Visibility::ALL;
+    let mut world = WorldParams::from([0.2, 0.3, 0.4]);
+    world.volume = VolumeParams {
+        closures: vec![VolumeClosure {
+            scattering: Operand::color([0.1, 0.15, 0.2]),
+            absorption: Operand::number(0.02),
+            emission: Operand::number(0.01),
+            ..Default::default()
+        }],
+        program: Vec::new(),
+    };
+    let material = MaterialParams {
+        base_color: [0.8, 0.5, 0.2],
+        metallic: 0.5,
+        ..Default::default()
+    };
+    mesh.scene(SceneParams {
+        materials: vec![material],
+        lights: vec![lamp],
+        world,
+        ..Default::default()
+    })
+}
+
 /// Returns the values of a pass of 12 × 12 pixels.
 fn read(job: &Job, pass: Pass) -> Vec<f32> {
     let mut out = vec![-1.0; 144 * pass.channels()];
@@ -111,6 +145,100 @@ fn light_passes_add_up_to_combined() {
             for (c, s) in pixel.iter().zip(sum) {
                 assert!((c - s).abs() < 1e-5 + 1e-4 * c, "{integrator:?}: {c} {s}");
             }
+        }
+    }
+}
+
+#[test]
+fn light_passes_and_groups_of_a_fog_add_up() {
+    let scene = fog();
+    // Clamping tells groups that are limited together from groups limited one by one.
+    for clamp_indirect in [0.0, 0.05] {
+        let settings = Settings {
+            passes: Pass::all().chain([Pass::Group(0)]).collect(),
+            volume_bounces: 4,
+            clamp_indirect,
+            ..square(12, 4, 4)
+        };
+        let job = Job::start(Arc::clone(&scene), &from_above(5.0), settings, 1).unwrap();
+        assert!(job.wait(Duration::from_secs(600)) && job.samples_done() == 4);
+        let light = |pass| read(&job, Pass::Light(pass));
+        let mut sums = vec![0.0; 144 * 3];
+        for pass in [
+            LightPass::Emission,
+            LightPass::Environment,
+            LightPass::VolumeDirect,
+            LightPass::VolumeIndirect,
+        ] {
+            let part = light(pass);
+            // The floor lies below the whole picture.
+            let seen = part.iter().any(|&v| v > 0.0);
+            assert_eq!(seen, pass != LightPass::Environment, "{pass:?}");
+            for (sum, value) in sums.iter_mut().zip(part) {
+                *sum += value;
+            }
+        }
+        for kind in [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission] {
+            let color = light(LightPass::Color(kind));
+            for part in [LightPass::Direct(kind), LightPass::Indirect(kind)].map(light) {
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum += part[i] * color[i];
+                }
+            }
+        }
+        let combined = read(&job, Pass::Combined);
+        for (pixel, sum) in combined.chunks_exact(4).zip(sums.chunks_exact(3)) {
+            for (c, s) in pixel.iter().zip(sum) {
+                assert!((c - s).abs() < 1e-5 + 1e-4 * c, "{c} {s}");
+            }
+        }
+        // The light of the lamp is part of each pixel, in the fog too.
+        let group = read(&job, Pass::Group(0));
+        for (pixel, lamp) in combined.chunks_exact(4).zip(group.chunks_exact(3)) {
+            for (c, l) in pixel.iter().zip(lamp) {
+                assert!(*l > 0.0 && *l < *c, "{l} of {c}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lamp_alone_in_a_fog_is_the_whole_picture() {
+    let mut mesh = Mesh::default();
+    mesh.floor(4.0, 0.0, 0);
+    let mut lamp = light(LightKind::Point { radius: 0.5 }, at(-2.0, -2.0, 3.0), 90.0);
+    lamp.group = 2;
+    lamp.visible = Visibility::ALL;
+    let volume = VolumeParams {
+        closures: vec![VolumeClosure {
+            scattering: Operand::number(0.2),
+            ..Default::default()
+        }],
+        program: Vec::new(),
+    };
+    let world = WorldParams {
+        volume,
+        ..Default::default()
+    };
+    let scene = mesh.scene(SceneParams {
+        materials: vec![matte(0.5)],
+        lights: vec![lamp],
+        world,
+        ..Default::default()
+    });
+    let settings = Settings {
+        passes: vec![Pass::Combined, Pass::Group(0), Pass::Group(1)],
+        volume_bounces: 4,
+        ..square(12, 4, 4)
+    };
+    let job = Job::start(scene, &from_above(5.0), settings, 1).unwrap();
+    assert!(job.wait(Duration::from_secs(600)));
+    let (other, group) = (read(&job, Pass::Group(0)), read(&job, Pass::Group(1)));
+    assert!(other.iter().all(|&v| v == 0.0));
+    let combined = read(&job, Pass::Combined);
+    for (pixel, lamp) in combined.chunks_exact(4).zip(group.chunks_exact(3)) {
+        for (c, l) in pixel.iter().zip(lamp) {
+            assert!(*c > 0.0 && (c - l).abs() < 1e-6 + 1e-5 * c, "{l} of {c}");
         }
     }
 }

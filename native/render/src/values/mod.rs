@@ -12,3 +12,4 @@ pub mod texture;
 pub mod varying;
 pub mod view;
 pub mod visibility;
+pub mod voxels;

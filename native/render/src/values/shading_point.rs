@@ -36,6 +36,8 @@ pub struct ShadingPoint<'a> {
     pub view: Option<&'a View>,
     /// The path that arrives here.
     pub history: History,
+    /// The number of probes along each axis of the object, where voxels return their largest value nearby; 0 = none.
+    pub probes: u8,
 }
 
 impl<'a> ShadingPoint<'a> {
@@ -55,6 +57,7 @@ impl<'a> ShadingPoint<'a> {
             footprint: 0.0,
             view: None,
             history: History::default(),
+            probes: 0,
         }
     }
 
@@ -101,6 +104,19 @@ impl<'a> ShadingPoint<'a> {
         let sides = [(v - u).length(), v.length(), u.length()];
         !self.is_background()
             && (self.weights.iter().zip(sides)).any(|(weight, side)| weight * area < half * side)
+    }
+
+    /// Returns the value of the voxels with this number, counted from 1, at a position in object space; `absent` for
+    /// any other number.
+    pub fn voxels(&self, number: f32, position: Vec3, absent: Value) -> Value {
+        let index = (number as usize).checked_sub(1);
+        let Some(voxels) = index.and_then(|index| self.varying.grids.get(index)) else {
+            return absent;
+        };
+        match self.probes {
+            0 => voxels.at(position),
+            probes => voxels.largest(position, f32::from(probes)),
+        }
     }
 
     /// The object of the triangle.
@@ -220,6 +236,7 @@ pub(super) mod tests {
             footprint: 0.01,
             view: None,
             history: History::default(),
+            probes: 0,
         }
     }
 

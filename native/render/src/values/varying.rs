@@ -2,6 +2,7 @@
 //! Data that vary over the triangles of a scene: layers of corner attributes and texture coordinates of objects.
 
 use crate::check::{Error, Result, finite};
+use crate::values::voxels::Voxels;
 
 /// Values at the corners of all triangles: a UV map, a colour or tangents.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -34,6 +35,8 @@ pub struct Varying {
     pub object_index: Vec<u32>,
     /// World position of the scene frame's origin.
     pub origin: [f32; 3],
+    /// Voxels in the spaces of objects, by the numbers that programs compute.
+    pub grids: Vec<Voxels>,
 }
 
 impl Varying {

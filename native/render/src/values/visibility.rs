@@ -14,6 +14,8 @@ pub enum RayKind {
     Glossy,
     /// After a refraction.
     Transmission,
+    /// After scattering in a volume.
+    Volume,
 }
 
 /// The set of ray kinds that see an object, a light or the background.
@@ -22,7 +24,7 @@ pub struct Visibility(u8);
 
 impl Visibility {
     /// Visible to all rays.
-    pub const ALL: Self = Self(0b1_1111);
+    pub const ALL: Self = Self(0b11_1111);
     /// Visible to all rays except camera rays: Blender's default for lights.
     pub const NOT_BY_CAMERA: Self = Self::ALL.without(RayKind::Camera);
 
@@ -34,6 +36,7 @@ impl Visibility {
             RayKind::Diffuse => 2,
             RayKind::Glossy => 3,
             RayKind::Transmission => 4,
+            RayKind::Volume => 5,
         }
     }
 

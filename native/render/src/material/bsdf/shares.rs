@@ -35,7 +35,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         Shares::only(match scatter.kind {
             RayKind::Glossy => LobeKind::Glossy,
             RayKind::Transmission => LobeKind::Transmission,
-            RayKind::Diffuse | RayKind::Camera | RayKind::Shadow => LobeKind::Diffuse,
+            RayKind::Diffuse | RayKind::Camera | RayKind::Shadow | RayKind::Volume => {
+                LobeKind::Diffuse
+            }
         })
     }
 

@@ -3,7 +3,8 @@
 
 use crate::light::power_heuristic;
 use crate::math::vector::Vec3;
-use crate::path::shade::{Output, Shader};
+use crate::path::shade::Shader;
+use crate::path::shade::output::Output;
 use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::settings::LightPass;

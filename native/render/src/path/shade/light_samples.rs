@@ -6,9 +6,12 @@ use crate::light::{Arrival, Emitter, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
 use crate::path::random::{Selection, VertexSamples};
+use crate::path::shade::Shader;
+use crate::path::shade::output::Output;
 use crate::path::shade::scatter::FramedBsdf;
-use crate::path::shade::{Output, Shader};
 use crate::path::state::Path;
+use crate::path::wavefront::Context;
+use crate::scene::RenderScene;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
 use crate::values::program::Value;
@@ -16,7 +19,7 @@ use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
 /// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
-const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
+pub(super) const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
 
 impl<
     const LIGHTS: bool,
@@ -52,18 +55,14 @@ impl<
         let mut value = path.throughput * f * light.radiance * weight;
         if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
             // The radiance of triangles and background comes from a program, run only if the rest contributes.
-            value = value * self.emitter_radiance(&light, path, out.light_registers);
+            value = value * emitter_radiance(self.context, &light, path, out.light_registers);
         }
         if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
         let shares = || bsdf.shares(frame.to_local(light.direction), light.visible);
-        let group = || match light.emitter {
-            Emitter::Lamp => light.group,
-            Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
-            Emitter::World => scene.world.group,
-        };
+        let group = || emitter_group(scene, &light);
         let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
             out.add_unoccluded(value, scattered);
@@ -83,7 +82,7 @@ impl<
             t_min: 0.0,
             t_max,
         };
-        out.shadows.push(ray, path, value, scattered);
+        out.cast(ray, path, value, scattered, Some(surface));
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -115,7 +114,7 @@ impl<
         };
         let value = self.settings.clamped(value, path.bounce > 0);
         let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
-        out.shadows.push(ray, path, value, scattered);
+        out.cast(ray, path, value, scattered, Some(surface));
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -138,44 +137,58 @@ impl<
                 t_max: self.settings.ambient_distance,
             };
             let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
-            out.shadows.push(ray, path, path.throughput, scattered);
+            out.cast(ray, path, path.throughput, scattered, Some(surface));
         }
     }
+}
 
-    /// Returns the radiance that the emitter of a light sample, other than a lamp, sends to the receiver.
-    fn emitter_radiance(&self, light: &Arrival, path: &Path, registers: &mut Vec<Value>) -> Vec3 {
-        let scene = self.scene;
-        match light.emitter {
-            Emitter::Lamp => Vec3::ONE,
-            Emitter::World => scene.world.radiance(
-                &scene.images,
-                &scene.varying,
-                light.direction,
-                RayKind::Diffuse,
-                path.history_after(RayKind::Diffuse, 0.0),
-                registers,
-            ),
-            Emitter::Triangle(triangle, [u, v]) => {
-                // Shade the sampled point as if a diffuse ray had hit it.
-                let hit = Hit {
-                    t: light.distance,
-                    triangle,
-                    u,
-                    v,
-                };
-                let surface = Surface::of(scene, &hit, light.direction);
-                let point = || {
-                    let mut point = surface.shading_point(scene, light.direction, RayKind::Diffuse);
-                    point.view = Some(self.context.camera.view());
-                    point.history = path.history_after(RayKind::Diffuse, light.distance);
-                    point
-                };
-                let material = surface.material;
-                let unscattered = material.unscattered_reduced(&scene.images, point, registers);
-                material.coated_emission_reduced(unscattered.emission, registers, || {
-                    surface.cosine(light.direction)
-                })
-            }
+/// Returns the light group of the emitter of a light sample; 0 = none.
+pub(super) fn emitter_group(scene: &RenderScene, light: &Arrival) -> u8 {
+    match light.emitter {
+        Emitter::Lamp => light.group,
+        Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
+        Emitter::World => scene.world.group,
+    }
+}
+
+/// Returns the radiance that the emitter of a light sample, other than a lamp, sends to the receiver.
+pub(super) fn emitter_radiance(
+    context: &Context<'_>,
+    light: &Arrival,
+    path: &Path,
+    registers: &mut Vec<Value>,
+) -> Vec3 {
+    let scene = context.scene;
+    match light.emitter {
+        Emitter::Lamp => Vec3::ONE,
+        Emitter::World => scene.world.radiance(
+            &scene.images,
+            &scene.varying,
+            light.direction,
+            RayKind::Diffuse,
+            path.history_after(RayKind::Diffuse, 0.0),
+            registers,
+        ),
+        Emitter::Triangle(triangle, [u, v]) => {
+            // Shade the sampled point as if a diffuse ray had hit it.
+            let hit = Hit {
+                t: light.distance,
+                triangle,
+                u,
+                v,
+            };
+            let surface = Surface::of(scene, &hit, light.direction);
+            let point = || {
+                let mut point = surface.shading_point(scene, light.direction, RayKind::Diffuse);
+                point.view = Some(context.camera.view());
+                point.history = path.history_after(RayKind::Diffuse, light.distance);
+                point
+            };
+            let material = surface.material;
+            let unscattered = material.unscattered_reduced(&scene.images, point, registers);
+            material.coated_emission_reduced(unscattered.emission, registers, || {
+                surface.cosine(light.direction)
+            })
         }
     }
 }

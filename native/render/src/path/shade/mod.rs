@@ -2,24 +2,25 @@
 //! Shading of a wavefront's hits: adds emission, collects shadow rays, and replaces the rays by those of the next
 //! bounce.
 
-use crate::film::{Identities, LightParts, PixelSample, Shares};
+use crate::film::Shares;
 use crate::material::bsdf::MAX_LOBES;
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
-use crate::path::shadow_rays::{Scattered, ShadowRays, add_to_group};
+use crate::path::shade::output::{Extra, Output, part};
+use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
-use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, LightPass, LobeKind, Settings};
-use crate::values::program::Value;
+use crate::settings::{Integrator, Settings};
 use halfspace_ray::{Hit, Ray};
 
 mod emission;
 mod light_samples;
+mod output;
 mod scatter;
+mod volume;
 
 /// Shades all hits of a wavefront for the sample with this index.
 pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
@@ -85,6 +86,8 @@ fn shade<
         paths,
         batch,
         sources,
+        media,
+        scratch,
         shares,
         shadows,
         registers,
@@ -114,6 +117,9 @@ fn shade<
             work: &mut *work,
             source: sources.get(i).copied().unwrap_or(Source::None),
             next: Source::None,
+            media: media.get(i).copied(),
+            scratch: &mut *scratch,
+            seed: 0,
         };
         if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut out) {
             rays[kept] = next;
@@ -126,6 +132,9 @@ fn shade<
             {
                 shares[kept] = extra.shares;
             }
+            if let Some(stack) = out.media {
+                media[kept] = stack;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -134,121 +143,7 @@ fn shade<
     paths.truncate(kept);
     sources.truncate(kept);
     shares.truncate(kept);
-}
-
-/// The outputs of shading.
-struct Output<'a, const EXTRA: bool> {
-    sample: &'a mut PixelSample,
-    /// What passes that are rarely filled need, if any is.
-    extra: Option<Extra<'a>>,
-    shadows: &'a mut ShadowRays,
-    /// Registers of a material's program, reused from point to point.
-    registers: &'a mut Vec<Value>,
-    /// Registers of the programs of emitters.
-    light_registers: &'a mut Vec<Value>,
-    work: &'a mut Work,
-    /// The beam of the ray.
-    source: Source,
-    /// The beam of the next ray.
-    next: Source,
-}
-
-/// The outputs of shading for passes that are rarely filled.
-struct Extra<'a> {
-    /// The light of the sample by light pass, if such passes are filled.
-    parts: Option<&'a mut LightParts>,
-    /// The shares of the lobes of the path's first surface, if light passes are filled and it has scattered.
-    shares: Shares,
-    /// The light of the sample by light group.
-    groups: &'a mut [[f32; 3]],
-    /// The identities of the first surface, if a matte is filled.
-    identities: Option<&'a mut Identities>,
-    /// The motion of the first surface, if the vector pass is filled.
-    motion: Option<&'a mut [f32; 5]>,
-    /// The outputs of the first surface's material.
-    outputs: &'a mut [[f32; 4]],
-}
-
-/// Returns the `count` values of a slot.
-fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
-    &mut values[slot * count..(slot + 1) * count]
-}
-
-impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
-    /// Returns what passes that are rarely filled need.
-    #[inline(always)]
-    fn extra(&mut self) -> Option<&mut Extra<'a>> {
-        if EXTRA { self.extra.as_mut() } else { None }
-    }
-
-    /// Adds light that the path's ray meets. `seen`: the pass of light that the camera sees directly; `group`: returns
-    /// the light group of the emitter, called only if such groups are filled.
-    #[inline(always)]
-    fn add_met(&mut self, light: Vec3, path: &Path, seen: LightPass, group: impl FnOnce() -> u8) {
-        self.sample.add(light);
-        let Some(extra) = self.extra() else {
-            return;
-        };
-        if !extra.groups.is_empty() {
-            add_to_group(extra.groups, group(), light);
-        }
-        if let Some(parts) = &mut extra.parts {
-            if path.bounce == 0 {
-                parts.add(seen, light);
-            } else {
-                parts.add_scattered(light, &extra.shares, path.bounce > 1);
-            }
-        }
-    }
-
-    /// Returns what the light passes and light groups need of light that the path's vertex scatters, if they are filled.
-    /// `shares`: returns the shares of the vertex's lobes, which count at the first one; `group`: returns the light
-    /// group of the emitter.
-    #[inline(always)]
-    fn scattered(
-        &self,
-        path: &Path,
-        shares: impl FnOnce() -> Shares,
-        group: impl FnOnce() -> u8,
-    ) -> Option<Scattered> {
-        let extra = self.extra.as_ref().filter(|_| EXTRA)?;
-        let divided = extra.parts.is_some();
-        if !divided && extra.groups.is_empty() {
-            return None;
-        }
-        let indirect = path.bounce > 0;
-        let first = divided && !indirect;
-        Some(Scattered {
-            shares: if first { shares() } else { extra.shares },
-            indirect,
-            group: group(),
-        })
-    }
-
-    /// Adds light that the path's vertex scatters and nothing occludes.
-    #[inline(always)]
-    fn add_unoccluded(&mut self, light: Vec3, scattered: Option<Scattered>) {
-        self.sample.add(light);
-        if let (Some(extra), Some(of)) = (self.extra(), scattered) {
-            add_to_group(extra.groups, of.group, light);
-            if let Some(parts) = &mut extra.parts {
-                parts.add_scattered(light, &of.shares, of.indirect);
-            }
-        }
-    }
-
-    /// Adds the colours of the path's first surface. `colors`: returns those of the kinds of lobes.
-    #[inline(always)]
-    fn add_colors(&mut self, throughput: Vec3, colors: impl FnOnce() -> [Vec3; 3]) {
-        if let Some(extra) = self.extra()
-            && let Some(parts) = &mut extra.parts
-        {
-            let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
-            for (kind, color) in kinds.into_iter().zip(colors()) {
-                parts.add(LightPass::Color(kind), throughput * color);
-            }
-        }
-    }
+    media.truncate(kept);
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -313,8 +208,14 @@ impl<
         let (scene, features) = (self.scene, self.features);
         // The direction has unit length.
         let d = Vec3::from(ray.d);
-        // Add the light of lamps in front of the hit, and of the background.
-        if LIGHTS && features.lights_hittable {
+        // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
+        if out.media.is_some() {
+            match volume::cross(self.context, self.sample, ray, hit, path, out) {
+                Crossed::Reached => {}
+                Crossed::Scattered(next) => return Some(next),
+                Crossed::Ended => return None,
+            }
+        } else if LIGHTS && features.lights_hittable {
             self.add_lamps(d, hit, path, out);
         }
         if !hit.is_hit() {
@@ -325,6 +226,13 @@ impl<
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
         if features.hidden && !surface.material.visible.to(path.kind) {
+            return path
+                .pass_invisible(hit.t)
+                .then(|| surface.continued(ray, hit));
+        }
+        // Pass the boundaries of volumes.
+        if out.media.is_some() && surface.material.boundary {
+            out.cross(&surface);
             return path
                 .pass_invisible(hit.t)
                 .then(|| surface.continued(ray, hit));
@@ -352,12 +260,18 @@ impl<
         let pass = unscattered.pass_probability();
         if features.transparency && opacity < pass {
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
+            out.cross(&surface);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
         // The first surface that is not passed makes the pixel opaque, except for holes.
         if path.camera {
             self.write_first_surface(hit, &surface, out);
             out.sample.alpha = unscattered.opacity();
+            // A hole behind media is as deep as they transmit.
+            if out.media.is_some() {
+                let transmitted = path.throughput.mean().clamp(0.0, 1.0);
+                out.sample.alpha = 1.0 - (1.0 - out.sample.alpha) * transmitted;
+            }
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);

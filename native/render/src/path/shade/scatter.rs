@@ -6,7 +6,8 @@ use crate::material::bsdf::{Bsdf, LobeFilter, Scatter};
 use crate::math::vector::{Frame, Vec3};
 use crate::path::beams::source::{Event, angle};
 use crate::path::random::{Selection, VertexSamples};
-use crate::path::shade::{Output, Shader};
+use crate::path::shade::Shader;
+use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Pass};
@@ -158,6 +159,9 @@ impl<
         path.passed = 0.0;
         path.camera = false;
         path.scatter(scatter.kind);
+        if scatter.through {
+            out.cross(surface);
+        }
         if let Some(ray) = self.beam_ray(surface, direction, &scatter, path, out) {
             return Some(ray);
         }

@@ -103,6 +103,7 @@ impl Program {
                 Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
                 Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
                 Op::ObjectValue(column) => point.object_value(*column),
+                Op::Voxels => point.voxels(arg(0)[0], rgb(arg(1)), arg(2)),
                 Op::Transform(kind, from, to) => {
                     vector(point.transformed(rgb(arg(0)), *kind, *from, *to))
                 }

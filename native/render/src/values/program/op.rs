@@ -284,6 +284,9 @@ pub enum Op {
     RotateEuler(bool),
     /// Value of the object that is shaded, see [`ObjectFrame::values`](crate::values::varying::ObjectFrame).
     ObjectValue(u16),
+    /// The value of the voxels with this number, counted from 1, at a position in object space; the third argument for
+    /// the number 0. The largest value nearby where a volume is probed.
+    Voxels,
     /// Vector Transform between two spaces.
     Transform(VectorKind, Space, Space),
     /// Clamp: value, min, max.
@@ -313,6 +316,7 @@ impl Op {
                 | Self::Attribute(..)
                 | Self::Coordinate(..)
                 | Self::ObjectValue(_)
+                | Self::Voxels
                 | Self::Transform(..)
                 | Self::Fresnel
                 | Self::LayerFresnel
@@ -358,7 +362,8 @@ impl Op {
             | Self::BrightContrast
             | Self::Magic(_)
             | Self::RotateEuler(_)
-            | Self::Clamp => 3,
+            | Self::Clamp
+            | Self::Voxels => 3,
             Self::Checker(_) | Self::RotateAxis => 4,
             Self::HueSaturation | Self::Gabor(..) => 5,
             Self::Bump(_) | Self::MapRange(..) | Self::MapRangeVector(..) => 6,

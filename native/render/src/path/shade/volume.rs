@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Paths through media: lamps seen through them, emission, and scattering with a light sample.
+
+use crate::film::Shares;
+use crate::light::{Emitter, Reach, Receiver, power_heuristic};
+use crate::math::sampler::Stream;
+use crate::math::vector::Vec3;
+use crate::medium::stack::Stack;
+use crate::path::media::{Passage, Through};
+use crate::path::random::VertexSamples;
+use crate::path::shade::light_samples::{BEFORE_LIGHT, emitter_group, emitter_radiance};
+use crate::path::shade::output::Output;
+use crate::path::shadow_rays::add_to_group;
+use crate::path::state::Path;
+use crate::path::wavefront::Context;
+use crate::scene::RenderScene;
+use crate::scene::media::MediumRay;
+use crate::settings::{LightPass, Pass};
+use crate::values::visibility::RayKind;
+use halfspace_ray::{Hit, Ray};
+
+/// How a path leaves a segment between two surfaces.
+pub(super) enum Crossed {
+    /// It reaches the hit.
+    Reached,
+    /// It scatters and continues with this ray.
+    Scattered(Ray),
+    /// It ends.
+    Ended,
+}
+
+/// Traverses the media on the way to a hit: adds the light of lamps before it and of the media, and may scatter.
+/// Not generic, so that it is compiled once; never inlined, because most scenes have no media.
+#[cold]
+#[inline(never)]
+pub(super) fn cross<const EXTRA: bool>(
+    context: &Context<'_>,
+    sample: u32,
+    ray: &Ray,
+    hit: &Hit,
+    path: &mut Path,
+    out: &mut Output<'_, EXTRA>,
+) -> Crossed {
+    let Some(stack) = out.media else {
+        return Crossed::Reached;
+    };
+    out.seed = path.stream(sample);
+    let settings = context.settings;
+    let through = Through {
+        scene: context.scene,
+        stack: &stack,
+        ray: MediumRay {
+            origin: Vec3::from(ray.o),
+            direction: Vec3::from(ray.d),
+            kind: path.kind,
+            view: Some(context.camera.view()),
+            probes: 0,
+        },
+    };
+    add_lamps(context, &through, ray, hit, path, out);
+    if stack.is_empty() {
+        return Crossed::Reached;
+    }
+    // Sample the next event; paths beyond their limits are only attenuated.
+    let random = path.next_vertex(sample);
+    let [roulette, channel] = random.survival();
+    let [choose_light, distance] = random.choices();
+    let scatters = u32::from(path.bounce) <= settings.max_bounces
+        && u32::from(path.volume_bounces) <= settings.volume_bounces;
+    let end = if hit.is_hit() { hit.t } else { ray.t_max };
+    out.scratch.stream = Stream::new(Stream::new(out.seed).fork(2));
+    let Passage { event, emitted } = through.sample(
+        [ray.t_min, end],
+        path.throughput,
+        scatters,
+        [channel, distance],
+        out.scratch,
+    );
+    if emitted != Vec3::ZERO {
+        let light = settings.clamped(path.throughput * emitted, path.bounce > 1);
+        let group = || group_of(context.scene, &stack);
+        out.add_met(light, path, LightPass::Emission, group);
+    }
+    path.throughput = path.throughput * event.weight;
+    if !(path.throughput.max_abs() > 0.0 && path.throughput.is_finite()) {
+        // An opaque medium hides the background.
+        if path.camera {
+            out.sample.alpha = 1.0;
+        }
+        return Crossed::Ended;
+    }
+    let Some(at) = event.distance else {
+        // The film shows as much of what lies behind as the media transmit.
+        if path.camera && !hit.is_hit() {
+            out.sample.alpha = 1.0 - path.throughput.mean().clamp(0.0, 1.0);
+        }
+        return Crossed::Reached;
+    };
+    if path.camera {
+        out.sample.alpha = 1.0;
+        if context.film.fills(Pass::Albedo) {
+            out.sample.albedo = out.scratch.mixture.albedo().array();
+        }
+    }
+    if !path.survives(roulette) {
+        return Crossed::Ended;
+    }
+    path.receiver = Receiver {
+        point: through.ray.origin + through.ray.direction * at,
+        normal: Vec3::ZERO,
+    };
+    sample_light(
+        context,
+        through.ray.direction,
+        choose_light,
+        random,
+        path,
+        out,
+    );
+    scatter(through.ray.direction, random, path, out)
+}
+
+/// Adds the light of lamps that the ray hits before the surface, dimmed by the media in front of them.
+fn add_lamps<const EXTRA: bool>(
+    context: &Context<'_>,
+    through: &Through<'_>,
+    ray: &Ray,
+    hit: &Hit,
+    path: &Path,
+    out: &mut Output<'_, EXTRA>,
+) {
+    let (scene, settings) = (context.scene, context.settings);
+    let hidden = !scene.lights.any_camera_visible() || (settings.film_transparent && !hit.is_hit());
+    if !scene.features().lights_hittable || (path.camera && hidden) {
+        return;
+    }
+    out.work.lights_tested += 1;
+    let span = [path.passed.max(0.0), path.passed + hit.t];
+    let reach = Reach {
+        receiver: path.receiver,
+        direction: through.ray.direction,
+        span,
+    };
+    let (seed, lights) = (out.seed, &scene.lights);
+    let scratch = &mut *out.scratch;
+    let mut lamps = |group| {
+        let light = lights.radiance_through(reach, path.pdf, path.kind, group, |distance| {
+            // Each lamp starts the stream anew, so that the light of the groups adds up to that of all lamps.
+            scratch.stream = Stream::new(Stream::new(seed).fork(3));
+            // Lamps are measured from the last scattering point, media from the ray's origin.
+            let span = [ray.t_min, (distance - path.passed).max(ray.t_min)];
+            through.transmittance(span, scratch)
+        });
+        path.throughput * light
+    };
+    let all = lamps(None);
+    let light = settings.clamped(all, path.bounce > 1);
+    // The limit applies to all lamps together.
+    if let Some(extra) = &mut out.extra {
+        let kept = light.max_abs() / all.max_abs();
+        for group in (1..).take(extra.groups.len()).filter(|_| kept > 0.0) {
+            add_to_group(extra.groups, group, lamps(Some(group)) * kept);
+        }
+    }
+    out.add_met(light, path, LightPass::Emission, || 0);
+}
+
+/// Returns the light group of the glow of these media; 0 = none, or several.
+fn group_of(scene: &RenderScene, stack: &Stack) -> u8 {
+    let mut groups = stack.media().iter().map(|medium| {
+        if medium.is_world() {
+            scene.world.group
+        } else {
+            scene.indices.group(medium.triangle as usize)
+        }
+    });
+    let first = groups.next().unwrap_or(0);
+    if groups.all(|group| group == first) {
+        first
+    } else {
+        0
+    }
+}
+
+/// Samples a light from the scattering point and adds a shadow ray if the light could contribute. `d`: direction
+/// before.
+fn sample_light<const EXTRA: bool>(
+    context: &Context<'_>,
+    d: Vec3,
+    choice: f32,
+    random: VertexSamples,
+    path: &Path,
+    out: &mut Output<'_, EXTRA>,
+) {
+    let (scene, settings) = (context.scene, context.settings);
+    let Some(light) = scene.lights.sample(path.receiver, choice, random.light()) else {
+        return;
+    };
+    if !light.visible.to(RayKind::Volume) {
+        return;
+    }
+    // Evaluate the phase function; lights that no ray can hit get the full weight.
+    let (f, pdf) = out.scratch.mixture.phase(d.dot(light.direction));
+    let weight = if light.pdf.is_finite() {
+        power_heuristic(light.pdf, pdf)
+    } else {
+        1.0
+    };
+    let mut value = path.throughput * f * light.radiance * weight;
+    if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+        value = value * emitter_radiance(context, &light, path, out.light_registers);
+    }
+    if !(value.max_abs() > 0.0 && value.is_finite()) {
+        return;
+    }
+    let value = settings.clamped(value, path.bounce > 0);
+    let o = path.receiver.point;
+    let (d, t_max) = if light.distance.is_finite() {
+        (light.direction * light.distance, BEFORE_LIGHT)
+    } else {
+        (light.direction, f32::INFINITY)
+    };
+    let group = || emitter_group(scene, &light);
+    let scattered = out.scattered(path, || Shares::VOLUME, group);
+    if !light.casts_shadow {
+        out.add_unoccluded(value, scattered);
+        return;
+    }
+    let ray = Ray {
+        o: o.array(),
+        d: d.array(),
+        t_min: 0.0,
+        t_max,
+    };
+    out.cast(ray, path, value, scattered, None);
+}
+
+/// Samples the direction after scattering. `d`: direction before.
+fn scatter<const EXTRA: bool>(
+    d: Vec3,
+    random: VertexSamples,
+    path: &mut Path,
+    out: &mut Output<'_, EXTRA>,
+) -> Crossed {
+    // The stream's number chooses among the lobes, of which most media have one.
+    let choice = Stream::new(Stream::new(out.seed).fork(4)).number();
+    let mixture = &out.scratch.mixture;
+    let direction = mixture.sample(d, choice, random.direction());
+    let (f, pdf) = mixture.phase(d.dot(direction));
+    path.throughput = path.throughput * f * (1.0 / pdf);
+    if !(path.throughput.max_abs() > 0.0 && path.throughput.is_finite()) {
+        return Crossed::Ended;
+    }
+    if let Some(extra) = &mut out.extra
+        && path.bounce == 0
+    {
+        extra.shares = Shares::VOLUME;
+    }
+    path.pdf = pdf;
+    path.min_pdf = path.min_pdf.min(pdf);
+    path.passed = 0.0;
+    path.camera = false;
+    path.scatter(RayKind::Volume);
+    Crossed::Scattered(Ray {
+        o: path.receiver.point.array(),
+        d: direction.array(),
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    })
+}

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion blur beside Cycles: a camera that moves and turns, and objects that move and change their shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import addon_utils
+import atlas
+import bpy
+import numpy as np
+import pytest
+from shapes import cube, material, with_nodes
+
+from addon.blender.measure import pictures
+from addon.blender.render import shutter
+from addon.blender.session import reports
+
+SIZE, SAMPLES = 48, 256
+
+
+def animate(item: Any, path: str, *values: Any) -> None:
+    """Keys of a property at the frames 0, 1, ..., linear between them."""
+    for frame, value in enumerate(values):
+        setattr(item, path, value)
+        item.keyframe_insert(path, frame=frame)
+    action = item.animation_data.action
+    curves = action.fcurves if hasattr(action, "fcurves") else action.layers[0].strips[0].channelbags[0].fcurves
+    for curve in curves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+
+
+@pytest.fixture(name="stage")
+def staged(scene: Any, add: Any) -> Any:
+    """A glowing cube below the camera in a dim world, while the shutter is open for a frame around frame 1."""
+    addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    mesh = cube(size=1.0)
+    mesh.materials.append(material("Glow", Emission_Color=(1, 0.5, 0.2, 1), Emission_Strength=1.0))
+    add("Cube", mesh)
+    camera = bpy.data.cameras.new("Camera")
+    scene.camera = add("Camera", camera, location=(0, 0, 6))
+    render = scene.render
+    render.resolution_x = render.resolution_y = SIZE
+    render.resolution_percentage = 100
+    render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, 1.0, "CENTER"
+    scene.frame_set(1)
+    atlas.configure(scene, SAMPLES, 1)
+    return scene
+
+
+def compared(scene: Any) -> tuple[np.ndarray[Any, Any], float]:
+    """Our picture, and the root mean square of its difference from Cycles', relative to the spread of Cycles'."""
+    found = []
+    for engine in ("HALFSPACE", "CYCLES"):
+        scene.render.engine = engine
+        found.append(pictures.render(scene)[..., :3].astype(float))
+    ours, theirs = found
+    assert abs(ours.mean() / theirs.mean() - 1) < 0.01
+    report = reports.last(scene)
+    assert report is not None
+    assert not report.warnings
+    return ours, float(((ours - theirs) ** 2).mean() ** 0.5 / theirs.std())
+
+
+def test_a_moving_and_turning_camera(stage: Any) -> None:
+    animate(stage.camera, "location", (-1, 0, 6), (0, 0, 6), (1, 0.5, 6))
+    animate(stage.camera, "rotation_euler", (0, 0, -0.5), (0, 0, 0), (0, 0.1, 0.7))
+    stage.frame_set(1)
+    ours, apart = compared(stage)
+    assert apart < 0.05
+    stage.render.use_motion_blur = False
+    stage.render.engine = "HALFSPACE"
+    still = pictures.render(stage)[..., :3]
+    assert ((ours - still) ** 2).mean() ** 0.5 > 0.2 * still.std(), "without motion the picture is another one"
+
+
+@pytest.mark.parametrize("position", ["START", "CENTER", "END"])
+def test_a_moving_object(stage: Any, position: str) -> None:
+    animate(bpy.data.objects["Cube"], "location", (-1, 0, 0), (0, 0.3, 0), (1, 0, 0))
+    stage.frame_set(1)
+    stage.render.motion_blur_position = position
+    stage.halfspace.motion_steps = 32
+    _, apart = compared(stage)
+    assert apart < 0.1
+    assert stage.frame_current == 1
+    assert stage.frame_subframe == 0
+
+
+def test_an_object_that_changes_its_shape(stage: Any) -> None:
+    item = bpy.data.objects["Cube"]
+    item.shape_key_add(name="Basis")
+    key = item.shape_key_add(name="Long")
+    for point in key.data:
+        point.co.x *= 3
+    for frame, value in enumerate((0.0, 0.5, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    stage.frame_set(1)
+    stage.halfspace.motion_steps = 32
+    _, apart = compared(stage)
+    assert apart < 0.1
+
+
+def test_a_shutter_that_never_opens_is_named(stage: Any) -> None:
+    animate(bpy.data.objects["Cube"], "location", (-1, 0, 0), (0, 0, 0), (1, 0, 0))
+    stage.frame_set(1)
+    stage.render.engine = "HALFSPACE"
+    stage.render.use_motion_blur = False
+    still = pictures.render(stage)
+    stage.render.use_motion_blur, stage.render.motion_blur_shutter = True, 0.0
+    if shutter.interval(stage) is not None:
+        pytest.skip("this Blender has no shutter of 0")
+    assert np.array_equal(pictures.render(stage), still)
+    report = reports.last(stage)
+    assert report is not None
+    assert any("shutter" in warning for warning in report.warnings)
