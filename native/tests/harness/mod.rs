@@ -303,6 +303,7 @@ fn camera(bytes: &mut Bytes<'_>) -> CameraParams {
             focus: f64::from(bytes.number()),
         },
         motion: None,
+        poses: (0..bytes.byte() % 4).map(|_| bytes.matrix()).collect(),
     }
 }
 
@@ -327,6 +328,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
             falloff: Falloff::InverseQuadratic,
         },
         max_bounces: u32::from(bytes.byte() % 5),
+        volume_bounces: u32::from(bytes.byte() % 3),
         clamp_indirect: bytes.number(),
         clamp_direct: bytes.number(),
         filter_glossy: bytes.number(),
