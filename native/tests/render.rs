@@ -10,6 +10,7 @@ use halfspace::render::light::{LightKind, LightParams};
 use halfspace::render::material::MaterialParams;
 use halfspace::render::scene::{RenderScene, SceneParams};
 use halfspace::render::settings::{Pass, Settings};
+use halfspace::render::values::linking::LightSets;
 use halfspace::render::values::visibility::Visibility;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
@@ -78,8 +79,10 @@ fn scene_params(triangles: usize) -> SceneParams {
             kind: LightKind::Point { radius: 0.0 },
             to_world,
             power: [300.0; 3],
+            sphere: false,
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
+            sets: LightSets::default(),
         }],
         world: [0.2, 0.3, 0.5].into(),
         ..Default::default()

@@ -15,6 +15,8 @@ from ...core.scene.instances import Layout, choose
 from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, World
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
+from .displacement import applying
+from .linking import Linking, Sets
 from .object_values import Instance, Value
 from .strands.collecting import Collector
 from .value_nodes import STRAND
@@ -179,7 +181,8 @@ class _Reader:
         self._unreadable: set[texture_layers.Key] = set()
         self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
         self._surfaces, self._strands = layer.use_solid, layer.use_strand
-        self._marks = view_layers.Marks(layer)
+        self._marks, self._linking = view_layers.Marks(layer), Linking(depsgraph, notes)
+        self._pictures: dict[frozenset[int], tuple[Image, ...]] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
@@ -210,8 +213,9 @@ class _Reader:
         elif kind == "LIGHT":
             light = lights.read_light(item, matrix, self.notes)
             if light is not None:
-                self._note_linking(item, item.name_full)
-                self.lights.append(replace(light, hidden_from=_hidden(item, parent)))
+                receivers, blockers = self._linking.of_light(item)
+                hidden = _hidden(item, parent)
+                self.lights.append(replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers))
         elif kind in SKIPPED_TYPES:
             self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
 
@@ -219,12 +223,31 @@ class _Reader:
         """The placements, in order of appearance, those of hair and points last."""
         found = [
             meshes.Placement(
-                group.mesh, np.stack(group.matrices), tuple(group.names), group.materials, tuple(group.values)
+                self._displaced(group),
+                np.stack(group.matrices),
+                tuple(group.names),
+                group.materials,
+                tuple(group.values),
             )
             for (mesh, _), group in self._groups.items()
             if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
         return found + self.strands.placements()
+
+    def _displaced(self, group: _Group) -> meshes.MeshArrays:
+        """The mesh of a group, displaced by its materials where the first instance is, as in Cycles."""
+        slots = self.palette.displacements(group.materials.tolist())
+        if not any(slots):
+            return group.mesh
+        used = frozenset().union(*(one.images for one in slots if one is not None))
+        if used not in self._pictures:
+            self._pictures[used] = self.palette.gallery.read(set(used), self.notes)
+        keys = self.palette.layers.keys
+        around = applying.Surroundings(group.matrices[0], group.values[0], keys, self._pictures[used])
+        mesh, lost = applying.displaced(group.mesh, slots, around)
+        if lost:
+            self.notes.add("Not displaced, vertices that would leave the scene", group.names[0], lost)
+        return mesh
 
     def _regular(self, item: Any, matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
         """The transform of an instance, made invertible; None, with a note, if it is unusable."""
@@ -246,14 +269,14 @@ class _Reader:
         if sheet is None:
             return
         visit = self.strands.visit_hair if hair else self.strands.visit
-        visit(instance, sheet, self.palette.indices(item, item.data, hidden))
+        visit(instance, sheet, self.palette.indices(item, item.data, hidden, self._sets(instance)))
 
     def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
         item, sheet = instance.item, self._regular(instance.item, matrix)
         if sheet is None:
             return
-        mesh_key, mesh, used = self._mesh(item, hidden)
+        mesh_key, mesh, used = self._mesh(instance, hidden)
         if mesh is None or not len(mesh.triangles):
             return
         if mesh_key[0] == "mesh":  # other meshes may be dropped at the end
@@ -265,15 +288,22 @@ class _Reader:
         group.names.append(item.name_full)
         group.values.append(instance.values(self.palette.layers.object_values))
 
-    def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
+    def _sets(self, instance: Instance) -> Sets:
+        """The sets of linked lights that an object is in."""
+        return self._linking.of_object(instance.item, instance.parent)
+
+    def _mesh(
+        self, instance: Instance, hidden: Hidden
+    ) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
+        item, sets = instance.item, self._sets(instance)
         # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
                 self._meshes[key] = self._read(data, item)
-            return key, self._meshes[key], self.palette.indices(item, data, hidden)
+            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
             # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
@@ -282,7 +312,7 @@ class _Reader:
                 return key, None, ()
             self._meshes[key] = self._read(data, item)
             item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
+        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets)
 
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
         """A mesh with the layers that materials read."""
@@ -319,10 +349,8 @@ class _Reader:
 
     def _note_linking(self, item: Any, name: str) -> None:
         linking = item.light_linking
-        if linking.receiver_collection is not None:
-            self.notes.add("Light linking is not supported yet, the light affects all objects", name)
-        if linking.blocker_collection is not None:
-            self.notes.add("Shadow linking is not supported yet, all objects cast shadows", name)
+        if linking.receiver_collection is not None or linking.blocker_collection is not None:
+            self.notes.add("Light linking is supported for lights only, not for glowing objects", name)
 
     def _check_once(self, item: Any, name: str) -> None:
         """Note an object's unsupported settings, once per object."""

@@ -7,6 +7,7 @@ use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
+use halfspace_render::values::linking::{LightSets, ObjectSets, SETS};
 use halfspace_render::values::visibility::{RayKind, Visibility};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -26,6 +27,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "closures",
         "program",
         "hidden_from",
+        "receives",
+        "blocks",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -50,8 +53,27 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             closures: shader::closures(&keys)?,
             program: shader::program(&keys)?,
             visible: visibility(&keys, default.visible)?,
+            sets: ObjectSets {
+                receives: bits(&keys, "receives")?,
+                blocks: bits(&keys, "blocks")?,
+            },
         })
     })
+}
+
+/// Reads the number of a set of linked objects; 0 by default.
+fn set(keys: &Keys<'_, '_>, key: &str) -> Result<u8> {
+    let Some(value) = keys.find(key) else {
+        return Ok(0);
+    };
+    let number = keys.count(key)?;
+    let small = u8::try_from(number).ok().filter(|&set| set < SETS);
+    small.ok_or_else(|| keys.wrong(key, "a number from 0 to 31", &value))
+}
+
+/// Reads a bit for each set of linked objects; all by default.
+fn bits(keys: &Keys<'_, '_>, key: &str) -> Result<u32> {
+    keys.find(key).map_or(Ok(u32::MAX), |_| keys.count(key))
 }
 
 /// Reads the visibility: all kinds of rays except those in "hidden_from".
@@ -101,8 +123,12 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "shape",
         "size",
         "size_y",
+        "spread",
+        "sphere",
         "casts_shadow",
         "hidden_from",
+        "receivers",
+        "blockers",
     ];
     let kinds = [
         ("point", Kind::Point),
@@ -136,6 +162,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
                     shape: keys.choice("shape", &shapes)?,
                     size,
                     size_y: keys.number_or("size_y", size)?,
+                    spread: keys.number_or("spread", std::f32::consts::PI)?,
                 }
             }
         };
@@ -143,8 +170,13 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
             kind,
             to_world: keys.matrix("to_world")?,
             power: keys.color("power")?,
+            sphere: keys.flag_or("sphere", false)?,
             casts_shadow: keys.flag_or("casts_shadow", true)?,
             visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
+            sets: LightSets {
+                receivers: set(&keys, "receivers")?,
+                blockers: set(&keys, "blockers")?,
+            },
         })
     })
 }

@@ -22,6 +22,7 @@ use crate::light::many::Many;
 use crate::light::prepared::{Light, Shape};
 use crate::light::shapes::{LightRay, Triangle};
 use crate::math::vector::Vec3;
+use crate::values::linking::LightSets;
 use crate::values::visibility::{RayKind, Visibility};
 
 mod arrival;
@@ -90,6 +91,7 @@ impl Lights {
                     brightness,
                     casts_shadow: true,
                     visible: emissive.visible,
+                    sets: LightSets::default(),
                 });
             }
         }
@@ -101,6 +103,7 @@ impl Lights {
                 brightness: map.mean * std::f32::consts::PI,
                 casts_shadow: true,
                 visible: map_visible,
+                sets: LightSets::default(),
             });
         }
         // Only lamps are hit here; triangles and background are hit as surfaces and as misses.
@@ -130,6 +133,11 @@ impl Lights {
         self.any_hittable
     }
 
+    /// Whether only some objects shade a light.
+    pub fn any_blockers(&self) -> bool {
+        self.lights.iter().any(|light| light.sets.blockers != 0)
+    }
+
     /// Whether camera rays can hit a lamp.
     pub fn any_camera_visible(&self) -> bool {
         self.any_camera_visible
@@ -142,6 +150,9 @@ impl Lights {
         // Choose a light, then a point on it or a direction towards it.
         let (index, probability) = self.choose(receiver, choice)?;
         let light = &self.lights[index];
+        if !light.shines_on(receiver) {
+            return None;
+        }
         let ray = match &light.shape {
             Shape::Disc(disc) => disc.sample(receiver.point, u),
             Shape::Sun(sun) => sun.sample(u),
@@ -191,6 +202,7 @@ impl Lights {
             pdf,
             casts_shadow: light.casts_shadow,
             visible: light.visible,
+            blockers: light.sets.blockers,
             emitter,
         })
     }
@@ -234,7 +246,7 @@ impl Lights {
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
-            if !light.is_hittable() || !light.visible.to(kind) {
+            if !light.is_hittable() || !light.visible.to(kind) || !light.shines_on(receiver) {
                 return;
             }
             // Triangles and background are hit by the scene's rays, not here.

@@ -8,6 +8,7 @@ use crate::material::closure::{
 };
 use crate::math::vector::Vec3;
 use crate::values::image::Image;
+use crate::values::linking::ObjectSets;
 use crate::values::program::{Op, Operand, Program, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::visibility::Visibility;
@@ -38,6 +39,8 @@ pub struct Material {
     normal: Option<Operand>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
+    /// The lights that shine on it, and those that it shades.
+    pub sets: ObjectSets,
     /// Whether light can pass straight through.
     pub transparent: bool,
     /// Whether it can emit.
@@ -80,6 +83,7 @@ impl Material {
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
         let mut material = Self {
             visible: params.visible,
+            sets: params.sets,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),

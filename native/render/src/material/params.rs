@@ -3,6 +3,7 @@
 
 use crate::check::{Result, finite, within};
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
+use crate::values::linking::ObjectSets;
 use crate::values::program::{Operand, Step};
 use crate::values::visibility::Visibility;
 
@@ -34,6 +35,8 @@ pub struct MaterialParams {
     pub program: Vec<Step>,
     /// The kinds of rays that can hit the material; others pass through it.
     pub visible: Visibility,
+    /// The lights that shine on it, and those that it shades.
+    pub sets: ObjectSets,
 }
 
 impl Default for MaterialParams {
@@ -52,6 +55,7 @@ impl Default for MaterialParams {
             closures: Vec::new(),
             program: Vec::new(),
             visible: Visibility::ALL,
+            sets: ObjectSets::ALL,
         }
     }
 }

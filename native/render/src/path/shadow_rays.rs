@@ -21,6 +21,8 @@ struct Light {
     history: History,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
+    /// The set of the objects that block the ray.
+    blockers: u8,
 }
 
 /// Shadow rays with their light.
@@ -44,12 +46,19 @@ impl ShadowRays {
     /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample.
     #[inline(always)]
     pub fn push(&mut self, ray: Ray, path: &Path, value: Vec3) {
+        self.push_blocked_by(ray, path, value, 0);
+    }
+
+    /// Adds a ray that only the objects of a set of blockers stop.
+    #[inline(always)]
+    pub fn push_blocked_by(&mut self, ray: Ray, path: &Path, value: Vec3, blockers: u8) {
         self.rays.push(ray);
         self.light.push(Light {
             slot: path.slot,
             value,
             history: path.shadow_history(),
             invisible: 0,
+            blockers,
         });
     }
 
@@ -139,8 +148,9 @@ impl ShadowRays {
                 let d = Vec3::from(ray.d).normalized();
                 let surface = Surface::of(scene, &hit, d);
                 carried.history.length += hit.t * Vec3::from(ray.d).length();
-                // Filter the light by the surface, unless shadow rays do not see it.
-                if surface.material.visible.to(RayKind::Shadow) {
+                // Filter the light by the surface, unless shadow rays do not see it or it is no blocker.
+                let material = surface.material;
+                if material.visible.to(RayKind::Shadow) && material.sets.shades(carried.blockers) {
                     let point = || {
                         let mut point = surface.shading_point(scene, d, RayKind::Shadow);
                         point.view = Some(context.camera.view());

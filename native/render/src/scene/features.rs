@@ -20,7 +20,8 @@ pub struct Features {
     pub glossy: bool,
     /// At least one material has a lobe that refracts, or a translucent one.
     pub glass: bool,
-    /// At least one material is not opaque: rays pass through it, shadow rays accumulate its transmittance.
+    /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
+    /// its transmittance.
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
@@ -50,7 +51,8 @@ impl Features {
             textures: any(|m| !m.program.is_empty()),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
-            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow)),
+            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+                || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),

@@ -81,6 +81,7 @@ fn lights_are_visible_in_mirrors_but_not_to_the_camera() {
         shape: AreaShape::Square,
         size: 20.0,
         size_y: 0.0,
+        spread: std::f32::consts::PI,
     };
     let lights = vec![light(area, at(0.0, 0.0, 2.0), 100.0)];
     let scene = mesh.scene(SceneParams {

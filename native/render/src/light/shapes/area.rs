@@ -5,6 +5,7 @@ use std::f32::consts::PI;
 
 use crate::light::shapes::LightRay;
 use crate::light::shapes::spherical_rectangle::SphericalRectangle;
+use crate::light::shapes::spread::Spread;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::Vec3;
 
@@ -25,6 +26,7 @@ pub struct Area {
     round: bool,
     /// Whether it is a right-angled rectangle, which is sampled by solid angle.
     rectangle: bool,
+    spread: Spread,
 }
 
 impl Area {
@@ -57,7 +59,15 @@ impl Area {
             area,
             round,
             rectangle,
+            spread: Spread::new(PI),
         })
+    }
+
+    /// The light with a cone of this full angle, to which it narrows what each of its points emits.
+    #[must_use]
+    pub fn with_spread(self, angle: f32) -> Self {
+        let spread = Spread::new(angle);
+        Self { spread, ..self }
     }
 
     /// Returns the area.
@@ -129,10 +139,11 @@ impl Area {
     fn towards(&self, to: Vec3, pdf: f32) -> Option<LightRay> {
         let distance = to.length();
         let direction = to * (1.0 / distance);
-        (distance > 0.0 && direction.dot(self.normal) < 0.0).then_some(LightRay {
+        let cos = -direction.dot(self.normal);
+        (distance > 0.0 && cos > 0.0).then(|| LightRay {
             direction,
             distance,
-            factor: 1.0,
+            factor: self.spread.factor(cos),
             pdf,
         })
     }

@@ -69,7 +69,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             t_min: 0.0,
             t_max,
         };
-        out.shadows.push(ray, path, value);
+        out.shadows
+            .push_blocked_by(ray, path, value, light.blockers);
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light

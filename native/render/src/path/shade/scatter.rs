@@ -62,6 +62,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         path.receiver = Receiver {
             point: surface.point,
             normal,
+            sets: surface.material.sets.receives,
         };
         // Sample a light, then the next direction.
         let framed = FramedBsdf {
