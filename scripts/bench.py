@@ -112,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
         "--frames",
         metavar="A-B",
         help="measure each frame of animations instead, with structures that are fitted, built again or built lazily; "
-        f"SCENE: {', '.join(animations.NAMES)} (default: all) or a .blend file; "
+        f"SCENE: {', '.join(animations.NAMES)} (default: all these), {', '.join(animations.LARGE)} or a .blend file; "
         f"writes {motion.NUMBERS} and {motion.PAGE}",
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--split]`.
+"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--split]
+[--website URL]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs, with --for one for another system. With --split, each system also gets a zip
-of its own. Warns if a wheel needs a newer C library than Blender itself.
+of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -96,15 +97,16 @@ def too_new(wheel_file: Path) -> str | None:
     )
 
 
-def filled_manifest(text: str, wheels: Sequence[str]) -> str:
+def filled_manifest(text: str, wheels: Sequence[str], website: str | None = None) -> str:
     """The manifest with the platforms and the paths of these wheels inserted before its first table.
 
-    Raises PackageError if a wheel's version is not the manifest's: Blender would load a mismatched pair.
+    website: the address of the publisher's page, entered if given. Raises PackageError if it is none, or if a wheel's
+    version is not the manifest's: Blender would load a mismatched pair.
     """
     import tomllib
 
     manifest = tomllib.loads(text)
-    for key in ("wheels", "platforms"):
+    for key in ("wheels", "platforms", "website"):
         if key in manifest:
             raise PackageError(f"blender_manifest.toml: {key} is filled in here and must not be in the file")
     for name in wheels:
@@ -112,15 +114,20 @@ def filled_manifest(text: str, wheels: Sequence[str]) -> str:
             raise PackageError(f"{name}: its version is not {manifest['version']}, the manifest's")
     platforms = sorted({platform_of(name) for name in wheels})
     lines = ["platforms = [" + ", ".join(f'"{name}"' for name in platforms) + "]", "wheels = ["]
-    lines += [f'  "./wheels/{name}",' for name in sorted(wheels)] + ["]", "", ""]
+    lines += [f'  "./wheels/{name}",' for name in sorted(wheels)] + ["]"]
+    if website is not None:
+        if not re.fullmatch(r'https?://[^\s"\\]+', website):
+            raise PackageError(f"{website!r}: not the address of a page: it must begin with http:// or https://")
+        lines.append(f'website = "{website}"')
+    lines += ["", ""]
     # Top-level keys after a table would belong to the table.
     table = re.search(r"^\[", text, re.MULTILINE)
     place = table.start() if table else len(text)
     return text[:place] + "\n".join(lines) + text[place:]
 
 
-def stage(wheels: Sequence[Path], folder: Path) -> None:
-    """Fill `folder` with everything that goes into the zip; its old content is removed."""
+def stage(wheels: Sequence[Path], folder: Path, website: str | None = None) -> None:
+    """Fill `folder` with everything that goes into the zip; its old content is removed. Raises PackageError."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "addon", folder, ignore=shutil.ignore_patterns(*IGNORED))
     shutil.copy2(ROOT / "LICENSE", folder)
@@ -129,7 +136,7 @@ def stage(wheels: Sequence[Path], folder: Path) -> None:
     for path in wheels:
         shutil.copy2(path, folder / "wheels")
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
-    text = filled_manifest(manifest, [path.name for path in wheels])
+    text = filled_manifest(manifest, [path.name for path in wheels], website)
     (folder / "blender_manifest.toml").write_text(text, encoding="utf-8")
 
 
@@ -169,12 +176,19 @@ def portable_wheel(name: str | None = None) -> Path:
 
 
 def package(
-    wheels: Sequence[Path], out: Path, *, portable: bool = False, systems: Sequence[str] = (), split: bool = False
+    wheels: Sequence[Path],
+    out: Path,
+    *,
+    portable: bool = False,
+    systems: Sequence[str] = (),
+    split: bool = False,
+    website: str | None = None,
 ) -> list[Path]:
     """Build and validate the zip in the folder `out`, and with `split` one more per system. Returns the zips.
 
     portable: build the wheel for all machines of this kind and add it to `wheels`. systems: the same for each of these
-    systems. Raises PackageError, wheel.BuildError, targets.TargetError, environment.SetupError.
+    systems. website: the publisher's page. Raises PackageError, wheel.BuildError, targets.TargetError,
+    environment.SetupError.
     """
     import tomllib
 
@@ -198,7 +212,7 @@ def package(
     # Each call has a folder of its own: the tests of two Blenders package side by side.
     with tempfile.TemporaryDirectory(prefix="extension-", dir=out) as folder:
         staged, fresh = Path(folder) / "extension", Path(folder) / "zips"
-        stage(chosen, staged)
+        stage(chosen, staged, website)
         fresh.mkdir()
         run_tool("validate", str(staged))
         for options in [[], ["--split-platforms"]] if split else [[]]:
@@ -233,6 +247,7 @@ def main(arguments: Sequence[str]) -> int:
         help="build a wheel for this system, or for all; may be repeated",
     )
     parser.add_argument("--split", action="store_true", help="also make one zip per system")
+    parser.add_argument("--website", metavar="URL", help="the publisher's page, which Blender links to")
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
     return command.run("package", arguments, parser.parse_args, run, told=REPORTED)
 
@@ -240,7 +255,10 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Package with these arguments. Returns the exit status."""
     systems = list(targets.TARGETS) if "all" in asked.systems else asked.systems
-    for path in package(asked.wheel, asked.out, portable=asked.portable, systems=systems, split=asked.split):
+    zips = package(
+        asked.wheel, asked.out, portable=asked.portable, systems=systems, split=asked.split, website=asked.website
+    )
+    for path in zips:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
 

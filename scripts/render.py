@@ -170,7 +170,7 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
     if scene.render.use_multiview:
         # Blender would write one file for each eye, under names of its own.
         scene.render.use_multiview = False
-        print("render: stereo is not supported, one picture from the middle is rendered", file=sys.stderr)
+        print("render: one picture from the middle is rendered, not one for each eye", file=sys.stderr)
     if asked.structure is not None:
         try:
             presets.apply(scene.halfspace, asked.structure)

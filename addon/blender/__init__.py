@@ -11,7 +11,17 @@ from .render import engine, running, viewport
 from .samples import operators
 from .session import building, reports
 from .settings import inspector_settings, overlay_settings, presets, properties
-from .ui import compare_panels, compat, data_panels, inspector_panels, manual, overlay_panels, panels, structure
+from .ui import (
+    compare_panels,
+    compat,
+    data_panels,
+    inspector_panels,
+    manual,
+    overlay_panels,
+    panels,
+    pass_panels,
+    structure,
+)
 
 
 def register() -> None:
@@ -33,6 +43,7 @@ def register() -> None:
     structure.register()
     panels.register()
     data_panels.register()
+    pass_panels.register()
     overlay_panels.register()
     inspector_panels.register()
     compare_panels.register()
@@ -52,6 +63,7 @@ def unregister() -> None:
     compare_panels.unregister()
     inspector_panels.unregister()
     overlay_panels.unregister()
+    pass_panels.unregister()
     data_panels.unregister()
     panels.unregister()
     structure.unregister()

@@ -24,7 +24,7 @@ SIZE = (512, 512)
 """Width and height of a picture in pixels."""
 
 INTERVALS = ("bih", "bih-sah")
-OTHERS = ("bvh-sah", "kd")
+OTHERS = ("bvh-sah", "kd", "bsp-wn-plus-kd")
 """Structures compared with: the others that are measured frame by frame by default."""
 
 WAYS: Mapping[str, tuple[str, ...]] = {"faithful": ("rebuild", "lazy"), "best": ("refit", "rebuild", "lazy")}

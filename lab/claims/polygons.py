@@ -5,7 +5,8 @@ hierarchies and beams of 64 rays; what one more ray costs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -50,6 +51,21 @@ def samples(workload: Workload, size: tuple[int, int], side: int) -> RaySet:
     return RaySet(name, origins, directions, endless, order="tile8")
 
 
+def parallel_samples(workload: Workload, size: tuple[int, int], side: int) -> RaySet:
+    """The same points of the window at the distance of the view's target, seen by an orthographic camera from the plane
+    of the eye.
+    """
+    rays = samples(workload, size, side)
+    view = workload.view
+    forward = view.axes()[2].astype(np.float32)
+    distance = np.float32(np.linalg.norm(view.target - view.eye))
+    # Divide by the depth: what is left across the axis is the place in a window at distance 1.
+    offsets = rays.directions / (rays.directions @ forward)[:, None] - forward
+    origins = view.eye.astype(np.float32) + distance * offsets
+    directions: F32 = np.ascontiguousarray(np.broadcast_to(forward, origins.shape))
+    return replace(rays, name=f"{rays.name}, parallel", origins=origins, directions=directions)
+
+
 def workloads(lab: Lab) -> Iterator[Workload]:
     """The two scenes of the paper, and the real ones that are present."""
     yield paper_scenes.scattered()
@@ -72,12 +88,12 @@ def further(few: Timing, many: Timing) -> tuple[float, float]:
     return nodes, (many.seconds - few.seconds) / rays * 1e9
 
 
-def further_ray(lab: Lab) -> Iterator[Outcome]:
-    """Cost of a further ray from 1 to 16 samples per pixel at the largest picture."""
+def further_ray(lab: Lab, camera: Callable[[Workload, tuple[int, int], int], RaySet]) -> Iterator[Outcome]:
+    """Cost of a further ray of a camera from 1 to 16 samples per pixel at the largest picture."""
     specs = (POLYGON, TILES, NET)
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
-        one = lab.seconds(workload, specs, samples(workload, LARGEST, 1))
-        all_of_them = lab.seconds(workload, specs, samples(workload, LARGEST, SIDE))
+        one = lab.seconds(workload, specs, camera(workload, LARGEST, 1))
+        all_of_them = lab.seconds(workload, specs, camera(workload, LARGEST, SIDE))
         cost = {spec: further(one[spec], all_of_them[spec]) for spec in specs}
         nodes, time = (cost[POLYGON][i] / cost[NET][i] for i in (0, 1))
         text = "; ".join(f"{spec} {own[0]:.4f} nodes, {own[1]:.1f} ns" for spec, own in cost.items())
@@ -155,7 +171,13 @@ CLAIMS = (
         "beams-further-ray",
         beams.PAPER,
         "Supersamples fill the same beams: the number of rays hardly influences the time.",
-        further_ray,
+        partial(further_ray, camera=samples),
+    ),
+    Claim(
+        "beams-parallel",
+        beams.PAPER,
+        "Beams of an orthographic camera are traced alike (ours; the paper has pinholes only).",
+        partial(further_ray, camera=parallel_samples),
     ),
     Claim(
         "beams-resolution",

@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shadow beams, which the octree paper announces, and the shadow cache of OORT (Wilt 1994), which it uses."""
+"""Shadow beams, which the octree paper announces, of point lights and suns; the shadow cache of OORT (Wilt 1994)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from addon.core.base.arrays import F32
 from addon.core.scene import rays
 from addon.core.scene.workload import Workload
 
 from . import paper_scenes
 from .beams import NET, PAPER, octree
-from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome
+from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome, verdict
+from .polygons import NET as LINKS
+from .polygons import POLYGON, counted, steps
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Tracer
@@ -32,6 +38,44 @@ def scenes(lab: Lab) -> Iterator[Workload]:
 
 def _shadow_rays(workload: Workload, tracer: Tracer) -> rays.RaySet:
     return rays.make(workload, tracer, size=SHADOW_SIZE, seed=1, names=("shadow",))[0]
+
+
+def _sun_rays(workload: Workload, tracer: Tracer) -> rays.RaySet:
+    """Rays from the same points to a sun without size, high and to the right of the view."""
+    some = _shadow_rays(workload, tracer)
+    right, up, forward = workload.view.axes()
+    towards = (up + 0.4 * right - 0.3 * forward).astype(np.float32)
+    directions: F32 = np.ascontiguousarray(np.broadcast_to(towards, some.directions.shape))
+    endless = np.full(len(some), np.inf, np.float32)
+    return replace(some, name="sun", directions=directions, t_max=endless)
+
+
+LIGHTS = {"point light": _shadow_rays, "sun": _sun_rays}
+"""Shadow rays by their light."""
+
+
+def polygons(lab: Lab) -> Iterator[Outcome]:
+    """Shadow rays as polygons from their light, against single rays through the same octree, scene by scene."""
+    beams = f"{POLYGON},shadow=beam"
+    for workload in scenes(lab):
+        tracer = lab.build(workload, "kd")
+        for light, make in LIGHTS.items():
+            some = lab.rays(workload, light, partial(make, workload, tracer))
+            if not len(some):
+                yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene, so there are no shadow rays")
+                break
+            times = lab.seconds(workload, [LINKS, beams], some)
+            single, quick = times[LINKS], times[beams]
+            nodes, ratio = steps(quick) / steps(single), quick.seconds / single.seconds
+            yield Outcome(
+                "best",
+                verdict(holds=ratio < 1),
+                f"{workload.name}, {light}: polygons take {nodes:.3f} of the nodes and {ratio:.2f} times the time of "
+                f"single rays by links ({single.nanoseconds:.0f} to {quick.nanoseconds:.0f} ns a ray)",
+                counted(quick),
+                lab.error(workload, [LINKS, beams]),
+                {"nodes": nodes, "ratio": ratio, "singles": quick.counters["beam_singles"]},
+            )
 
 
 def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
@@ -72,6 +116,13 @@ CLAIMS = (
         PAPER,
         "The process extends to shadow rays, which have the light as their common origin (announced, not measured).",
         lambda lab: shadows(lab, "beam"),
+        SCENES,
+    ),
+    Claim(
+        "shadow-polygons",
+        PAPER,
+        "Shadow rays from point lights, and from suns, go as the same polygons (announced, not measured).",
+        polygons,
         SCENES,
     ),
     Claim(

@@ -21,8 +21,10 @@ from .animations import Animation, Mesh
 if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
 
-SPECS = ("bvh-sah", "bih-sah", "bih", "kd")
-"""Structures that are measured if none are named: boxes, intervals by area and by a grid, planes."""
+SPECS = ("bvh-sah", "bih-sah", "bih", "kd", "bsp-wn-plus-kd")
+"""Structures that are measured if none are named: boxes, intervals by area and by a grid, planes along the axes, and
+planes along normals.
+"""
 
 COMPARED = 512
 """Camera rays per frame and method whose answers are compared with brute force, whole tiles."""
@@ -38,8 +40,9 @@ class Moved(TypedDict):
 
     update_s, trace_s: seconds of the update, without the check of the arrays, and of all camera rays; lazy trees are
     built within the latter. sah_cost: expected cost of a ray in this frame; drift: the same divided by that of the last
-    build. None where rays built the tree. rays: number of rays traced; compared, wrong: answers compared with those of
-    brute force over this frame's triangles, and those of them that differ.
+    build. None where rays built the tree. nodes: number of nodes and leaves, as far as built. rays: number of rays
+    traced; compared, wrong: answers compared with those of brute force over this frame's triangles, and those of them
+    that differ.
     """
 
     animation: str
@@ -53,6 +56,7 @@ class Moved(TypedDict):
     trace_s: float
     sah_cost: float | None
     drift: float | None
+    nodes: int
     rays: int
     compared: int
     wrong: int
@@ -174,6 +178,7 @@ def measure(
                 "trace_s": traced,
                 "sah_cost": None if lazy else statistics["sah_cost"],
                 "drift": None if lazy else statistics["sah_cost"] / max(statistics["sah_cost_built"], 1e-30),
+                "nodes": sum(statistics[kind] for kind in ("nodes_axis", "nodes_oblique", "leaves")),
                 "rays": len(camera),
                 "compared": len(sample),
                 "wrong": wrong,

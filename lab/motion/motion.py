@@ -35,6 +35,9 @@ NUMBERS, PAGE = "frames.json", "frames.html"
 
 MOST_FRAMES = 100_000
 
+BUILT_IN = (*animations.NAMES, *animations.LARGE)
+"""Names of all animations that need no file."""
+
 COLUMNS = (
     "animation",
     "structure",
@@ -47,6 +50,8 @@ COLUMNS = (
     "rebuilt",
     "wrong",
 )
+
+FITS = ("animation", "structure", "nodes and leaves", "build, ms", "fit, ms", "fit / build")
 
 INTRODUCTION = (
     "Each frame: the time to bring the structure to the triangles of the frame (<em>refit</em>: the same nodes, moved "
@@ -68,7 +73,7 @@ def read_frames(text: str) -> range:
 
 def check(names: Sequence[str]) -> list[str]:
     """The animations of a command line, each once. Raises UsageError without Blender for files, WorkloadError."""
-    found = {name: workload.find(name, (".blend",), animations.NAMES) for name in names}
+    found = {name: workload.find(name, (".blend",), BUILT_IN) for name in names}
     chosen = workload.distinct(found)
     for name in chosen:
         if isinstance(found[name], Path):
@@ -80,7 +85,7 @@ def find(name: str) -> Animation:
     """A built-in animation, or that of a .blend file, which stays open: its frames are valid until another file is
     opened. Raises UsageError without Blender, WorkloadError.
     """
-    found = workload.find(name, (".blend",), animations.NAMES)
+    found = workload.find(name, (".blend",), BUILT_IN)
     if isinstance(found, str):
         return animations.built_in(found)
     mesh, view = _reader(name).load(found)
@@ -112,7 +117,9 @@ def run(
     rows: list[Moved] = []
     for animation in chosen:
         own = list(frames.measure(native, animation, numbers, ways, size=size, threads=threads, say=say))
-        print("\n" + text(table(own)) + "\n", flush=True)
+        print("\n" + text(COLUMNS, table(own), 3) + "\n", flush=True)
+        if fitted := fits(own):
+            print(text(FITS, fitted, 2) + "\n", flush=True)
         rows += own
     return rows
 
@@ -141,13 +148,30 @@ def table(rows: Iterable[Moved]) -> list[tuple[str, ...]]:
     return lines
 
 
-def text(lines: Sequence[tuple[str, ...]]) -> str:
-    """The table for a terminal."""
-    widths = [max(len(line[i]) for line in (COLUMNS, *lines)) for i in range(len(COLUMNS))]
-    put = (str.ljust,) * 3 + (str.rjust,) * (len(COLUMNS) - 3)
+def fits(rows: Iterable[Moved]) -> list[tuple[str, ...]]:
+    """One line per animation and structure that was both fitted and built again: its size, the medians of both times,
+    and their ratio.
+    """
+    lines: list[tuple[str, ...]] = []
+    methods = by_method(rows)
+    for (animation, spec, way), own in methods.items():
+        fitted = [row for row in own if row["done"] == "refitted"]
+        rebuilt = [row for row in methods.get((animation, spec, "rebuild"), ()) if row["done"] == "rebuilt"]
+        if way != "refit" or not (fitted and rebuilt):
+            continue
+        build, fit = (1e3 * median(row["update_s"] for row in each) for each in (rebuilt, fitted))
+        size = max(row["nodes"] for row in fitted)
+        lines.append((animation, spec, f"{size:,}", f"{build:.2f}", f"{fit:.2f}", f"{fit / build:.2f}"))
+    return lines
+
+
+def text(columns: Sequence[str], lines: Sequence[tuple[str, ...]], names: int) -> str:
+    """A table for a terminal; its first columns, `names` of them, are aligned to the left."""
+    widths = [max(len(line[i]) for line in (columns, *lines)) for i in range(len(columns))]
+    put = (str.ljust,) * names + (str.rjust,) * (len(columns) - names)
     return "\n".join(
         "  ".join(side(cell, width) for side, cell, width in zip(put, line, widths, strict=True)).rstrip()
-        for line in (COLUMNS, *lines)
+        for line in (columns, *lines)
     )
 
 
@@ -164,16 +188,23 @@ def _body(rows: Sequence[Moved]) -> str:
     parts = []
     for animation in dict.fromkeys(row["animation"] for row in rows):
         own = [row for row in rows if row["animation"] == animation]
-        head = "".join(f"<th>{html.escape(title)}</th>" for title in COLUMNS)
-        body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in line)}</tr>" for line in table(own))
         parts.append(f"<section><h2>{html.escape(animation)}</h2><p>{len({row['frame'] for row in own})} frames, ")
         parts.append(f"{own[-1]['triangles']:,} triangles in the last.</p>")
-        parts.append(f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>')
+        parts.append(_as_html(COLUMNS, table(own)))
+        if fitted := fits(own):
+            parts.append(_as_html(FITS, fitted))
         parts += [f"<p>{html.escape(line)}</p>" for line in reasons(own)]
         if plots.problem() is None:
             parts.append(f"<figure>{plots.svg(partial(draw, rows=own), 6.4)}</figure>")
         parts.append("</section>")
     return "".join(parts)
+
+
+def _as_html(columns: Sequence[str], lines: Iterable[tuple[str, ...]]) -> str:
+    """A table of a page."""
+    head = "".join(f"<th>{html.escape(title)}</th>" for title in columns)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in line)}</tr>" for line in lines)
+    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
 
 
 def reasons(rows: Iterable[Moved]) -> list[str]:

@@ -505,16 +505,24 @@ class Structure:
         further point in common. Each is found in both orders. Errors as for closest_points().
         """
 
-    def refit(self, vertices: F32, triangles: Indices | None = None, *, threads: int = 0) -> Structure:
+    def refit(
+        self,
+        vertices: F32,
+        triangles: Indices | None = None,
+        *,
+        threads: int = 0,
+        monitor: Monitor | None = None,
+    ) -> Structure:
         """Returns a new structure, fitted to moved vertices: the same nodes around the triangles where they are now.
         Its answers are those of a structure built anew, which takes longer.
 
         vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
         hit until they can be again. triangles: those of build(), to have them compared; None = not compared.
-        threads: 0 = one per core. statistics has the cost now and at the build: rays take longer in the proportion.
+        threads: 0 = one per core. monitor: to cancel the fit; it counts no progress. statistics has the cost now and at
+        the build: rays take longer in the proportion.
         Raises RefitError unless the structure is one of boxes ("bvh-sah") or intervals ("bih" and those like it), and
         where a triangle can be hit that could not be when the structure was built; ShapeError for other numbers of
-        vertices and for other triangles; MemoryError.
+        vertices and for other triangles; Cancelled; MemoryError.
         """
 
     def record(
@@ -849,12 +857,17 @@ class RenderScene:
         What varies over a surface is given by "program" and "closures" instead. A program is a list
         of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
         the index of an earlier step (an int) or a constant (a float, or three or four floats). A
-        closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
-        emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
-        "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
-        "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the kinds of rays
+        closure has a "kind" (principled, diffuse, translucent, glossy, glass, refraction, transparent,
+        emission, conductor, sheen, velvet, toon_diffuse, toon_glossy, holdout), inputs of the names above and "weight",
+        "color", "specular_tint", "coat_weight", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+        "anisotropy", "rotation" (turns), "tangent", "coat_normal" (scene space, 0 = the surface's), "sheen_weight",
+        "sheen_roughness", "sheen_tint", "smooth" (a toon lobe's edge), "extinction" (a conductor's, whose "color" is
+        the index), "film_thickness" (nm), "film_ior", each an argument as in a program, and "normal",
+        "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
+        principled. "hidden_from" names the kinds of rays
         that pass through its surfaces: camera, shadow, diffuse, glossy, transmission. "receives" and "blocks" have a
         bit for each set of linked lights that shine on it and that it shades (all).
+        "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
     surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
@@ -873,8 +886,10 @@ class RenderScene:
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
         in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
         such rays. Negative power darkens. Lights without power are left out.
+        "group" (0): the light group, from 1 to 64, 0 = none.
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
-        an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
+        an argument as in a material, the radiance of each direction. "hidden_from" as for materials. "group"
+        as for lights.
     images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
         whether colours are decoded after interpolation. An image without pixels is missing: pink.
     layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
@@ -887,6 +902,11 @@ class RenderScene:
         the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
         index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
         for triangles without, or None, for the UV pass.
+        For mattes "identities" (n, 2) uint32, of each run's object and of that with its children, and
+        "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).
+        "groups" (n,) uint8, the light group of each run's object, counted from 1 (None: none).
+        "motion", two (m, 3, 3) float32, the corners of all triangles in the picture before this one and in the one
+        after, for the pass "Vector" (None: they stay).
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.
@@ -972,7 +992,12 @@ class RenderJob:
         across an edge belongs to no surface; "Normal" and "UV" (with 1 as third channel) are means, not
         renormalised. "Mist" is a mean, 1 where nothing is hit, "Denoising Albedo" the mean albedo of the first
         surface. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf tested) are means per camera
-        ray. "Sample Count" is the number of samples of each pixel.
+        ray. "Sample Count" is the number of samples of each pixel. Light passes are those of Cycles: the direct
+        and indirect light of diffuse, glossy and transmitting lobes divided by their colours, which with emission and
+        environment add up to Combined. "CryptoObject00" to "CryptoAsset07" are two identities with their shares each,
+        "Output 0" to "Output 63" means of what the materials of the first surfaces output, with 1 as fourth channel.
+        "Vector" is the motion of the first surface in pixels, to the picture before and from the one after.
+        "Light Group 0" to "Light Group 63" are the parts of Combined that come from the emitters of each group.
 
         Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
         array). Releases the GIL.
@@ -992,6 +1017,12 @@ def render(
         distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
         depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
         "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
+        Panoramic kinds have the window (0, 1, 0, 1), no depth of field, clip by distance, and need more keys, angles in
+        radians: "equirectangular" (2,) "longitude" and "latitude"; "equidistant" "fov"; "equisolid" "fov", "focal"
+        length and (2,) "sensor" in its unit; "polynomial" "fov", "sensor" and (5,) "polynomial";
+        "central_cylindrical" (2,) "longitude" and (2,) "height" on a cylinder of radius 1; "mirror_ball" and
+        "cube_face" none. "motion": a pair of cameras, of the picture before this one and of the one after, for the
+        pass "Vector" (None: the camera stays).
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
         "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within

@@ -2,7 +2,11 @@
 //! Properties of trees with oblique planes beyond the contract of all structures.
 
 use halfspace::base::Monitor;
-use halfspace::oracle::cases::{Case, Random, Size, cases, grid, soup};
+use halfspace::inspect::validate::validate;
+use halfspace::nodes::planes::views::Numbered;
+use halfspace::nodes::projected_tree::Projected;
+use halfspace::oracle::cases::{Case, Random, Size, aimed, cases, grid, soup};
+use halfspace::ray::{Hit, Tracer};
 use halfspace::registry::{self, TREES};
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
@@ -90,7 +94,7 @@ fn directions_left_untried_are_reported() {
     let scene = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn-plus", "bsp-hybrid-plus-kd"] {
         let reported = |spec: &str| {
-            let left_out = build(&scene, spec).left_out().to_vec();
+            let left_out = build(&scene, spec).left_out();
             let of = |part: &str| left_out.iter().any(|s| s.contains(part));
             [of("besides the axes"), of("small nodes")]
         };
@@ -169,6 +173,42 @@ fn large_leaves_hold_triangles_that_no_plane_splits() {
         }
         let shape = build(case("identical"), id).shape();
         assert_eq!((shape.leaf_max, shape.leaves_large), (100, 1), "{id}");
+    }
+}
+
+/// Projected nodes have codes for 30 directions. Beyond, they store planes whole: here those of the rarest of 26
+/// directions and of the axes, which are not among them.
+#[test]
+fn planes_along_more_directions_than_codes_are_stored_whole() {
+    let scene = scattered(3000);
+    let rays = aimed(&scene, 40, &mut Random(3));
+    let closest = |structure: &Structure| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        structure.closest(&rays, &mut hits, None);
+        hits
+    };
+    let expected = closest(&build(&scene, "brute"));
+    for (spec, more) in [
+        ("rbsp:k=26,axes_depth=3", true),
+        ("rbsp:k=26", false),
+        ("rbsp:k=13,axes_depth=3", false),
+    ] {
+        let structure = build(&scene, &format!("{spec},traversal=projected"));
+        let built = structure.built();
+        let [derived] = &built.derived[..] else {
+            panic!("{spec}: one derived layout")
+        };
+        let numbered: &Numbered = derived.tree.downcast_ref().expect("numbered nodes");
+        let mut whole = 0;
+        numbered.tree.visit(|index, _, _| {
+            whole += usize::from(matches!(
+                numbered.nodes.node(index),
+                Projected::Whole { .. }
+            ));
+        });
+        assert_eq!(whole > 0, more, "{spec}: {whole} planes stored whole");
+        assert_eq!(validate(&structure), Vec::<String>::new(), "{spec}");
+        assert_eq!(closest(&structure), expected, "{spec}");
     }
 }
 

@@ -3,7 +3,7 @@
 
 use halfspace::base::Monitor;
 use halfspace::registry::{self, TREES};
-use halfspace::render::camera::CameraParams;
+use halfspace::render::camera::{CameraParams, Projection};
 use halfspace::render::film::Unsampled;
 use halfspace::render::job::Job;
 use halfspace::render::light::{LightKind, LightParams};
@@ -83,6 +83,7 @@ fn scene_params(triangles: usize) -> SceneParams {
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
             sets: LightSets::default(),
+            group: 0,
         }],
         world: [0.2, 0.3, 0.5].into(),
         ..Default::default()
@@ -149,5 +150,69 @@ fn every_structure_renders_the_same_image() {
                 );
             }
         }
+    }
+}
+
+/// Camera rays and shadow rays as polygons: those of an orthographic camera, of suns with and without size, and of a
+/// point light in one batch.
+#[test]
+fn polygons_render_sunny_pictures_of_orthographic_cameras() {
+    let triangles = Arc::new(boxes());
+    let mut camera = CameraParams {
+        projection: Projection::Orthographic,
+        window: [-3.0, 3.0, -3.0, 3.0],
+        ..Default::default()
+    };
+    // Look down with a slant, from a height, and with half of the picture inside the scene.
+    camera.to_world[0][2] = 0.2;
+    let light = |kind, x: f64, power: f32| {
+        let mut to_world = CameraParams::default().to_world;
+        (to_world[0][2], to_world[2][3]) = (x, 6.0);
+        LightParams {
+            kind,
+            to_world,
+            power: [power; 3],
+            casts_shadow: true,
+            visible: Visibility::NOT_BY_CAMERA,
+            group: 0,
+        }
+    };
+    let lights = vec![
+        light(LightKind::Sun { angle: 0.0 }, 0.3, 2.0),
+        light(LightKind::Sun { angle: 0.02 }, -0.5, 2.0),
+        light(LightKind::Point { radius: 0.0 }, 0.0, 300.0),
+    ];
+    let settings = Settings {
+        width: 96,
+        height: 96,
+        samples: 4,
+        max_bounces: 2,
+        ..Default::default()
+    };
+    for height in [9.0, 1.5] {
+        camera.to_world[2][3] = height;
+        let render = |spec: &str| {
+            let config = registry::parse(spec).unwrap();
+            let structure =
+                Structure::build(Arc::clone(&triangles), config, 1, &Monitor::new()).unwrap();
+            let params = SceneParams {
+                lights: lights.clone(),
+                ..Default::default()
+            };
+            let scene = Arc::new(RenderScene::new(Arc::new(structure), params).unwrap());
+            let job = Job::start(scene, &camera, settings.clone(), 2).unwrap();
+            assert!(job.wait(Duration::from_secs(600)));
+            assert_eq!(job.error(), None);
+            let mut out = vec![0.0_f32; 96 * 96 * Pass::Combined.channels()];
+            job.copy_into(Pass::Combined, Unsampled::Zero, &mut out)
+                .unwrap();
+            out
+        };
+        let reference = render("brute");
+        assert!(reference.iter().any(|v| *v > 0.1) && reference.contains(&0.0));
+        let polygons = render("octree-beam:traversal=polygon,shadow=beam");
+        let pairs = polygons.iter().zip(&reference);
+        let different = pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+        assert_eq!(different, 0, "from {height}");
     }
 }

@@ -12,10 +12,10 @@ use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::trace::tile::shadow::Shadows;
 
 const SPECS: [&str; 11] = [
-    "kd",
-    "kd:nodes=boxes",
+    "kd:traversal=tile",
+    "kd:nodes=boxes,traversal=tile",
     "kd-sah:traversal=tile",
-    "bsp-wn",
+    "bsp-wn:traversal=tile",
     "bsp-wn-plus-kd:traversal=tile16",
     "bvh-sah:traversal=tile",
     "bsp-wn-plus-kd:nodes=wide,traversal=tile",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray[Any, Any]]:
     """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name.
 
-    layers: whether the names begin with that of the view layer.
+    layers: whether the names begin with that of the view layer. With several views they begin with that of the view.
     """
     image = scene.render.image_settings
     if hasattr(image, "media_type"):
@@ -28,9 +28,11 @@ def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray
     part = 0
     file = OpenImageIO.ImageInput.open(scene.render.filepath)
     while file.seek_subimage(part, 0):
+        view = str(file.spec().get_string_attribute("view"))
         pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
         for i, name in enumerate(file.spec().channelnames):
-            channels[name if layers else name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
+            shown = name if layers else name.split(".", 1)[-1]
+            channels[f"{view}.{shown}" if view else shown] = np.flipud(pixels[..., i])
         part += 1
     file.close()
     return channels

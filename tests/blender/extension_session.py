@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does with the extension zip, in a Blender of its own: `python -I extension_session.py ZIP`.
+"""What a user does with the extension zip, in a Blender of its own: `python -I extension_session.py ZIP [PICTURE]`.
 
-Run by test_extension_zip.py with an empty user folder. The native module of the environment that has bpy is hidden, so
-that only the zip's own can be imported. Prints one JSON line with what was found.
+Run by test_extension_zip.py with an empty user folder. With PICTURE the extension is installed already, and its folder
+is read-only: it renders there, and installing and saving a preset fail. The native module of the environment that has
+bpy is hidden, so that only the zip's own can be imported. Prints one JSON line with what was found.
 """
 
 from __future__ import annotations
@@ -117,8 +118,36 @@ def main() -> dict[str, object]:
     return found
 
 
+def refusal(operator, **arguments) -> str:
+    """The error of an operator that must fail; empty if it succeeds."""
+    try:
+        operator(**arguments)
+    except RuntimeError as error:
+        return str(error).strip()
+    return ""
+
+
+def read_only(picture: str) -> dict[str, object]:
+    """What works and what is refused where nothing can be written but the picture."""
+    try:
+        Path(os.environ["BLENDER_USER_RESOURCES"], "probe").touch()
+        return {"writable": True}
+    except OSError:
+        pass
+    addon_utils.enable(NAME, default_set=True)
+    open_scene()
+    found: dict[str, object] = {"writable": False, "enabled": addon_utils.check(NAME), "picture": render(picture)}
+    found["preset"] = refusal(bpy.ops.halfspace.preset_add, name="mine")
+    install = bpy.ops.extensions.package_install_files
+    found["install"] = refusal(install, filepath=ZIP, repo="user_default", enable_on_install=True)
+    # Blender disables an extension before it replaces it, and leaves it so where that fails.
+    addon_utils.enable(NAME, default_set=True)
+    found["still"] = render(picture)
+    return found
+
+
 try:
-    print("FOUND " + json.dumps(main()))
+    print("FOUND " + json.dumps(read_only(sys.argv[2]) if len(sys.argv) > 2 else main()))
     status = 0
 except BaseException:
     traceback.print_exc()

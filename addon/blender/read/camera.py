@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,21 @@ from ...core.scene.scene import Camera
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
+
+HIGHEST = 1e9
+"""Largest height on a cylinder of radius 1 around a camera; beyond, all directions are vertical."""
+
+COEFFICIENTS = (
+    "fisheye_polynomial_k0",
+    "fisheye_polynomial_k1",
+    "fisheye_polynomial_k2",
+    "fisheye_polynomial_k3",
+    "fisheye_polynomial_k4",
+)
+"""Coefficients of the lens polynomial, the constant one first."""
+
+FARTHEST = 1e30
+"""Replaces infinite settings of a panorama."""
 
 
 def read_camera(
@@ -32,8 +48,7 @@ def read_camera(
     """
     if item.type != "CAMERA":
         notes.add("Not a camera, rendered with a default lens", item.name)
-    elif item.data.type not in ("PERSP", "ORTHO"):
-        notes.add("Only perspective and orthographic cameras are supported yet, rendered as perspective", item.name)
+    panorama = _panorama(item, size, pixel_aspect, notes)
     projection = np.array(
         item.calc_matrix_camera(depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]),
         np.float64,
@@ -43,6 +58,13 @@ def read_camera(
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin
     data = item.data if item.type == "CAMERA" else None
+    if panorama is not None:
+        if data.dof.use_dof:
+            notes.add("Depth of field of a panoramic camera is not supported yet, rendered sharp", item.name)
+        kind, keys = panorama
+        # A file may hold any number; such a lens shows little or nothing.
+        keys = {key: np.nan_to_num(value, posinf=FARTHEST, neginf=-FARTHEST).tolist() for key, value in keys.items()}
+        return Camera(kind, to_world, (0.0, 1.0, 0.0, 1.0), data.clip_start, data.clip_end, panorama=keys)
     parallel = bool(projection[3, 3] == 1.0)
     return Camera(
         kind="orthographic" if parallel else "perspective",
@@ -52,6 +74,68 @@ def read_camera(
         clip_end=data.clip_end if data else 1000.0,
         **lens(item, parallel=parallel),
     )
+
+
+def shifted(view: Camera, data: Any, shift_x: float) -> Camera:
+    """The camera of one eye. data: the settings of the camera between the eyes; shift_x: in its place for this eye."""
+    if view.kind not in ("perspective", "orthographic"):
+        return view
+    # A shift of 1 is the longer side of the picture, or the one that the sensor fits.
+    left, right, bottom, top = view.window
+    wide = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and right - left >= top - bottom)
+    apart = (shift_x - data.shift_x) * (right - left if wide else top - bottom)
+    return replace(view, window=(left + apart, right + apart, bottom, top))
+
+
+def of_view(item: Any, scene: Any, view: str) -> Any:
+    """The camera object of a view: with *Multi-View* the one of the same name with that view's suffix."""
+    render = scene.render
+    if not (render.use_multiview and render.views_format == "MULTIVIEW" and view in render.views):
+        return item
+    wanted = render.views[view].camera_suffix
+    for suffix in (one.camera_suffix for one in render.views):
+        if suffix and item.name.endswith(suffix):
+            return scene.objects.get(item.name.removesuffix(suffix) + wanted, item)
+    return item
+
+
+def _panorama(
+    item: Any, size: tuple[int, int], pixel_aspect: tuple[float, float], notes: Notes
+) -> tuple[str, dict[str, Any]] | None:
+    """The kind of a panoramic camera and its keys; None for other cameras, and for panoramas that are not supported."""
+    if item.type != "CAMERA" or item.data.type in ("PERSP", "ORTHO"):
+        return None
+    data = item.data
+    kind = data.panorama_type if data.type == "PANO" else ""
+    width, height = size[0] * pixel_aspect[0], size[1] * pixel_aspect[1]
+    # The sensor's other side follows from that of the picture, as in Cycles.
+    wide = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
+    length = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    sensor = (length, length * height / width) if wide else (length * width / height, length)
+    match kind:
+        case "EQUIRECTANGULAR":
+            longitude = (data.longitude_min, data.longitude_max)
+            return "equirectangular", {"longitude": longitude, "latitude": (data.latitude_min, data.latitude_max)}
+        case "FISHEYE_EQUIDISTANT":
+            return "equidistant", {"fov": data.fisheye_fov}
+        case "FISHEYE_EQUISOLID":
+            return "equisolid", {"fov": data.fisheye_fov, "focal": data.fisheye_lens, "sensor": sensor}
+        case "FISHEYE_LENS_POLYNOMIAL":
+            terms = tuple(getattr(data, name) for name in COEFFICIENTS)
+            return "polynomial", {"fov": data.fisheye_fov, "polynomial": terms, "sensor": sensor}
+        case "MIRRORBALL":
+            return "mirror_ball", {}
+        case "CENTRAL_CYLINDRICAL":
+            longitude = (data.central_cylindrical_range_u_min, data.central_cylindrical_range_u_max)
+            height = (data.central_cylindrical_range_v_min, data.central_cylindrical_range_v_max)
+            radius = data.central_cylindrical_radius
+            limited = tuple(min(max(z / radius, -HIGHEST), HIGHEST) for z in height)
+            return "central_cylindrical", {"longitude": longitude, "height": limited}
+        case "EQUIANGULAR_CUBEMAP_FACE":
+            return "cube_face", {}
+    name = (kind or data.type).replace("_", " ").lower()
+    notes.add(f"Cameras of the kind {name} are not supported yet, rendered as perspective", item.name)
+    return None
 
 
 def lens(item: Any, *, parallel: bool) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.scene.instances import Layout, choose
+from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, World
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
@@ -20,6 +21,7 @@ from .linking import Linking, Sets
 from .object_values import Instance, Value
 from .strands.collecting import Collector
 from .value_nodes import STRAND
+from .value_nodes.outputs import NOTHING, Wanted
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
@@ -68,6 +70,7 @@ class Found:
     objects: bool = False
     made: tuple[str, ...] = ()
     """Lines on hair and points: what was made into how many triangles."""
+    mattes: Mattes | None = None
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
@@ -97,7 +100,7 @@ class Found:
 
     def _scene(self, geometry: Any) -> Scene:
         moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images)
+        return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images, self.mattes)
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
@@ -116,6 +119,7 @@ def find(
     space: Any = None,
     sky: str = "",
     keep_going: Callable[[], bool] | None = None,
+    wanted: Wanted = NOTHING,
 ) -> Found:
     """Read everything renderable that the depsgraph's mode shows; with a 3D view (`space`), only what that view shows.
 
@@ -125,9 +129,10 @@ def find(
 
     sky: WAIT for a Sky Texture, which takes seconds; start it now and use it LATER; or NO_WORLD, for triangles alone.
     By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
+    wanted: what passes need.
     """
     layer = depsgraph.view_layer_eval
-    reader = _Reader(notes, uvs, depsgraph)
+    reader = _Reader(notes, uvs, depsgraph, wanted)
     # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if space is None or instance.object.visible_in_viewport_get(space):
@@ -142,37 +147,43 @@ def find(
     reader.note_layers()
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
+    sky_world = view_layers.world(depsgraph)
     background, shown, suns = world.read_world(
-        view_layers.world(depsgraph) if layer.use_sky and sky != NO_WORLD else None,
+        sky_world if layer.use_sky and sky != NO_WORLD else None,
         notes,
         reader.palette.gallery,
         wait=sky == WAIT,
         keep_going=keep_going,
     )
+    group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
     return Found(
         placements=placements,
         materials=reader.palette.materials(),
-        lights=(*reader.lights, *suns),
-        world=background,
-        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
+        lights=(*reader.lights, *(replace(sun, group=group) for sun in suns)),
+        world=replace(background, group=group),
+        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
         images=reader.palette.images(shown),
         layers=tuple(reader.palette.layers.keys),
         objects=reader.palette.layers.objects,
         made=tuple(reader.strands.made),
+        mattes=Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
     )
 
 
 class _Reader:
     """The state of one pass over the depsgraph's instances."""
 
-    def __init__(self, notes: Notes, uvs: bool, depsgraph: Any) -> None:
+    def __init__(self, notes: Notes, uvs: bool, depsgraph: Any, wanted: Wanted) -> None:
         self.notes = notes
         self.uvs = uvs
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
         owners = (layer, scene, scene.world)
-        self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners)
+        self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
         self.lights: list[Light] = []
         self.object_numbers: dict[str, float] = {}
+        self.object_groups: dict[str, int] = {}
+        self._group_numbers = wanted.groups
+        self.matte_names: dict[str, tuple[str, str]] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._room = meshes.LayerRoom()
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
@@ -214,8 +225,10 @@ class _Reader:
             light = lights.read_light(item, matrix, self.notes)
             if light is not None:
                 receivers, blockers = self._linking.of_light(item)
+                group = self._group_numbers.get(item.lightgroup, 0)
                 hidden = _hidden(item, parent)
-                self.lights.append(replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers))
+                light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
+                self.lights.append(light)
         elif kind in SKIPPED_TYPES:
             self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
 
@@ -357,6 +370,9 @@ class _Reader:
         if name in self._checked:
             return
         self._checked.add(name)
+        if group := self._group_numbers.get(item.lightgroup, 0):
+            self.object_groups[name] = group
+        self.matte_names[name] = item.name, _topmost(item).name
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout and name not in self._held:
@@ -365,6 +381,13 @@ class _Reader:
         if item.is_shadow_catcher:
             self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
         self._note_linking(item, name)
+
+
+def _topmost(item: Any) -> Any:
+    """The object whose children, and theirs, include this one."""
+    while item.parent is not None:
+        item = item.parent
+    return item
 
 
 def _hidden(item: Any, parent: Any) -> Hidden:

@@ -15,12 +15,16 @@ from .images import Gallery
 from .linking import ALL, Sets
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
+from .value_nodes import outputs
 from .values import Layers, Values
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 DEFAULT = Material("(no material)")
+
+NAMELESS = "default_surface"
+"""The name of surfaces without a material in Cryptomatte, as in Cycles."""
 
 UNSUPPORTED = "is not supported yet in material"
 
@@ -48,10 +52,16 @@ class Palette:
     """
 
     def __init__(
-        self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None, owners: Sequence[Any] = ()
+        self,
+        notes: Notes,
+        blocks: Iterable[Any] = (),
+        override: Any = None,
+        owners: Sequence[Any] = (),
+        wanted: outputs.Outputs | None = None,
     ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is read. override: a material that replaces all others. owners: see `Values`.
+        before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
+        the passes that materials write.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -64,6 +74,8 @@ class Palette:
         self._images: set[int] = set()
         self._override = override
         self._owners = owners
+        self._wanted = wanted or {}
+        self._names = [NAMELESS]
         for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
@@ -107,6 +119,10 @@ class Palette:
         """The pass index of each of these materials."""
         return tuple(self._pass_indices)
 
+    def names(self) -> tuple[str, ...]:
+        """The name of each of these materials."""
+        return tuple(self._names)
+
     def _number(self, material: Any, hidden: Hidden, sets: Sets) -> int:
         """The number of a material, or of none, with these hidden rays and sets; added with its notes if new."""
         material = material if self._override is None else self._override
@@ -114,6 +130,7 @@ class Palette:
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
+            self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
             self._materials.append(replace(found.material, hidden_from=hidden, receives=sets[0], blocks=sets[1]))
             self._displacements.append(found.displacement)
@@ -129,6 +146,10 @@ class Palette:
             remarks: dict[str, None] = {}
             values = self._values(material, remarks)
             surface = _material(material, values)
+            tree = active_tree(material)
+            if self._wanted and tree is not None:
+                written = outputs.read(tree, values, self._wanted)
+                surface = replace(surface, program=tuple(values.steps), outputs=written)
             displacement = self._displacement(material, remarks)
             self._read[key] = _Read(surface, tuple(remarks), frozenset(values.images), displacement)
         return self._read[key]

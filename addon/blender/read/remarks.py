@@ -20,7 +20,5 @@ def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
         notes.add("Motion blur is not supported, objects are rendered without motion", scene.name)
     if render.use_freestyle:
         notes.add("Freestyle lines are not supported", scene.name)
-    if render.use_multiview:
-        notes.add("Stereo cameras are not supported, all views use the central camera", scene.name)
     for name in unknown_passes(view_layer):
         notes.add(f"The pass {name} is not supported yet, and not rendered", view_layer.name)

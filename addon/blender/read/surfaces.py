@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from ...core.scene.hair import absorption_of_melanin, colour_of_absorption
 from ...core.scene.scene import Closure
 from .nodes import Place, Unsupported
 from .value_nodes import is_constant
@@ -15,13 +16,11 @@ from .values import Values
 if TYPE_CHECKING:
     from ...core.scene.scene import Operand
 
-IGNORED_LAYERS = {
-    "Subsurface Weight": 0.0,
-    "Sheen Weight": 0.0,
-    "Anisotropic": 0.0,
-    "Thin Film Thickness": 0.0,
-}
+IGNORED_LAYERS = {"Subsurface Weight": 0.0}
 """Inputs of the Principled BSDF that are not rendered, with the value at which they have no effect."""
+
+DISTRIBUTIONS = {"BECKMANN": "beckmann", "ASHIKHMIN_SHIRLEY": "ashikhmin_shirley"}
+"""Distributions of facets other than GGX, by Blender's names."""
 
 MOST_CLOSURES = 8
 MOST_PRINCIPLED = 4
@@ -72,11 +71,12 @@ class Surface:
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
-        if node.input("Color") is None or kind.startswith("ShaderNodeVolume"):
+        pigments = _pigments(node.node)
+        if (pigments is None and node.input("Color") is None) or kind.startswith("ShaderNodeVolume"):
             raise Unsupported(node.node.bl_label)
         self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
         if self._has_room(principled=False):
-            self.add("diffuse", weight, node, color=self.color(node))
+            self.add("diffuse", weight, node, color=self.color(node) if pigments is None else pigments)
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
         """Read both shaders of a Mix Shader, each with its part of the weight."""
@@ -116,7 +116,34 @@ class Surface:
 
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
         """Append a closure. Needs a preceding `_has_room`."""
-        self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
+        normal = self.vector(node, "Normal")
+        self.closures.append(Closure(kind, {"weight": weight, **inputs}, normal, multiscatter))
+
+    def add_facets(self, kind: str, weight: Operand, node: Place, **inputs: Operand) -> None:
+        """Append a closure with the node's distribution of facets. Needs a preceding `_has_room`."""
+        multiscatter = node.node.distribution == "MULTI_GGX"
+        self.add(kind, weight, node, multiscatter=multiscatter, **inputs)
+        distribution = DISTRIBUTIONS.get(node.node.distribution, "ggx")
+        self.closures[-1] = replace(self.closures[-1], distribution=distribution)
+
+    def stretched(self, node: Place, anisotropy: str, rotation: str) -> dict[str, Operand]:
+        """The inputs of facets that are stretched along a tangent; none if they are not stretched."""
+        amount = self.values.input(node, anisotropy)
+        if is_constant(amount, 0.0):
+            return {}
+        tangent = self.vector(node, "Tangent")
+        return {
+            "anisotropy": amount,
+            "rotation": self.values.input(node, rotation),
+            "tangent": self.values.coordinate("tangent_z") if tangent is None else tangent,
+        }
+
+    def film(self, node: Place) -> dict[str, Operand]:
+        """The inputs of a thin film; none without one."""
+        thickness = self.values.input(node, "Thin Film Thickness")
+        if is_constant(thickness, 0.0):
+            return {}
+        return {"film_thickness": thickness, "film_ior": self.values.input(node, "Thin Film IOR", 1.33)}
 
     def _has_room(self, *, principled: bool) -> bool:
         """Whether one more closure fits. Notes the limit otherwise."""
@@ -126,16 +153,29 @@ class Surface:
         self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
         return False
 
-    def _normal(self, node: Place) -> Operand | None:
-        """The step that computes the node's normal; None for the normal of the surface."""
-        normal = node.input("Normal")
-        if normal is None:
+    def vector(self, node: Place, name: str) -> Operand | None:
+        """The step that computes a normal or tangent; None for that of the surface."""
+        place = node.input(name)
+        if place is None:
             return None
-        source = normal.source()
+        source = place.source()
         if not source.socket.is_output:
             return None
-        operand = self.values.value(normal)
+        operand = self.values.value(place)
         return operand if isinstance(operand, int) else None
+
+
+def _pigments(node: Any) -> tuple[float, ...] | None:
+    """The colour of a Principled Hair BSDF by its own values; None if it is that of its Color input."""
+    inputs = node.inputs
+    match getattr(node, "parametrization", "COLOR"):
+        case "ABSORPTION":
+            absorption = tuple(inputs["Absorption Coefficient"].default_value)
+        case "MELANIN":
+            absorption = absorption_of_melanin(inputs["Melanin"].default_value, inputs["Melanin Redness"].default_value)
+        case _:
+            return None
+    return colour_of_absorption(absorption, inputs["Radial Roughness"].default_value)
 
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
@@ -145,9 +185,6 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         layer = node.input(name)
         if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
             surface.remark(f"Principled BSDF: {name}")
-    coat_normal = node.input("Coat Normal")
-    if coat_normal is not None and coat_normal.socket.is_linked:
-        surface.remark("Principled BSDF: Coat Normal")
     thin = node.input("Thin Wall")
     if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
         surface.remark("Principled BSDF: Thin Wall")
@@ -155,6 +192,15 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     strength = values.input(node, "Emission Strength")
     dark = is_constant(strength, 0.0)
     emission = 0.0 if dark else surface.emitted(values.input(node, "Emission Color"), strength)
+    more = {**surface.stretched(node, "Anisotropic", "Anisotropic Rotation"), **surface.film(node)}
+    coat_normal = surface.vector(node, "Coat Normal")
+    if coat_normal is not None:
+        more["coat_normal"] = coat_normal
+    sheen = values.input(node, "Sheen Weight")
+    if not is_constant(sheen, 0.0):
+        more["sheen_weight"] = sheen
+        more["sheen_roughness"] = values.input(node, "Sheen Roughness", 0.5)
+        more["sheen_tint"] = values.input(node, "Sheen Tint", (1.0, 1.0, 1.0))
     surface.add(
         "principled",
         weight,
@@ -174,6 +220,7 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         coat_ior=values.input(node, "Coat IOR", 1.5),
         coat_tint=values.input(node, "Coat Tint", (1.0, 1.0, 1.0)),
         diffuse_roughness=values.input(node, "Diffuse Roughness"),
+        **more,
     )
 
 
@@ -187,62 +234,70 @@ def _translucent(surface: Surface, node: Place, weight: Operand) -> None:
 
 
 def _glossy(surface: Surface, node: Place, weight: Operand) -> None:
-    values = surface.values
-    if not is_constant(values.input(node, "Anisotropy"), 0.0):
-        surface.remark("Glossy BSDF: Anisotropy")
-    surface.add(
+    surface.add_facets(
         "glossy",
         weight,
         node,
-        multiscatter=_multiscatter(surface, node),
         color=surface.color(node),
-        roughness=values.input(node, "Roughness"),
+        roughness=surface.values.input(node, "Roughness"),
+        **surface.stretched(node, "Anisotropy", "Rotation"),
     )
 
 
 def _metallic(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
+    more = {**surface.stretched(node, "Anisotropy", "Rotation"), **surface.film(node)}
+    roughness = values.input(node, "Roughness")
     if node.node.fresnel_type != "F82":
-        raise Unsupported("Metallic BSDF (physical conductor)")
-    ignored = [values.input(node, name) for name in ("Anisotropy", "Thin Film Thickness")]
-    if not all(is_constant(value, 0.0) for value in ignored):
-        surface.remark("Metallic BSDF: Anisotropy, Thin Film")
-    surface.add(
+        index, extinction = values.input(node, "IOR"), values.input(node, "Extinction")
+        surface.add_facets("conductor", weight, node, color=index, extinction=extinction, roughness=roughness, **more)
+        return
+    surface.add_facets(
         "principled",
         weight,
         node,
-        multiscatter=_multiscatter(surface, node),
         metallic=1.0,
         color=surface.color(node, "Base Color"),
         specular_tint=values.input(node, "Edge Tint"),
-        roughness=values.input(node, "Roughness"),
+        roughness=roughness,
+        **more,
     )
 
 
 def _glass(surface: Surface, node: Place, weight: Operand) -> None:
-    values = surface.values
-    surface.add(
-        "glass",
-        weight,
-        node,
-        multiscatter=_multiscatter(surface, node),
-        color=surface.color(node),
-        roughness=values.input(node, "Roughness"),
-        ior=values.input(node, "IOR"),
-    )
+    _boundary(surface, node, weight, "glass")
 
 
 def _refraction(surface: Surface, node: Place, weight: Operand) -> None:
+    _boundary(surface, node, weight, "refraction")
+
+
+def _boundary(surface: Surface, node: Place, weight: Operand, kind: str) -> None:
     values = surface.values
-    _multiscatter(surface, node)
-    surface.add(
-        "refraction",
+    surface.add_facets(
+        kind,
         weight,
         node,
         color=surface.color(node),
         roughness=values.input(node, "Roughness"),
         ior=values.input(node, "IOR"),
+        **surface.film(node),
     )
+
+
+def _sheen(surface: Surface, node: Place, weight: Operand) -> None:
+    kind = "velvet" if node.node.distribution == "ASHIKHMIN" else "sheen"
+    surface.add(kind, weight, node, color=surface.color(node), roughness=surface.values.input(node, "Roughness"))
+
+
+def _toon(surface: Surface, node: Place, weight: Operand) -> None:
+    kind = "toon_glossy" if node.node.component == "GLOSSY" else "toon_diffuse"
+    size, smooth = surface.values.input(node, "Size"), surface.values.input(node, "Smooth")
+    surface.add(kind, weight, node, color=surface.color(node), roughness=size, smooth=smooth)
+
+
+def _holdout(surface: Surface, node: Place, weight: Operand) -> None:
+    surface.add("holdout", weight, node)
 
 
 def _emission(surface: Surface, node: Place, weight: Operand) -> None:
@@ -255,14 +310,6 @@ def _transparent(surface: Surface, node: Place, weight: Operand) -> None:
     surface.add("transparent", weight, node, color=surface.color(node))
 
 
-def _multiscatter(surface: Surface, node: Place) -> bool:
-    """Whether multiple scattering between facets is compensated. Notes a distribution that is not supported."""
-    distribution = node.node.distribution
-    if distribution not in ("MULTI_GGX", "GGX"):
-        surface.remark(f"{node.node.bl_label}: the distribution {distribution.replace('_', ' ').title()} (GGX is used)")
-    return bool(distribution == "MULTI_GGX")
-
-
 SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfPrincipled": _principled,
     "ShaderNodeBsdfDiffuse": _diffuse,
@@ -272,6 +319,9 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfMetallic": _metallic,
     "ShaderNodeBsdfGlass": _glass,
     "ShaderNodeBsdfRefraction": _refraction,
+    "ShaderNodeBsdfSheen": _sheen,
+    "ShaderNodeBsdfToon": _toon,
+    "ShaderNodeHoldout": _holdout,
     "ShaderNodeEmission": _emission,
     "ShaderNodeBackground": _emission,
     "ShaderNodeBsdfTransparent": _transparent,

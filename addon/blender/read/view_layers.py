@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .passes import PASSES
+from .passes import MATTES, PASSES
+from .value_nodes import outputs
 
 SETTINGS = {"use_pass_combined", "use_pass_cryptomatte_accurate"}
 """Switches without a pass of their own, or of the pass that is always present."""
@@ -43,7 +44,7 @@ class Marks:
 
 def unknown_passes(view_layer: Any) -> list[str]:
     """The enabled passes of a view layer that are not rendered, by their names in Blender."""
-    known = SETTINGS | {render_pass.switch for render_pass in PASSES if not render_pass.own}
+    known = SETTINGS | set(MATTES.values()) | {render_pass.switch for render_pass in PASSES if not render_pass.own}
     names = [
         item.name
         for group in (view_layer, getattr(view_layer, "cycles", None))
@@ -54,8 +55,10 @@ def unknown_passes(view_layer: Any) -> list[str]:
         and item.identifier not in known
         and getattr(group, item.identifier)
     ]
-    names += [f"AOV {one.name}" for one in view_layer.aovs]
-    return names + [f"Light Group {one.name}" for one in view_layer.lightgroups]
+    written = outputs.wanted(view_layer)
+    names += [f"AOV {one.name}" for one in view_layer.aovs if one.name not in written]
+    grouped = outputs.groups(view_layer)
+    return names + [f"Light Group {one.name}" for one in view_layer.lightgroups if one.name not in grouped]
 
 
 def _collections(layer_collection: Any) -> Iterator[Any]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -17,21 +17,24 @@ from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
+from ...core.scene.scene import Geometry
 from ...core.session import coarse, refits
 from ...core.session.refits import FOLLOWED
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..measure import comparing, workloads
-from ..read import camera, extract, passes, remarks
+from ..read import extract, passes, remarks
 from ..session import reports, trees
 from ..settings import properties, quality
-from . import denoising, running
+from . import cameras, denoising, motion, running
+from .previews import Preview
 from .requested import render_settings
+from .result import Result, copy
 from .viewport import Viewport
 
 if TYPE_CHECKING:
-    from ...core.base.arrays import F32
+    from ...core.base.arrays import F32, F64
     from ...core.scene.instances import Layout
     from ...core.scene.scene import Camera, Scene
 
@@ -53,7 +56,7 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
     bl_idname = ENGINE
     bl_label = "Halfspace"
-    bl_use_preview = False
+    bl_use_preview = True
     bl_use_postprocess = True
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
@@ -85,9 +88,9 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         """Render one view layer of one frame. An error is reported once, and no incomplete result is kept."""
         if not running.closing():
             with running.picture(self):
-                self._render(_Picture(self, depsgraph))
+                self._render(Preview(self, depsgraph) if self.is_preview else _Picture(self, depsgraph))
 
-    def _render(self, picture: _Picture) -> None:
+    def _render(self, picture: _Picture | Preview) -> None:
         try:
             picture.render()
         except Cancelled:
@@ -120,7 +123,10 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it. made: see `extract.Found`."""
+    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it. made: see `extract.Found`.
+
+    motion: for the vector pass.
+    """
 
     scene: Scene
     view: Camera
@@ -128,6 +134,7 @@ class _Read:
     moment: int
     seconds: float
     made: tuple[str, ...] = ()
+    motion: motion.Motion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +156,14 @@ class _Picture:
     def __init__(self, engine: HalfspaceEngine, depsgraph: Any) -> None:
         self.engine = engine
         self.depsgraph = depsgraph
-        self.scene = depsgraph.scene_eval
-        self.group = self.scene.halfspace
         self.notes = Notes()
-        self.result: Any = None
+        self.result: Result | None = None
+        self._fetch()
+
+    def _fetch(self) -> None:
+        """Take what another evaluation of the depsgraph replaces."""
+        self.scene = self.depsgraph.scene_eval
+        self.group = self.scene.halfspace
 
     def render(self) -> None:
         """Extract, build, render, report."""
@@ -177,13 +188,37 @@ class _Picture:
         start, moment = time.perf_counter(), trees.moment(self.scene)
         quality.remark_unknown(self.group, self.notes)
         uvs = "UV" in settings.passes
-        found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
-        # Only flattened triangles carry UVs.
-        instancing = "flatten" if uvs else quality.instancing(self.group)
+        moving = self._motion() if "Vector" in settings.passes else None
+        found = extract.find(
+            self.depsgraph,
+            self.notes,
+            uvs=uvs,
+            keep_going=self._reading,
+            wanted=passes.wanted_data(self.depsgraph.view_layer_eval),
+        )
+        # Only flattened triangles carry UVs and motion.
+        instancing = "flatten" if uvs or moving is not None else quality.instancing(self.group)
         layout = found.layout(instancing, integrator=quality.integrator(self.group))
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
-        view = self._camera(scene.geometry.origin)
-        return _Read(scene, view, layout, moment, time.perf_counter() - start, found.made)
+        if moving is not None and isinstance(scene.geometry, Geometry):
+            scene = replace(scene, motion=moving.corners(scene.geometry))
+        view = cameras.active(self.engine, self.depsgraph, scene.geometry.origin, self.notes)
+        return _Read(scene, view, layout, moment, time.perf_counter() - start, found.made, moving)
+
+    def _motion(self) -> motion.Motion:
+        """The frames before and after. Evaluates the scene three times, the last time for this frame."""
+        names = cameras.views(self.scene)
+
+        def of_views(origin: F64) -> dict[str, Camera]:
+            found = {}
+            for name in names:
+                self.engine.active_view_set(name)
+                found[name] = cameras.active(self.engine, self.depsgraph, origin, Notes())
+            return found
+
+        moving = motion.read(self.engine, self.depsgraph, of_views)
+        self._fetch()
+        return moving
 
     def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
         """The structure of the settings, or the automatically chosen one, with the scene around it."""
@@ -235,13 +270,28 @@ class _Picture:
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
     def _trace(self, settings: RenderSettings, read: _Read, built: _Built) -> Any:
-        """Render into a result that is shown coarse at once, then while it converges. Returns the finished job."""
-        width, height = settings.size
-        origin = read.scene.geometry.origin
-        self.result = self.engine.begin_result(
-            0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
-        )
-        first = self._show_coarse(settings, read, built) if is_displayed() else None
+        """Render all views into a result that is shown coarse at once, then while it converges. Returns the last job,
+        finished.
+        """
+        self.result = Result(self.engine, self.depsgraph, settings.size)
+        job = None
+        for number, name in enumerate(self.result.views):
+            self.engine.active_view_set(name)
+            origin = read.scene.geometry.origin
+            view = cameras.active(self.engine, self.depsgraph, origin, self.notes) if name else read.view
+            if read.motion is not None:
+                view = replace(view, motion=read.motion.cameras(name, origin))
+            job = self._trace_view(settings, replace(read, view=view), built, number)
+        self.result.describe(read.scene)
+        self.result.end()
+        self.result = None
+        return job
+
+    def _trace_view(self, settings: RenderSettings, read: _Read, built: _Built, number: int) -> Any:
+        """Render one view of the open result. Returns the finished job."""
+        assert self.result is not None
+        result, (width, height), origin = self.result, settings.size, read.scene.geometry.origin
+        first = self._show_coarse(settings, read, built, number) if is_displayed() else None
         job = built.session.render(read.view, settings)
         buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
         if first is not None:
@@ -249,26 +299,25 @@ class _Picture:
 
         def show() -> None:
             if is_displayed():
-                _copy(job, buffers, origin, keep=first is not None)
-                self._fill(buffers)
-                self.engine.update_result(self.result)
+                copy(job, buffers, origin, keep=first is not None)
+                result.fill(buffers, number)
+                result.show()
             self._show_status(_summary(built.label, built.session.structure.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
-        _copy(job, buffers, origin)
+        copy(job, buffers, origin)
         if self.group.use_denoising:
             self._denoise(buffers, settings)
-        self._fill(buffers)
-        self.engine.end_result(self.result)
-        self.result = None
+        result.fill(buffers, number)
         return job
 
-    def _show_coarse(self, settings: RenderSettings, read: _Read, built: _Built) -> F32 | None:
-        """Show the picture in large pixels. Returns the last such picture, flat; None if there was none."""
+    def _show_coarse(self, settings: RenderSettings, read: _Read, built: _Built, number: int) -> F32 | None:
+        """Show a view in large pixels. Returns the last such picture, flat; None if there was none."""
+        assert self.result is not None
         last = None
         for last in coarse.pictures(built.session, read.view, settings, self._reading):
-            self._fill({"Combined": last})
-            self.engine.update_result(self.result)
+            self.result.fill({"Combined": last}, number)
+            self.result.show()
         return last
 
     def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
@@ -302,25 +351,8 @@ class _Picture:
     def discard(self) -> None:
         """Close an open result without keeping its pixels."""
         if self.result is not None:
-            self.engine.end_result(self.result, cancel=True)
+            self.result.end(cancel=True)
             self.result = None
-
-    def _camera(self, origin: np.ndarray[Any, Any]) -> Camera:
-        """The active camera for this layer and view. Raises RuntimeError without one."""
-        item = self.engine.camera_override or self.scene.camera
-        if item is None:
-            raise RuntimeError("Cannot render, no camera")
-        item = item.evaluated_get(self.depsgraph)
-        render = self.scene.render
-        return camera.read_camera(
-            item,
-            self.depsgraph,
-            self.engine.camera_model_matrix(item),
-            origin,
-            self.notes,
-            size=(self.engine.resolution_x, self.engine.resolution_y),
-            pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
-        )
 
     def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings, seen: Notes) -> auto.Choice:
         """Choose a structure by the scene and the number of samples.
@@ -367,17 +399,6 @@ class _Picture:
         except denoise.DenoiseError as error:
             self.notes.add(f"The noise could not be removed: {error}", self.scene.name)
 
-    def _fill(self, buffers: dict[str, F32]) -> None:
-        """Copy a picture into Blender's open result."""
-        names = passes.native_names()
-        for render_pass in self.result.layers[0].passes:
-            buffer = buffers.get(names.get(render_pass.name, ""))
-            if buffer is None:
-                continue
-            if len(render_pass.rect) * render_pass.channels != len(buffer):
-                raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
-            render_pass.rect.foreach_set(buffer)
-
     def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
         """Note the instances and triangles that the native module dropped, by object."""
         for index in statistics.get("dropped_instances", ()):
@@ -399,23 +420,6 @@ class _Picture:
 def is_displayed() -> bool:
     """Whether somebody can watch the picture converge: not in the background."""
     return not bpy.app.background
-
-
-def _copy(job: Any, buffers: dict[str, F32], origin: np.ndarray[Any, Any], *, keep: bool = False) -> None:
-    """Copy the current picture of a job into flat buffers, one for each pass.
-
-    keep: whether Combined keeps its values where the job has no samples yet.
-    """
-    for name, buffer in buffers.items():
-        job.copy_into(name, buffer, keep=keep and name == "Combined")
-        if name == "Position":
-            to_world(buffer, origin)
-
-
-def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> None:
-    """Move flat (n * 3,) positions from the scene frame to the world, in place; background pixels (0, 0, 0) stay."""
-    points = positions.reshape(-1, 3)
-    points[points.any(axis=1)] += origin.astype(np.float32)
 
 
 def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -136,6 +137,9 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         try:
+            # Blender prints a traceback where it cannot make the folder itself.
+            folder = Path(bpy.utils.user_resource("SCRIPTS", path="presets"), self.preset_subdir)
+            folder.mkdir(parents=True, exist_ok=True)
             found: set[str] = super().execute(context)
         except OSError as error:
             # Blender lets this through where its folder is read-only or the disk is full.

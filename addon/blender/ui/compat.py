@@ -19,15 +19,12 @@ ADDED = {
 """Panels of which this engine reads all settings, though they are not for the most general engine."""
 
 UNREAD = {
-    "DATA_PT_camera_stereoscopy",
     "DATA_PT_preview",
     "DATA_PT_volume_render",
     "EEVEE_MATERIAL_PT_viewport_settings",
     "OBJECT_PT_shading",
     "PARTICLE_PT_render_path",
     "PARTICLE_PT_render_path_timing",
-    "RENDER_PT_output_views",
-    "RENDER_PT_stereoscopy",
 }
 """Panels whose settings do not change a picture of this engine, or that are empty."""
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels in the View Layer, World, Object, Material and Light properties, where Blender's own show settings that this
-engine does not read. Labels and places are those of Cycles.
+"""Panels in the View Layer, Camera, World, Object, Material and Light properties, where Blender's own show settings
+that this engine does not read. Labels and places are those of Cycles.
 """
 
 from __future__ import annotations
@@ -9,32 +9,54 @@ from typing import Any
 
 import bpy
 
+from ..read.camera import COEFFICIENTS
 from ..read.nodes import active_tree, output_node
-from ..read.passes import PASSES
 from .panels import EnginePanel
 
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Kinds of objects with surfaces."""
 
+OF_PANORAMAS = {
+    "EQUIRECTANGULAR": (
+        ("latitude_min", "Latitude Min"),
+        ("latitude_max", "Max"),
+        ("longitude_min", "Longitude Min"),
+        ("longitude_max", "Max"),
+    ),
+    "FISHEYE_EQUIDISTANT": (("fisheye_fov", "Field of View"),),
+    "FISHEYE_EQUISOLID": (("fisheye_lens", "Lens"), ("fisheye_fov", "Field of View")),
+    "FISHEYE_LENS_POLYNOMIAL": (
+        ("fisheye_fov", "Field of View"),
+        *((name, f"K{power}") for power, name in enumerate(COEFFICIENTS)),
+    ),
+    "CENTRAL_CYLINDRICAL": (
+        ("central_cylindrical_range_v_min", "Height Min"),
+        ("central_cylindrical_range_v_max", "Max"),
+        ("central_cylindrical_range_u_min", "Longitude Min"),
+        ("central_cylindrical_range_u_max", "Max"),
+        ("central_cylindrical_radius", "Cylinder Radius"),
+    ),
+}
+"""The settings of each kind of panorama that has any, with their labels."""
 
-class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
-    """The passes of a view layer."""
 
-    bl_label = "Passes"
-    section = "Passes"
-    bl_context = "view_layer"
+class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
+    """The projection of a panoramic camera."""
+
+    bl_label = "Panorama"
+    bl_parent_id = "DATA_PT_lens"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.camera is not None and context.camera.type == "PANO"
 
     def draw(self, context: Any) -> None:
         column = self.column()
-        layer = context.view_layer
-        column.prop(layer, "use_pass_combined")
-        for render_pass in PASSES:
-            if render_pass.switch and not render_pass.own:
-                column.prop(layer, render_pass.switch)
-        column.separator()
-        for render_pass in PASSES:
-            if render_pass.own:
-                column.prop(layer.halfspace, render_pass.switch)
+        camera = context.camera
+        column.prop(camera, "panorama_type")
+        for name, text in OF_PANORAMAS.get(camera.panorama_type, ()):
+            column.prop(camera, name, text=text)
 
 
 class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
@@ -280,7 +302,7 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
 
 
 CLASSES = (
-    HALFSPACE_PT_passes,
+    HALFSPACE_PT_panorama,
     HALFSPACE_PT_filter,
     HALFSPACE_PT_override,
     HALFSPACE_PT_world,

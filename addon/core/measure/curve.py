@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -263,7 +262,7 @@ class Curve:
             "seed": seed,
             **(LIMITS if limits is None else limits),
         }
-        camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
+        camera = self._camera if isinstance(self._camera, dict) else self._camera.as_dict()
         job = self._native.render(render_scene, camera, settings, threads=threads)
         while not job.wait(100):
             pass

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32, U32
+from .mattes import Mattes
 
 if TYPE_CHECKING:
     from .instances import InstancedGeometry
@@ -192,14 +193,27 @@ class Geometry:
         return Geometry(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
 
 
+PANORAMIC = (
+    "equirectangular",
+    "equidistant",
+    "equisolid",
+    "polynomial",
+    "mirror_ball",
+    "central_cylindrical",
+    "cube_face",
+)
+"""Panoramic kinds of cameras."""
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A perspective or parallel camera that looks along its -Z with +Y up.
+    """A perspective, parallel or panoramic camera that looks along its -Z with +Y up.
 
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
     at distance 1 (perspective) or in scene units (orthographic); includes shift, sensor fit and pixel aspect.
     aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
-    radians. aperture_ratio: height by width. focus_distance: along -Z.
+    radians. aperture_ratio: height by width. focus_distance: along -Z. panorama: keys that a panoramic kind needs, as
+    the native module takes them; its window is (0, 1, 0, 1). motion: the camera a frame before and a frame after.
     """
 
     kind: str
@@ -212,13 +226,22 @@ class Camera:
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
     focus_distance: float = 1.0
+    panorama: Mapping[str, Any] = field(default_factory=dict)
+    motion: tuple[Camera, Camera] | None = None
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
-        if self.kind not in ("perspective", "orthographic"):
-            raise SceneError(f"camera.kind: expected perspective or orthographic, got {self.kind!r}")
+        if self.kind not in ("perspective", "orthographic", *PANORAMIC):
+            raise SceneError(f"camera.kind: expected perspective, orthographic or panoramic, got {self.kind!r}")
         if not np.isfinite(self.to_world).all() or not np.isfinite(self.window).all():
             raise SceneError("camera: its transform, lens or shift is not finite")
+
+    def as_dict(self) -> dict[str, Any]:
+        """The camera as the native module takes it."""
+        apart = ("panorama", "motion")
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in apart}
+        moved = {} if self.motion is None else {"motion": tuple(side.as_dict() for side in self.motion)}
+        return own | dict(self.panorama) | moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,15 +274,17 @@ Hidden = tuple[str, ...]
 class Closure:
     """A shader node with its share of a material.
 
-    kind: principled, diffuse, glossy, glass, refraction, transparent or emission. inputs: operands by name, including
-    "weight"; missing ones have Blender's defaults. normal: the shading normal, or None for the surface's own.
-    multiscatter: whether rough reflections conserve energy.
+    kind: principled, diffuse, translucent, glossy, glass, refraction, conductor, sheen, velvet, toon_diffuse,
+    toon_glossy, transparent, emission or holdout. inputs: operands by name, including "weight"; missing ones have
+    Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
+    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley.
     """
 
     kind: str
     inputs: Mapping[str, Operand]
     normal: Operand | None = None
     multiscatter: bool = True
+    distribution: str = "ggx"
 
     @property
     def glows(self) -> bool:
@@ -270,7 +295,13 @@ class Closure:
 
     def as_dict(self) -> dict[str, Any]:
         """The closure as the native module takes it."""
-        return {"kind": self.kind, **self.inputs, "normal": self.normal, "multiscatter": self.multiscatter}
+        return {
+            "kind": self.kind,
+            **self.inputs,
+            "normal": self.normal,
+            "multiscatter": self.multiscatter,
+            "distribution": self.distribution,
+        }
 
 
 @dataclass(frozen=True)
@@ -278,7 +309,8 @@ class Material:
     """A surface: closures whose inputs are computed per point by a program.
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
-    blocks: a bit for each set of linked lights that shine on its objects, and that these shade.
+    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. outputs: numbers of
+    passes "Output" and the values that they show.
     """
 
     name: str
@@ -295,6 +327,7 @@ class Material:
     hidden_from: Hidden = ()
     receives: int = 0xFFFFFFFF
     blocks: int = 0xFFFFFFFF
+    outputs: tuple[tuple[int, Operand], ...] = ()
 
     @property
     def glows(self) -> bool:
@@ -309,7 +342,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A lamp that shines along its -Z. name: its object's, for messages.
+    """A lamp that shines along its -Z. name: its object's, for messages. group: light group, from 1; 0 is none.
 
     power: linear RGB in W (sun: W/m²), Blender's energy × colour. radius, size, size_y in scene units; angle, spot_size
     (full cone) and spread in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE. sphere: whether point and
@@ -333,6 +366,7 @@ class Light:
     hidden_from: Hidden = ("camera",)
     receivers: int = 0
     blockers: int = 0
+    group: int = 0
     # Excluded from comparison: a renamed lamp emits the same light.
     name: str = field(default="", compare=False)
 
@@ -347,27 +381,30 @@ class Light:
 class World:
     """The background; `color` is linear RGB and includes its strength.
 
-    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result.
+    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. group: as
+    of a light.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
     program: tuple[Step, ...] = ()
     radiance: Operand | None = None
     hidden_from: Hidden = ()
+    group: int = 0
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Pass indices of objects and materials; 0 where not set.
+    """Pass indices of objects and materials, and light groups of objects; 0 where not set.
 
-    objects: by name. materials: one for each of the scene's materials.
+    objects, groups: by name. materials: one for each of the scene's materials.
     """
 
     objects: dict[str, float] = field(default_factory=dict)
     materials: tuple[float, ...] = ()
+    groups: dict[str, int] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return any(self.objects.values()) or any(self.materials)
+        return any(self.objects.values()) or any(self.materials) or any(self.groups.values())
 
     def arrays(self, runs: list[tuple[int, str]]) -> dict[str, NDArray[Any]]:
         """The indices as the native module takes them. runs: number of triangles and object name of
@@ -378,6 +415,7 @@ class Numbers:
             "first": first.astype(np.int32),
             "object": np.array([self.objects.get(name, 0.0) for _, name in runs], np.float32),
             "material": np.array(self.materials, np.float32),
+            "groups": np.array([self.groups.get(name, 0) for _, name in runs], np.uint8),
         }
 
 
@@ -391,6 +429,8 @@ class Scene:
     world: World
     numbers: Numbers = field(default_factory=Numbers)
     images: tuple[Image, ...] = ()
+    mattes: Mattes | None = None
+    motion: tuple[F32, F32] | None = None
 
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)
@@ -401,6 +441,9 @@ class Scene:
     def for_passes(self) -> dict[str, Any] | None:
         """The data that only passes need, as the native module takes it; None if there is none."""
         uvs = self.geometry.uvs if isinstance(self.geometry, Geometry) else None
-        if not self.numbers and uvs is None:
+        if not self.numbers and uvs is None and self.mattes is None and self.motion is None:
             return None
-        return {**self.numbers.arrays(self.geometry.runs()), "uvs": uvs}
+        runs = self.geometry.runs()
+        moved = {} if self.motion is None else {"motion": self.motion}
+        identities = {} if self.mattes is None else self.mattes.arrays(runs)
+        return {**self.numbers.arrays(runs), "uvs": uvs, **identities, **moved}

@@ -17,7 +17,7 @@ from ..base.native import first_line
 from ..structures import specs
 
 if TYPE_CHECKING:
-    from ..base.interface import Native, Structure
+    from ..base.interface import Monitor, Native, Structure
     from ..scene.instances import Mesh
     from ..scene.scene import Geometry
 
@@ -39,12 +39,14 @@ def topology(triangles: Geometry | Mesh) -> bytes:
     return digest.digest()
 
 
-def fitted(native: Native, before: Structure, triangles: Geometry | Mesh, threads: int) -> tuple[Structure | None, str]:
+def fitted(
+    native: Native, before: Structure, triangles: Geometry | Mesh, threads: int, monitor: Monitor
+) -> tuple[Structure | None, str]:
     """The structure fitted to these triangles, which are those that it was built over or have moved since, and what was
-    done. None, and the reason, if it must be built again.
+    done. None, and the reason, if it must be built again. Raises Cancelled through the monitor.
     """
     try:
-        structure = before.refit(triangles.vertices, threads=threads)
+        structure = before.refit(triangles.vertices, threads=threads, monitor=monitor)
     except native.RefitError as error:
         return None, REFUSED + first_line(error)
     statistics = structure.statistics

@@ -86,8 +86,8 @@ class _Work:
         shape = b"" if self._followed is None else refits.topology(triangles)
         old = None if self._followed is None else self._followed.find(shape, self._spec)
         structure = None
-        if old is not None and not self.cancelled:
-            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"])
+        if old is not None:
+            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"], self.monitor)
             self.done.append(done)
         if structure is None:
             structure = self._native.build(
@@ -311,7 +311,7 @@ class Session:
 
     def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:
         """Start a native job for one picture and return it at once."""
-        return self.native.render(self.render_scene, asdict(camera), settings.as_dict(), threads=settings.threads)
+        return self.native.render(self.render_scene, camera.as_dict(), settings.as_dict(), threads=settings.threads)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:

@@ -2,6 +2,8 @@
 //! Fits the bounds of a tree to moved triangles, from the leaves up: boxes and intervals in which each triangle lies in
 //! one leaf. The links stay, so the work is in proportion to the nodes (Wald, Boulos and Shirley 2007, section 3.3).
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::members::{LeafBounds, Members};
@@ -71,8 +73,16 @@ impl Topology {
 
     /// Fits the tree that the topology was read from to moved triangles, in the current rayon pool; returns the new
     /// tree and the data of its leaves. The result is the same on any number of threads.
-    pub fn refit<T: FitTree>(&self, tree: &T, framed: FramedScene<'_>) -> (T, Blocks) {
-        let (blocks, leaves) = self.members.write(framed);
+    ///
+    /// # Errors
+    /// [`halfspace_base::error::Error::Cancelled`].
+    pub fn refit<T: FitTree>(
+        &self,
+        tree: &T,
+        framed: FramedScene<'_>,
+        monitor: &Monitor,
+    ) -> Result<(T, Blocks)> {
+        let (blocks, leaves) = self.members.write(framed, monitor)?;
         let template = tree.nodes();
         let mut nodes = template.to_vec();
         let mut fitted = vec![Fitted::NOTHING; nodes.len()];
@@ -108,10 +118,12 @@ impl Topology {
                 (nodes[i], fitted[i]) = (node, own);
             }
         }
-        (T::of_nodes(nodes), blocks)
+        monitor.check()?;
+        Ok((T::of_nodes(nodes), blocks))
     }
 
     /// Fits one node; `below` returns what lies below an inner child, if that is known.
+    #[inline(always)]
     fn node<N: FitNode>(
         &self,
         mut node: N,

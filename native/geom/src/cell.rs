@@ -58,6 +58,8 @@ pub struct PlaneSide {
 pub trait Cell: Clone + Send + Sync {
     /// Returns the surface area.
     fn area(&self) -> f64;
+    /// Returns the bytes that the cell has allocated.
+    fn allocated(&self) -> usize;
     /// Writes the cell's extent along `direction` and the range where planes may lie to `out`. Returns whether the
     /// cell has a surface area, by which the cost model divides.
     fn extent(&self, direction: Direction, out: &mut Profile) -> bool;
@@ -84,6 +86,10 @@ pub struct BoxCell(pub Aabb);
 impl Cell for BoxCell {
     fn area(&self) -> f64 {
         self.0.area()
+    }
+
+    fn allocated(&self) -> usize {
+        0
     }
 
     fn extent(&self, direction: Direction, out: &mut Profile) -> bool {
@@ -184,6 +190,15 @@ impl Cell for ConvexCell {
         match self {
             Self::Box(boxed) => boxed.cell.area(),
             Self::Polytope(cell) => cell.area(),
+        }
+    }
+
+    fn allocated(&self) -> usize {
+        match self {
+            Self::Box(boxed) => {
+                (boxed.polytope.get()).map_or(0, |cell| size_of::<Polytope>() + cell.allocated())
+            }
+            Self::Polytope(cell) => cell.allocated(),
         }
     }
 

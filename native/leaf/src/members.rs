@@ -4,6 +4,8 @@
 use crate::blocks::Blocks;
 use crate::keep::Keep;
 use crate::leaf::Leaf;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
 use halfspace_ray::FramedScene;
 use rayon::prelude::*;
@@ -96,7 +98,14 @@ impl Members {
     /// Writes the leaves of moved triangles, in parallel, each at the offset that it had. Triangles that can no longer
     /// be hit are left out; their words stay unused. Returns the data, and the box and the number of triangles of each
     /// leaf.
-    pub fn write(&self, framed: FramedScene<'_>) -> (Blocks, Vec<LeafBounds>) {
+    ///
+    /// # Errors
+    /// [`halfspace_base::error::Error::Cancelled`].
+    pub fn write(
+        &self,
+        framed: FramedScene<'_>,
+        monitor: &Monitor,
+    ) -> Result<(Blocks, Vec<LeafBounds>)> {
         let scene = framed.scene;
         let mut bounds = vec![(Aabb::EMPTY, 0); self.leaves.len()];
         // Mark the triangles that can be hit, unless all can be.
@@ -114,13 +123,23 @@ impl Members {
                 words,
                 bounds: &mut bounds,
             };
-            self.part(all, framed, live.as_deref());
+            self.part(all, framed, live.as_deref(), monitor);
         });
-        (blocks, bounds)
+        monitor.check()?;
+        Ok((blocks, bounds))
     }
 
-    /// Writes a range of leaves, in two tasks if there are many.
-    fn part(&self, part: Part<'_>, framed: FramedScene<'_>, live: Option<&[bool]>) {
+    /// Writes a range of leaves, in two tasks if there are many; none once the monitor is cancelled.
+    fn part(
+        &self,
+        part: Part<'_>,
+        framed: FramedScene<'_>,
+        live: Option<&[bool]>,
+        monitor: &Monitor,
+    ) {
+        if monitor.is_cancelled() {
+            return;
+        }
         let Part {
             leaves,
             start,
@@ -146,8 +165,8 @@ impl Members {
                 bounds: high,
             };
             rayon::join(
-                || self.part(before, framed, live),
-                || self.part(after, framed, live),
+                || self.part(before, framed, live, monitor),
+                || self.part(after, framed, live, monitor),
             );
             return;
         }

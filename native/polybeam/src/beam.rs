@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A beam: its polygon, the lines that bound it, and the node that it is in.
 
+use crate::form::Form;
 use crate::line::{Ahead, Line, Side};
 use crate::polygon::Polygon;
 
@@ -71,9 +72,18 @@ impl Sides {
     }
 
     #[inline(always)]
-    fn push(&mut self, side: Side, polygon: &Polygon) {
+    fn push<F: Form>(&mut self, form: &F, side: Side, polygon: &Polygon) {
+        // Of two sides of which one contains the other, keep the inner one.
+        for old in &mut self.sides[..self.count] {
+            if let Some(contains) = form.contains(&side, old) {
+                if !contains {
+                    *old = side;
+                }
+                return;
+            }
+        }
         if self.count >= MANY {
-            self.drop_far(polygon);
+            self.drop_far(form, polygon);
         }
         if self.count < SIDES {
             self.sides[self.count] = side;
@@ -83,12 +93,12 @@ impl Sides {
 
     /// Drops the lines that are certainly farther from all rays in the polygon than its rounding.
     #[inline(always)]
-    pub fn drop_far(&mut self, polygon: &Polygon) {
+    pub fn drop_far<F: Form>(&mut self, form: &F, polygon: &Polygon) {
         let mut kept = 0;
         for i in 0..self.count {
             let side = self.sides[i];
-            let heights = polygon.heights(side.line.coefficients());
-            let margin = 2.0 * side.line.tolerance();
+            let heights = polygon.heights(form.coefficients(&side.line));
+            let margin = 2.0 * form.tolerance(&side.line);
             let inside = if side.lower_first {
                 heights.most < -margin
             } else {
@@ -113,10 +123,13 @@ impl Beam {
 
     /// Compares the beam with the line of two planes.
     #[inline(always)]
-    pub fn compare(&self, one: Ahead, other: Ahead) -> Position {
+    pub fn compare<F: Form>(&self, form: &F, one: Ahead, other: Ahead) -> Position {
         let (line, in_order) = Line::new(one, other);
-        let heights = self.polygon.heights(line.coefficients());
-        let margin = 2.0 * line.tolerance();
+        if form.is_along(&line) {
+            return Position::Whole(!in_order);
+        }
+        let heights = self.polygon.heights(form.coefficients(&line));
+        let margin = 2.0 * form.tolerance(&line);
         if heights.most < -margin {
             Position::Whole(in_order)
         } else if heights.least > margin {
@@ -130,9 +143,9 @@ impl Beam {
     ///
     /// The polygon is cut a little outside the line, so that it contains all rays of the part in spite of rounding.
     #[inline(always)]
-    pub fn part(&self, side: Side) -> Option<Self> {
-        let heights = self.polygon.heights(side.line.coefficients());
-        let tolerance = side.line.tolerance();
+    pub fn part<F: Form>(&self, form: &F, side: Side) -> Option<Self> {
+        let heights = self.polygon.heights(form.coefficients(&side.line));
+        let tolerance = form.tolerance(&side.line);
         let mut part = *self;
         if side.lower_first {
             if heights.least > tolerance {
@@ -149,7 +162,7 @@ impl Beam {
                 part.polygon = self.polygon.above(&heights, -tolerance);
             }
         }
-        part.sides.push(side, &part.polygon);
+        part.sides.push(form, side, &part.polygon);
         Some(part)
     }
 }

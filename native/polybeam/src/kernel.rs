@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kernels of camera rays, and of shadow rays.
+//! The kernel of polygon beams: a batch is traced source by source, an origin or a direction that many of its rays have
+//! in common, and the rays of no source one by one.
 
-use crate::rays::Sorted;
-use crate::shadow::{LIGHTS, Reversal, occluded};
-use crate::traversal::{Scratch, Traversal};
-use fearless_simd::{Simd, dispatch};
+use crate::form::{Eye, Form, Parallel};
+use crate::rays::{Given, Sorted};
+use crate::shadow::Reversal;
+use crate::source::{Source, common};
+use crate::traversal::{SINGLE, Scratch, Traversal};
+use fearless_simd::{Level, Simd, dispatch};
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::query::{Any, Closest, Count, Counters, NoCount, Query};
-use halfspace_ray::{Hit, Ray, RayCounters, RaySlice};
-use halfspace_trace::batch::Batch;
+use halfspace_ray::{Hit, Ray, RayCounters, RayRef, RaySlice};
+use halfspace_trace::batch::{Batch, SingleTraversal as _};
 use halfspace_trace::kernel::Kernel;
+use halfspace_trace::single::octants::net::Links;
+use halfspace_trace::single::octants::step::NeighbourTraversal;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -19,117 +24,24 @@ use std::sync::Arc;
 /// memory to the system, and half of the time is spent on getting it back.
 const BATCH: usize = 1 << 19;
 
-/// Camera rays as beams that begin with the whole image.
+/// Largest number of origins and directions that are looked for in a batch.
+const SOURCES: usize = 8;
+
+/// Rays as polygons through octants with links.
 #[derive(Debug)]
-struct PolygonBeams {
+struct PolygonBeams<Q> {
+    query: PhantomData<Q>,
     tree: Arc<Octree>,
     leaves: Arc<Blocks>,
     /// Rays go on singly where fewer than this are left together.
     least: u32,
 }
 
-/// Camera rays as polygons through octants with links; where fewer than `least` rays are left together they go on
-/// singly.
+/// Camera rays as polygons through octants with links, which begin with the whole image; where fewer than `least` rays
+/// are left together they go on singly.
 pub fn octants(tree: &Arc<Octree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn Kernel<Closest>> {
-    Arc::new(PolygonBeams {
-        tree: tree.clone(),
-        leaves: leaves.clone(),
-        least,
-    })
+    Arc::new(PolygonBeams::new(tree, leaves, least))
 }
-
-impl PolygonBeams {
-    /// Traces the rays with one instruction set and the given counters.
-    #[inline(always)]
-    fn run<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        batch: &Batch<'_>,
-        answers: &mut [Hit],
-        counters: &mut [C],
-    ) {
-        answers.fill(Hit::MISS);
-        let Some(first) = batch.rays.first() else {
-            return;
-        };
-        let origin = batch.frame.point(first.o);
-        let sorted = if self.has_beams(batch, first, origin) {
-            Sorted::new(simd, batch.frame, batch.rays, first.o)
-        } else {
-            Sorted {
-                rest: (0..).take(batch.rays.len()).collect(),
-                ..Sorted::default()
-            }
-        };
-        self.traverse::<S, Closest, C>(simd, batch, answers, counters, sorted, origin);
-    }
-
-    /// Traces sorted rays from an origin.
-    #[inline(always)]
-    fn traverse<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        batch: &Batch<'_>,
-        answers: &mut [Hit],
-        counters: &mut [C],
-        sorted: Sorted,
-        origin: [f32; 3],
-    ) {
-        let mut traversal = Traversal {
-            query: PhantomData::<Q>,
-            tree: &self.tree,
-            least: self.least,
-            job: Job {
-                scene: batch.scene,
-                blocks: &self.leaves,
-            },
-            slice: RaySlice {
-                frame: batch.frame,
-                rays: batch.rays,
-            },
-            answers,
-            counters,
-            sorted,
-            scratch: Scratch::default(),
-        };
-        traversal.run(simd, origin);
-    }
-
-    /// Whether beams from the first ray's origin are correct: the frame keeps it exactly, and it is not too far for
-    /// steps from cell to cell.
-    fn has_beams(&self, batch: &Batch<'_>, first: &Ray, origin: [f32; 3]) -> bool {
-        let finite = first.o.iter().all(|x| x.is_finite());
-        finite
-            && batch.frame.is_unscaled()
-            && batch.frame.map().is_exact(origin)
-            && self.tree.is_near(origin)
-    }
-}
-
-impl Kernel<Closest> for PolygonBeams {
-    fn trace(&self, batch: &Batch<'_>, answers: &mut [Hit]) {
-        let mut none = vec![NoCount; batch.rays.len()];
-        dispatch!(batch.level, simd => self.run(simd, batch, answers, &mut none));
-    }
-
-    fn count(&self, batch: &Batch<'_>, answers: &mut [Hit], counters: &mut [RayCounters]) -> bool {
-        let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
-        dispatch!(batch.level, simd => self.run(simd, batch, answers, &mut counters));
-        true
-    }
-
-    fn counts(&self) -> bool {
-        true
-    }
-
-    fn batch(&self) -> Option<usize> {
-        Some(BATCH)
-    }
-}
-
-/// Shadow rays of point lights as beams that begin with all rays of a light.
-#[derive(Debug)]
-struct ShadowPolygons(PolygonBeams);
 
 /// Shadow rays as polygons from their light through octants with links; where fewer than `least` rays are left together,
 /// and where rays have no light in common, they go singly.
@@ -138,62 +50,241 @@ pub fn shadow_octants(
     leaves: &Arc<Blocks>,
     least: u32,
 ) -> Arc<dyn Kernel<Any>> {
-    Arc::new(ShadowPolygons(PolygonBeams {
-        tree: tree.clone(),
-        leaves: leaves.clone(),
-        least,
-    }))
+    Arc::new(PolygonBeams::new(tree, leaves, least))
 }
 
-impl ShadowPolygons {
-    /// Traces the rays light by light, then those without a light.
+/// A query that beams answer.
+trait Beamed: Query {
+    /// Passes `trace` room for the hits of a batch, and stores them as answers.
+    fn answered(answers: &mut [Self::Answer], trace: impl FnOnce(&mut [Hit]));
+
+    /// Finds a source of the rays with these indices, and sees them from there.
+    fn source<'a>(beams: &PolygonBeams<Self>, batch: &Batch<'a>, rest: &[u32]) -> Option<Seen<'a>>
+    where
+        Self: Sized;
+}
+
+/// A source, and the rays of a batch as they are seen from there.
+struct Seen<'a> {
+    source: Source,
+    /// The rays; those of a point light reversed.
+    rays: Rays<'a>,
+}
+
+/// Rays of a batch, or their copies.
+enum Rays<'a> {
+    Given(&'a [Ray]),
+    Reversed(Vec<Ray>),
+}
+
+impl Beamed for Closest {
+    #[inline(always)]
+    fn answered(answers: &mut [Hit], trace: impl FnOnce(&mut [Hit])) {
+        answers.fill(Hit::MISS);
+        trace(answers);
+    }
+
+    fn source<'a>(beams: &PolygonBeams<Self>, batch: &Batch<'a>, rest: &[u32]) -> Option<Seen<'a>> {
+        let source = common(batch.rays, rest)?.source;
+        // The frame must keep an origin exactly, and steps from cell to cell reach only so far.
+        if let Source::Origin(o) = source {
+            let origin = batch.frame.point(o);
+            let exact = batch.frame.is_unscaled() && batch.frame.map().is_exact(origin);
+            if !(exact && o.iter().all(|x| x.is_finite()) && beams.tree.is_near(origin)) {
+                return None;
+            }
+        }
+        Some(Seen {
+            source,
+            rays: Rays::Given(batch.rays),
+        })
+    }
+}
+
+impl Beamed for Any {
+    #[inline(always)]
+    fn answered(answers: &mut [bool], trace: impl FnOnce(&mut [Hit])) {
+        let mut hits = vec![Hit::MISS; answers.len()];
+        trace(&mut hits);
+        for (answer, hit) in answers.iter_mut().zip(hits) {
+            *answer = hit.is_hit();
+        }
+    }
+
+    fn source<'a>(beams: &PolygonBeams<Self>, batch: &Batch<'a>, rest: &[u32]) -> Option<Seen<'a>> {
+        let common = common(batch.rays, rest);
+        let light = Reversal::new(batch).and_then(|own| own.light(batch.rays, rest));
+        // Take the sun or the point light that more of the sampled rays lead to.
+        if let Some(common) = common
+            && matches!(common.source, Source::Direction(_))
+            && light.is_none_or(|light| light.samples < common.samples)
+        {
+            return Some(Seen {
+                source: common.source,
+                rays: Rays::Given(batch.rays),
+            });
+        }
+        let light = light?;
+        let seen = light.seen(batch.rays, rest);
+        // Leave rays singly where beams would take few of them.
+        if seen.count < beams.least as usize || !beams.tree.is_near(seen.light) {
+            return None;
+        }
+        Some(Seen {
+            source: Source::Origin(seen.light),
+            rays: Rays::Reversed(seen.rays),
+        })
+    }
+}
+
+impl<Q: Beamed> PolygonBeams<Q> {
+    fn new(tree: &Arc<Octree>, leaves: &Arc<Blocks>, least: u32) -> Self {
+        Self {
+            query: PhantomData,
+            tree: tree.clone(),
+            leaves: leaves.clone(),
+            least,
+        }
+    }
+
+    /// Traces the rays with one instruction set and the given counters.
     #[inline(always)]
     fn run<S: Simd, C: Counters>(
         &self,
         simd: S,
         batch: &Batch<'_>,
-        answers: &mut [bool],
+        hits: &mut [Hit],
         counters: &mut [C],
     ) {
-        let mut hits = vec![Hit::MISS; batch.rays.len()];
         let mut rest: Vec<u32> = (0..).take(batch.rays.len()).collect();
-        let reversal = Reversal::new(batch);
-        for _ in 0..LIGHTS {
-            let Some(seen) = reversal
-                .as_ref()
-                .and_then(|own| own.seen(batch.rays, &rest))
-            else {
-                break;
-            };
-            // Leave rays singly where beams would take few of them.
-            if seen.count < self.0.least as usize || !self.0.tree.is_near(seen.light) {
+        for _ in 0..SOURCES {
+            if rest.len() < self.least as usize {
                 break;
             }
-            let mut sorted = Sorted::new(simd, batch.frame, &seen.rays, seen.light);
-            let others = std::mem::take(&mut sorted.rest);
-            rest.retain(|id| others.binary_search(id).is_ok());
-            self.0
-                .traverse::<S, Any, C>(simd, batch, &mut hits, counters, sorted, seen.light);
+            let Some(seen) = Q::source(self, batch, &rest) else {
+                break;
+            };
+            let rays = match &seen.rays {
+                Rays::Given(rays) => rays,
+                Rays::Reversed(rays) => rays.as_slice(),
+            };
+            // Trace those that come from there; the others are left for the next source.
+            let frame = batch.frame;
+            let left = match seen.source {
+                Source::Origin(o) => {
+                    let given = Given::from_point(frame, rays, &rest, o);
+                    // A light is given in the frame.
+                    let eye = Eye(if Q::ANY { o } else { frame.point(o) });
+                    self.traverse(simd, batch, hits, counters, eye, given)
+                }
+                Source::Direction(d) => {
+                    let Some(form) = Parallel::new(&self.tree, frame, d, Q::ANY) else {
+                        break;
+                    };
+                    let given = Given::along(frame, rays, &rest, &form, d);
+                    self.traverse(simd, batch, hits, counters, form, given)
+                }
+            };
+            if left.len() == rest.len() {
+                break;
+            }
+            rest = left;
         }
-        let sorted = Sorted {
-            rest,
-            ..Sorted::default()
+        self.trace_singly(simd, batch, hits, counters, &rest);
+    }
+
+    /// Traces rays with a form, and returns the others.
+    #[inline(always)]
+    fn traverse<S: Simd, F: Form, C: Counters>(
+        &self,
+        simd: S,
+        batch: &Batch<'_>,
+        hits: &mut [Hit],
+        counters: &mut [C],
+        form: F,
+        given: Given,
+    ) -> Vec<u32> {
+        let sorted = Sorted::new(simd, &form, &given);
+        let left = given.rest;
+        let mut traversal = Traversal::<F, Q, C> {
+            query: PhantomData,
+            tree: &self.tree,
+            least: self.least,
+            job: self.job(batch),
+            slice: RaySlice {
+                frame: batch.frame,
+                rays: batch.rays,
+            },
+            answers: hits,
+            counters,
+            sorted,
+            scratch: Scratch::default(),
         };
-        self.0
-            .traverse::<S, Any, C>(simd, batch, &mut hits, counters, sorted, [0.0; 3]);
-        occluded(&hits, answers);
+        traversal.run(simd, form);
+        left
+    }
+
+    /// Traces rays one by one from the root.
+    #[inline(always)]
+    fn trace_singly<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        batch: &Batch<'_>,
+        hits: &mut [Hit],
+        counters: &mut [C],
+        rest: &[u32],
+    ) {
+        let single = NeighbourTraversal(&self.tree, Links);
+        let mut entries = single.scratch();
+        for &id in rest {
+            let (id, count) = (id as usize, &mut counters[id as usize]);
+            let ray = &batch.rays[id];
+            count.case(|| SINGLE);
+            // Rays without a direction or with a number that is not finite hit nothing.
+            let Some(frame) = &batch.frame.ray(ray) else {
+                continue;
+            };
+            let ray = RayRef { ray, frame };
+            hits[id] = single.cast::<S, Q, C>(simd, self.job(batch), ray, &mut entries, count);
+        }
+    }
+
+    /// The triangles that the rays are tested against.
+    #[inline(always)]
+    fn job<'a>(&'a self, batch: &Batch<'a>) -> Job<'a> {
+        Job {
+            scene: batch.scene,
+            blocks: &self.leaves,
+        }
     }
 }
 
-impl Kernel<Any> for ShadowPolygons {
-    fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
+impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         let mut none = vec![NoCount; batch.rays.len()];
-        dispatch!(batch.level, simd => self.run(simd, batch, answers, &mut none));
+        Q::answered(answers, |hits| {
+            dispatch!(batch.level, simd => self.run(simd, batch, hits, &mut none));
+        });
     }
 
-    fn count(&self, batch: &Batch<'_>, answers: &mut [bool], counters: &mut [RayCounters]) -> bool {
+    fn count(
+        &self,
+        batch: &Batch<'_>,
+        answers: &mut [Q::Answer],
+        counters: &mut [RayCounters],
+    ) -> bool {
         let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
-        dispatch!(batch.level, simd => self.run(simd, batch, answers, &mut counters));
+        // Compile the counting version for one instruction set only: it is not timed.
+        Q::answered(answers, |hits| {
+            #[cfg(target_arch = "x86_64")]
+            {
+                let simd = Level::new().as_sse4_2();
+                let simd = simd.expect("the build's own target has SSE 4.2");
+                self.run(simd, batch, hits, &mut counters);
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            dispatch!(Level::new(), simd => self.run(simd, batch, hits, &mut counters));
+        });
         true
     }
 

@@ -2,12 +2,12 @@
 //! Rays of a beam in one leaf: tests against its triangles, and rays that go on singly.
 
 use crate::beam::Beam;
-use crate::rays::LANES;
+use crate::form::Form;
+use crate::rays::{LANES, eight};
 use crate::traversal::{Octant, PIXEL, SINGLE, Traversal};
-use fearless_simd::{Simd, SimdBase, SimdMask, f32x8};
+use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use halfspace_geom::bound::keep_min;
 use halfspace_leaf::Leaf;
-use halfspace_leaf::lanes::Seen;
 use halfspace_nodes::octree_nodes::Node;
 use halfspace_ray::query::{Any, Best, Closest, Counters, Query};
 use halfspace_ray::{Hit, RayRef};
@@ -16,9 +16,9 @@ use halfspace_trace::beam::bundle::lanes;
 use halfspace_trace::single::octants::net::Links;
 use halfspace_trace::single::octants::step::{NeighbourTraversal, NumberedLeaf, Position, Steps};
 
-/// A triangle as the rays of an octant see it from their origin.
-pub struct Facing {
-    seen: Seen,
+/// A triangle as the rays of an octant see it.
+pub struct Facing<T> {
+    seen: T,
     id: u32,
     /// Vertices in the frame.
     corners: [[f32; 3]; 3],
@@ -32,11 +32,11 @@ struct Eight {
     open: u64,
 }
 
-impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
+impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
     /// Those of the rays from index `at` up to `end` that belong to a beam and are open.
     #[inline(always)]
-    fn own<S: Simd>(&self, simd: S, beam: &Beam, at: usize, end: usize) -> Eight {
-        let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+    fn own<S: Simd>(&self, simd: S, form: &F, beam: &Beam, [at, end]: [usize; 2]) -> Eight {
+        let reach = eight(simd, &self.sorted.reach, at);
         let mut open = reach
             .simd_gt(f32x8::splat(simd, f32::NEG_INFINITY))
             .to_bitmask()
@@ -45,15 +45,15 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
             open &= (1 << (end - at)) - 1;
         }
         // Compare with the lines of the beam, exactly where f32 cannot decide.
-        let speeds = self.sorted.load(simd, at);
+        let ways = self.sorted.load(simd, at);
         for side in beam.sides.all() {
             if open == 0 {
                 break;
             }
-            let [inside, unsure] = side.sort(simd, &speeds);
+            let [inside, unsure] = side.sort(simd, form, &ways);
             let mut own = inside;
             for lane in lanes(unsure & open) {
-                own |= u64::from(side.holds(self.sorted.speed(at + lane))) << lane;
+                own |= u64::from(side.holds(form, self.sorted.way(at + lane))) << lane;
             }
             open &= own;
         }
@@ -62,12 +62,15 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
 
     /// The number of open rays of a beam among those found by the last scan.
     #[inline(always)]
-    pub fn count_own<S: Simd>(&self, simd: S, octant: &Octant, beam: &mut Beam) -> usize {
+    pub fn count_own<S: Simd>(&self, simd: S, octant: &Octant<F>, beam: &mut Beam) -> usize {
         let mut count = 0;
         for span in &self.scratch.spans {
             let (start, end) = (span.start as usize, span.end as usize);
             for at in (start..end).step_by(LANES) {
-                count += self.own(simd, beam, at, end).open.count_ones();
+                count += self
+                    .own(simd, &octant.form, beam, [at, end])
+                    .open
+                    .count_ones();
             }
         }
         beam.estimate(count, octant.densest);
@@ -77,7 +80,13 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
     /// Tests the rays of a beam, found by the last scan, against the triangles of its leaf. Ends those that need no other
     /// leaf, and returns the number of the others.
     #[inline(always)]
-    pub fn test<S: Simd>(&mut self, simd: S, octant: &Octant, node: Node, beam: &mut Beam) -> u32 {
+    pub fn test<S: Simd>(
+        &mut self,
+        simd: S,
+        octant: &Octant<F>,
+        node: Node,
+        beam: &mut Beam,
+    ) -> u32 {
         let leaf = node.blocks();
         if !Q::ANY {
             self.face(octant, node);
@@ -90,9 +99,14 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         for span in &spans {
             let (start, end) = (span.start as usize, span.end as usize);
             for at in (start..end).step_by(LANES) {
-                let mut eight = self.own(simd, beam, at, end);
+                let mut eight = self.own(simd, &octant.form, beam, [at, end]);
+                let late = if Q::ANY {
+                    0
+                } else {
+                    octant.form.late(simd, &self.sorted, at, planes)
+                };
                 if C::COUNTS {
-                    self.count_tests(&eight, leaf);
+                    self.count_tests(&eight, late, leaf);
                 }
                 if eight.open == 0 {
                     continue;
@@ -100,15 +114,17 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
                 if Q::ANY {
                     self.block(simd, node, &mut eight);
                 } else {
-                    self.find(simd, &triangles, &eight);
+                    let open = eight.open & !late;
+                    self.find(simd, octant, &triangles, Eight { at, open });
                 }
                 // A ray ends if its best hit, or its end, lies before all planes that it may leave through.
-                let speeds = self.sorted.load(simd, at);
-                let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
+                let splat = |x: f32| f32x8::splat(simd, x);
+                let [r, m] = (octant.form).parts(self.sorted.load(simd, at), splat);
+                let reach = crate::rays::eight(simd, &self.sorted.reach, at);
                 let mut done = 0xff;
-                for (speed, plane) in speeds.into_iter().zip(planes) {
-                    let offset = f32x8::splat(simd, plane.offset);
-                    done &= (reach * speed).simd_lt(offset).to_bitmask();
+                for (k, plane) in planes.into_iter().enumerate() {
+                    let place = reach.mul_add(m[k], r[k]);
+                    done &= place.simd_lt(splat(plane.offset)).to_bitmask();
                 }
                 let done = done & eight.open;
                 for lane in lanes(done) {
@@ -123,16 +139,19 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         left
     }
 
-    /// Offers eight rays the triangles that they may hit before their best hits.
+    /// Offers those of eight rays that are in `open` the triangles that they may hit before their best hits.
     #[inline(always)]
-    fn find<S: Simd>(&mut self, simd: S, triangles: &[Facing], eight: &Eight) {
-        let at = eight.at;
-        let speeds = self.sorted.load(simd, at);
+    fn find<S: Simd>(
+        &mut self,
+        simd: S,
+        octant: &Octant<F>,
+        triangles: &[Facing<F::Triangle>],
+        eight: Eight,
+    ) {
         for triangle in triangles {
-            let reach = f32x8::from_slice(simd, &self.sorted.reach[at..at + LANES]);
-            let found = triangle.seen.candidates(simd, speeds, reach) & eight.open;
+            let found = F::candidates(simd, &triangle.seen, &self.sorted, eight.at) & eight.open;
             for lane in lanes(found) {
-                self.offer(at + lane, triangle);
+                self.offer(octant, eight.at + lane, triangle);
             }
         }
     }
@@ -159,38 +178,28 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         }
     }
 
-    /// Prepares the triangles of a leaf for the rays of an octant, in the direction of the rays.
+    /// Prepares the triangles of a leaf for the rays of an octant.
     #[inline(always)]
-    fn face(&mut self, octant: &Octant, node: Node) {
-        let turn = |p: [f32; 3]| {
-            [
-                p[0] * octant.sign(0),
-                p[1] * octant.sign(1),
-                p[2] * octant.sign(2),
-            ]
-        };
-        let origin = turn(octant.origin);
+    fn face(&mut self, octant: &Octant<F>, node: Node) {
+        let sign = [octant.sign(0), octant.sign(1), octant.sign(2)];
         let triangles = &mut self.scratch.triangles;
         triangles.clear();
         self.job.blocks.each(node.blocks(), |id, corners| {
             triangles.push(Facing {
-                seen: Seen::new(
-                    origin,
-                    [turn(corners[0]), turn(corners[1]), turn(corners[2])],
-                ),
+                seen: octant.form.face(sign, corners),
                 id,
                 corners,
             });
         });
     }
 
-    /// Counts the pixels of a scan, and the tests of those that belong to the beam.
+    /// Counts the pixels of a scan, and the tests of those that belong to the beam and have begun.
     #[inline(always)]
-    fn count_tests(&mut self, eight: &Eight, leaf: Leaf) {
+    fn count_tests(&mut self, eight: &Eight, late: u64, leaf: Leaf) {
         for lane in lanes(eight.open) {
             let id = self.sorted.ids[eight.at + lane] as usize;
             self.counters[id].case(|| PIXEL);
-            if !Q::ANY {
+            if !Q::ANY && late >> lane & 1 == 0 {
                 self.counters[id].visit(leaf.first, leaf.count);
                 self.counters[id].tests(leaf.count);
             }
@@ -199,7 +208,7 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
 
     /// Decides by the exact verdict whether a ray hits a triangle, and cuts its reach at its best hit.
     #[inline(always)]
-    fn offer(&mut self, i: usize, triangle: &Facing) {
+    fn offer(&mut self, octant: &Octant<F>, i: usize, triangle: &Facing<F::Triangle>) {
         let id = self.sorted.ids[i] as usize;
         let ray = &self.slice.rays[id];
         let frame = &self.slice.frame.limits_of(ray);
@@ -214,14 +223,14 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         let hit = best.hit();
         if hit.triangle != Hit::NONE {
             self.answers[id] = hit;
-            let reach = &mut self.sorted.reach[i];
-            *reach = keep_min(frame.reach(hit.t), *reach);
+            let far = frame.reach(hit.t);
+            octant.form.cut(&mut self.sorted, i, far);
         }
     }
 
     /// Takes the open rays of a beam, found by the last scan, from its leaf to their best hits one by one.
     #[inline(always)]
-    pub fn go_on_singly<S: Simd>(&mut self, simd: S, octant: &Octant, node: Node, beam: &Beam) {
+    pub fn go_on_singly<S: Simd>(&mut self, simd: S, octant: &Octant<F>, node: Node, beam: &Beam) {
         let grid = &octant.grid;
         let steps = Steps {
             tree: self.tree,
@@ -235,30 +244,35 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         for span in &spans {
             let (start, end) = (span.start as usize, span.end as usize);
             for at in (start..end).step_by(LANES) {
-                let eight = self.own(simd, beam, at, end);
+                let eight = self.own(simd, &octant.form, beam, [at, end]);
                 for i in lanes(eight.open).map(|lane| at + lane) {
-                    let reach = std::mem::replace(&mut self.sorted.reach[i], f32::NEG_INFINITY);
+                    let reach = if Q::ANY {
+                        0.0
+                    } else {
+                        F::reach(&self.sorted, i)
+                    };
+                    self.sorted.reach[i] = f32::NEG_INFINITY;
                     let id = self.sorted.ids[i] as usize;
                     let (ray, count) = (&self.slice.rays[id], &mut self.counters[id]);
                     let Some(frame) = &self.slice.frame.ray(ray) else {
                         continue;
                     };
                     count.case(|| SINGLE);
-                    // A reversed ray begins anew at its own origin.
-                    if Q::ANY {
+                    // Find where the ray enters the leaf. A reversed ray begins anew at its own origin, and so does one
+                    // that has not begun, or is too far for steps.
+                    let enter = if Q::ANY {
+                        0.0
+                    } else {
+                        octant.form.enter(&self.sorted, i, near)
+                    };
+                    let begun = enter >= frame.t_min && self.tree.is_near(frame.o);
+                    if Q::ANY || !(octant.form.origin().is_some() || begun) {
                         let ray = RayRef { ray, frame };
                         self.answers[id] =
-                            single.cast::<S, Any, C>(simd, self.job, ray, &mut entries, count);
+                            single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);
                         continue;
                     }
-                    // Find where the ray enters the leaf, and its smallest cell there.
-                    let speed = self.sorted.speed(i);
-                    let mut enter = 0.0_f32;
-                    for (plane, speed) in near.into_iter().zip(speed) {
-                        if plane.offset > 0.0 && speed > 0.0 {
-                            enter = enter.max(plane.offset / speed);
-                        }
-                    }
+                    // Find its smallest cell there.
                     let cell = |k: usize| {
                         let x = frame.o[k] + enter * frame.d[k];
                         grid.cell(k, x, beam.low[k], beam.low[k] + edge - 1)

@@ -7,13 +7,15 @@
 //! behind its face, split where smaller neighbours share the face. In a leaf with triangles, scan conversion of the
 //! polygon finds its rays; those that hit end, and the beam goes on with the others. Where few rays are left they go on
 //! singly. An empty leaf costs the same for any number of rays. Shadow rays of a point light are such an image too, seen
-//! from the light.
+//! from the light. Rays of one direction, those of an orthographic camera or of a sun without size, are a beam whose
+//! apex is at infinity ([`form`]): a direction and a polygon of origins in a plane across it.
 //!
 //! Two descriptions of a beam keep this exact. The polygon is an f64 approximation, a little larger than the beam. The
 //! beam itself is the set of rays on one side of each of its lines ([`line::Line`]), which f64 decides exactly for each
 //! ray ([`line::Side::holds`]). Both parts of a clipped beam use the same line, so each ray is in exactly one part.
 
 mod beam;
+mod form;
 mod kernel;
 mod leaf;
 mod line;
@@ -21,6 +23,7 @@ mod polygon;
 mod raster;
 mod rays;
 mod shadow;
+mod source;
 #[cfg(test)]
 mod tests;
 mod traversal;

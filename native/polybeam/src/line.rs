@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Lines in the plane of directions: the rays that cross two planes of the grid at the same distance.
+//! Lines in the plane of polygons: the rays that cross two planes of the grid at the same distance.
 //!
-//! A ray with speeds `m >= 0` along the axes, in the order of its octant, reaches plane `k` at the distance `a[k] /
-//! m[k]`, where `a[k]` is the offset of the plane from the common origin. The plane across `x` comes first if `a[x] m[y]
-//! <= a[y] m[x]`. Offsets and speeds are f32, so both products are exact in f64, and so is the comparison. Distances of
-//! several planes are therefore ordered without contradiction.
+//! A ray at `r` with speeds `m >= 0` along the axes, in the order of its octant, reaches plane `k` at the distance
+//! `(a[k] - r[k]) / m[k]`, where `a[k]` is the offset of the plane. The plane across `x` comes first if
+//! `(a[x] - r[x]) m[y] <= (a[y] - r[y]) m[x]`. Either all `r` are 0, or differences have at most 26 bits and `m` has 24:
+//! both products are exact in f64, and so is the comparison. A ray along a plane in which it lies crosses it last of all.
+//! Distances of several planes are therefore ordered without contradiction.
 
+use crate::form::Form;
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use halfspace_ray::frame::U;
-
-/// Tolerance of the height of a corner over a line, relative to the offsets. Derived: a height has a rounding error of
-/// less than 8 units of f64 in the offsets; a polygon larger by this factor moves a ray by less than 1e-10 of the
-/// scene's size, and leaves contain what is within 1e-6 of it.
-const TOLERANCE: f64 = 1e-11;
 
 /// The rays that cross two planes at the same distance.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,27 +62,26 @@ impl Line {
         Side { line, lower_first }
     }
 
-    /// Coefficients of the height over the line, for directions whose components `[p, q, 1 - p - q]` add up to 1: those
-    /// of `p` and `q`, and the constant. A height above 0 means that the plane of the lower axis comes later.
+    /// The axes of both planes, ascending.
     #[inline(always)]
-    pub fn coefficients(&self) -> [f64; 3] {
-        let mut by = [0.0; 3];
-        by[usize::from(self.axes[1] % 3)] += f64::from(self.ahead[0]);
-        by[usize::from(self.axes[0] % 3)] -= f64::from(self.ahead[1]);
-        [by[0] - by[2], by[1] - by[2], by[2]]
+    pub fn axes(&self) -> [usize; 2] {
+        self.axes.map(|axis| usize::from(axis % 3))
     }
 
-    /// Heights up to this count as on the line.
+    /// Offsets of both planes.
     #[inline(always)]
-    pub fn tolerance(&self) -> f64 {
-        TOLERANCE * (f64::from(self.ahead[0].abs()) + f64::from(self.ahead[1].abs()))
+    pub fn ahead(&self) -> [f64; 2] {
+        self.ahead.map(f64::from)
     }
 
-    /// Whether a ray with these speeds crosses the plane of the lower axis first; exact.
+    /// Whether a ray with this way crosses the plane of the lower axis first; exact.
     #[inline(always)]
-    pub fn lower_is_first(&self, m: [f32; 3]) -> bool {
-        let [x, y] = self.axes.map(|axis| f64::from(m[usize::from(axis % 3)]));
-        f64::from(self.ahead[0]) * y <= f64::from(self.ahead[1]) * x
+    pub fn lower_is_first<F: Form>(&self, form: &F, way: [f32; 3]) -> bool {
+        let ([x, y], [a, b]) = (self.axes(), self.ahead());
+        let [r, m] = form.parts(way.map(f64::from), f64::from);
+        let (one, other) = ((a - r[x]) * m[y], (b - r[y]) * m[x]);
+        // Equal products without a speed are those of a ray that lies in the plane of the lower axis.
+        one < other || (one == other && m[x] > 0.0)
     }
 }
 
@@ -99,21 +95,22 @@ impl Side {
         }
     }
 
-    /// Whether a ray with these speeds is on this side; exact, so that it is on exactly one.
+    /// Whether a ray with this way is on this side; exact, so that it is on exactly one.
     #[inline(always)]
-    pub fn holds(&self, m: [f32; 3]) -> bool {
-        self.line.lower_is_first(m) == self.lower_first
+    pub fn holds<F: Form>(&self, form: &F, way: [f32; 3]) -> bool {
+        self.line.lower_is_first(form, way) == self.lower_first
     }
 
     /// The masks of those of eight rays that are on this side, and of those for which f32 cannot decide. Speeds are
     /// below 2, so that a height has an error of less than 8 u in the offsets.
     #[inline(always)]
-    pub fn sort<S: Simd>(&self, simd: S, m: &[f32x8<S>; 3]) -> [u64; 2] {
+    pub fn sort<S: Simd, F: Form>(&self, simd: S, form: &F, way: &[f32x8<S>; 3]) -> [u64; 2] {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let [a, b] = self.line.ahead;
-        let [x, y] = self.line.axes.map(|axis| m[usize::from(axis % 3)]);
-        let height = y.mul_sub(splat(a), x * splat(b));
-        let error = splat(8.0 * U * (a.abs() + b.abs()) + f32::MIN_POSITIVE);
+        let ([x, y], [a, b]) = (self.line.axes(), self.line.ahead);
+        let [r, m] = form.parts(*way, splat);
+        let height = m[y].mul_sub(splat(a) - r[x], m[x] * (splat(b) - r[y]));
+        let size = a.abs() + b.abs() + 2.0 * F::REACH;
+        let error = splat(8.0 * U * size + f32::MIN_POSITIVE);
         let below = height.simd_lt(-error).to_bitmask() & 0xff;
         let above = height.simd_gt(error).to_bitmask() & 0xff;
         let inside = if self.lower_first { below } else { above };
@@ -124,37 +121,70 @@ impl Side {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::form::{Eye, Parallel};
+    use crate::tests::{Random, small_triangles, tree_over};
     use fearless_simd::{Level, dispatch};
+    use halfspace_ray::frame::Frame;
 
-    #[test]
-    fn eight_rays_are_sorted_as_one() {
-        let mut state = 1_u32;
-        let mut number = |range: f32| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32 * range
-        };
+    /// Sorts random rays by random lines, half of them as close by the edge as they can pass.
+    fn sort_rays<F: Form>(form: &F) {
+        let mut random = Random(1);
         let mut undecided = 0;
         for round in 0..20_000 {
             let offset = |axis, x: f32| Ahead { axis, offset: x };
-            let (a, b) = (number(4.0) - 2.0, number(4.0) - 2.0);
+            let (a, b) = (2.0 * random.number(), 2.0 * random.number());
             let (one, other) = (offset(round % 3, a), offset((round + 1) % 3, b));
             let side = Line::first(one, other);
-            let mut m: [f32; 3] = std::array::from_fn(|_| number(2.0));
-            // Half of the rays pass as close by the edge as they can.
-            if round % 2 == 0 && a > 0.0 && b > 0.0 {
-                m[other.axis] = (b / a * m[one.axis]).min(1.99);
+            // Places have few bits, speeds are not negative.
+            let mut way = random.point();
+            if F::REACH == 0.0 {
+                way = way.map(|x| x.abs() * 2.0);
+            }
+            if round % 2 == 0 {
+                let [r, m] = form.parts(way, |x| x);
+                let (x, y) = (one.axis, other.axis);
+                if F::REACH == 0.0 && a > 0.0 && b > 0.0 {
+                    way[y] = (b / a * way[x]).min(1.99);
+                } else if F::REACH != 0.0 {
+                    let fine = 16_777_216.0;
+                    let beside = a - (b - r[y]) * m[x] / m[y];
+                    way[x] = (beside.clamp(-1.0, 1.0) * fine).round() / fine;
+                }
             }
             let [inside, unsure] = dispatch!(Level::new(), simd => {
-                side.sort(simd, &m.map(|x| f32x8::splat(simd, x)))
+                side.sort(simd, form, &way.map(|x| f32x8::splat(simd, x)))
             });
-            assert_ne!(side.holds(m), side.opposite().holds(m));
+            assert_ne!(side.holds(form, way), side.opposite().holds(form, way));
             assert!(inside == 0 || inside == 0xff);
             undecided += usize::from(unsure != 0);
-            assert!(
-                unsure != 0 || (inside != 0) == side.holds(m),
-                "{side:?} {m:?}"
-            );
+            let sorted = (inside != 0) == side.holds(form, way);
+            assert!(unsure != 0 || sorted, "{side:?} {way:?}");
         }
         assert!((1_000..12_000).contains(&undecided), "{undecided}");
+    }
+
+    #[test]
+    fn eight_rays_are_sorted_as_one() {
+        sort_rays(&Eye([0.0; 3]));
+        let scene = small_triangles(&mut Random(2), 9);
+        let frame = Frame::new(scene.bounds());
+        let (tree, _) = tree_over(&scene, &frame);
+        for d in [[0.3, -0.7, 0.4], [1.0, 0.9, -1.1], [-0.01, 0.02, 0.9]] {
+            sort_rays(&Parallel::new(&tree, &frame, d, false).unwrap());
+        }
+    }
+
+    #[test]
+    fn a_ray_within_a_plane_crosses_it_last() {
+        let plane = |axis, offset| Ahead { axis, offset };
+        for axis in 0..3 {
+            let mut way = [1.0; 3];
+            way[axis] = 0.0;
+            let others = [(axis + 1) % 3, (axis + 2) % 3];
+            for other in others {
+                let own = Line::first(plane(axis, 0.0), plane(other, 0.5));
+                assert!(!own.holds(&Eye([0.0; 3]), way), "{axis} {other}");
+            }
+        }
     }
 }

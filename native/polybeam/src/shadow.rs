@@ -1,20 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Shadow rays of a point light, reversed: seen from the light they are an image, and begin as one beam.
 //!
-//! The light is not given. It is estimated from the rays; a ray that passes it too far away goes on singly, as do all
-//! rays of a sun, which have no common point. The reversed ray only names the cells on the way. In these the ray itself
-//! is tested, so the answer does not depend on the estimate.
+//! The light is not given. It is estimated from the rays; a ray that passes it too far away goes on singly. The reversed
+//! ray only names the cells on the way. In these the ray itself is tested, so the answer does not depend on the estimate.
+//! Rays of a sun without size have no common point; they are found by their common direction ([`crate::source`]).
 
+use crate::source::sample;
 use halfspace_geom::vec3::{add_scaled, dot, sub, widen};
+use halfspace_ray::Ray;
 use halfspace_ray::frame::{Frame, U};
-use halfspace_ray::{Hit, Ray};
 use halfspace_trace::batch::Batch;
-
-/// Largest number of lights whose rays are looked for in a batch.
-pub const LIGHTS: usize = 8;
-
-/// Number of rays that an estimate is made from.
-const SAMPLES: usize = 16;
 
 /// Largest distance of a ray from its reversed one, in units of rounding of the scene's largest coordinate. Derived:
 /// leaves contain what is within 40 of these units; the planes of a beam take up to 6.
@@ -30,7 +25,18 @@ pub struct Seen {
     pub count: usize,
 }
 
+/// A light that some rays lead to.
+#[derive(Clone, Copy)]
+pub struct Light<'a> {
+    reversal: Reversal<'a>,
+    /// The light in the frame.
+    point: [f32; 3],
+    /// Number of sampled rays that lead to it.
+    pub samples: usize,
+}
+
 /// Turns the rays of one light round.
+#[derive(Clone, Copy)]
 pub struct Reversal<'a> {
     frame: &'a Frame,
     /// Largest distance of a ray from its reversed one.
@@ -43,29 +49,6 @@ impl<'a> Reversal<'a> {
         let frame = batch.frame;
         let off = OFF * f64::from(frame.bounds().magnitude());
         (frame.is_unscaled() && off.is_finite()).then_some(Self { frame, off })
-    }
-
-    /// Finds a light of the rays with these indices, and sees its rays from there; `None` if they have none.
-    pub fn seen(&self, rays: &[Ray], ids: &[u32]) -> Option<Seen> {
-        let light = self.light(rays, ids)?;
-        let mut seen = Seen {
-            light,
-            rays: vec![Self::none(light); rays.len()],
-            count: 0,
-        };
-        for id in ids {
-            let id = *id as usize;
-            if let Some(d) = self.reversed(&rays[id], light) {
-                seen.count += 1;
-                seen.rays[id] = Ray {
-                    o: light,
-                    d,
-                    t_min: 0.0,
-                    t_max: 1.0,
-                };
-            }
-        }
-        Some(seen)
     }
 
     /// A ray that no beam contains.
@@ -100,12 +83,12 @@ impl<'a> Reversal<'a> {
 
     /// Estimates the light of some of the rays: the end of one, or the point where it meets another, whichever more rays
     /// lead to.
-    fn light(&self, rays: &[Ray], ids: &[u32]) -> Option<[f32; 3]> {
-        let sample = |i: usize| &rays[ids[i * ids.len() / SAMPLES] as usize];
+    pub fn light(self, rays: &[Ray], ids: &[u32]) -> Option<Light<'a>> {
         let first = &rays[*ids.first()? as usize];
+        let some = sample(rays, ids);
         let (o, d) = (widen(self.frame.point(first.o)), widen(first.d));
         let mut ends = vec![f64::from(first.t_max)];
-        for other in (1..SAMPLES).map(sample) {
+        for other in &some[1..] {
             // Find where the first ray is nearest to the other one.
             let (way, e) = (sub(widen(self.frame.point(other.o)), o), widen(other.d));
             let (square, both, own) = (dot(d, d), dot(d, e), dot(e, e));
@@ -120,20 +103,43 @@ impl<'a> Reversal<'a> {
             add_scaled(o, t, d).map(|x| x as f32)
         };
         let meeting = |light: [f32; 3]| {
-            let led = (0..SAMPLES).filter(|i| self.reversed(sample(*i), light).is_some());
-            led.count()
+            let leads = |ray: &&&Ray| self.reversed(ray, light).is_some();
+            some.iter().filter(leads).count()
         };
         let points = ends.into_iter().map(point);
         let finite = points.filter(|light| light.iter().all(|x| x.is_finite()));
         let best = finite.max_by_key(|light| meeting(*light))?;
-        (meeting(best) > 1).then_some(best)
+        let samples = meeting(best);
+        (samples > 1).then_some(Light {
+            reversal: self,
+            point: best,
+            samples,
+        })
     }
 }
 
-/// Whether each ray is occluded, by its blocker.
-pub fn occluded(hits: &[Hit], answers: &mut [bool]) {
-    for (answer, hit) in answers.iter_mut().zip(hits) {
-        *answer = hit.is_hit();
+impl Light<'_> {
+    /// Sees those of the rays with these indices from the light that lead to it.
+    pub fn seen(&self, rays: &[Ray], ids: &[u32]) -> Seen {
+        let light = self.point;
+        let mut seen = Seen {
+            light,
+            rays: vec![Reversal::none(light); rays.len()],
+            count: 0,
+        };
+        for id in ids {
+            let id = *id as usize;
+            if let Some(d) = self.reversal.reversed(&rays[id], light) {
+                seen.count += 1;
+                seen.rays[id] = Ray {
+                    o: light,
+                    d,
+                    t_min: 0.0,
+                    t_max: 1.0,
+                };
+            }
+        }
+        seen
     }
 }
 
@@ -235,6 +241,42 @@ mod tests {
     }
 
     #[test]
+    fn rays_of_a_sun_are_blocked_as_by_all_triangles() {
+        let mut random = Random(9);
+        let mut sum = [0; 3];
+        for round in 0..12_usize {
+            let scene = triangles(&mut random);
+            // Some suns shine along axes, some nearly so, some across.
+            let suns: Vec<[f32; 3]> = (0..=round % 3)
+                .map(|i| {
+                    let d = random.point();
+                    let axis = (round + i) % 3;
+                    let small = [0.0, 1e-30, 1e-7, 1.0][round % 4];
+                    std::array::from_fn(|k| if k == axis { 3.0 * d[k] } else { small * d[k] })
+                })
+                .collect();
+            let rays: Vec<_> = (0..2000)
+                .map(|i| {
+                    let o = random.point().map(|x| 1.2 * x);
+                    Ray {
+                        o,
+                        d: suns[i as usize % suns.len()],
+                        t_min: [0.0, 1e-4, -0.3][i as usize % 3],
+                        t_max: if i % 5 == 0 { 0.4 } else { f32::INFINITY },
+                    }
+                })
+                .collect();
+            for least in [1, 16] {
+                let own = traced(&scene, &rays, least, &format!("round {round}"));
+                assert!(least > 1 || own[2] < 300, "{} rays singly", own[2]);
+                sum = std::array::from_fn(|i| sum[i] + own[i]);
+            }
+        }
+        assert!((4_800..43_200).contains(&sum[0]), "{} blocked", sum[0]);
+        assert!(sum[1] > 5_000 && sum[2] > 1_000, "{sum:?}");
+    }
+
+    #[test]
     fn rays_without_a_light_go_singly() {
         let mut random = Random(8);
         let scene = triangles(&mut random);
@@ -255,7 +297,10 @@ mod tests {
         let to = |light: [f32; 3], o: [f32; 3]| std::array::from_fn(|k| light[k] - o[k]);
         let batches = [
             ("none", vec![]),
-            ("sun", batch(&|_| ([0.3, 0.2, 1.0], endless))),
+            (
+                "sun of a size",
+                batch(&|o| ([0.3 + 1e-3 * o[0], 0.2 + 1e-3 * o[1], 1.0], endless)),
+            ),
             (
                 "any way",
                 batch(&|o| (o.map(|x| (70.0 * x).sin()), endless)),

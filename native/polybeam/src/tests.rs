@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Ownership: each ray is in exactly one beam, in exactly the cells that its own comparisons name.
 
+use crate::form::{Eye, Form, Parallel};
 use crate::line::{Ahead, Line};
 use crate::traversal::{NAMES, Octant};
 use fearless_simd::Level;
 use halfspace_base::Monitor;
 use halfspace_builders::octree::{self, Params};
+use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octants::Cube;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::frame::Frame;
+use halfspace_ray::ray::HitKey;
 use halfspace_ray::{FramedScene, Hit, Ray, RayCounters};
 use halfspace_scene::Triangles;
 use halfspace_trace::batch::Batch;
@@ -32,7 +35,7 @@ impl Random {
     }
 }
 
-fn small_triangles(random: &mut Random, count: usize) -> Triangles {
+pub fn small_triangles(random: &mut Random, count: usize) -> Triangles {
     let mut corners = Vec::new();
     for _ in 0..count {
         let centre = random.point();
@@ -59,30 +62,25 @@ pub fn tree_over(scene: &Triangles, frame: &Frame) -> (Octree, Blocks) {
     (tree.with_links(), blocks)
 }
 
-/// Whether a ray crosses the plane `one` before the plane `other`.
-fn before(one: Ahead, other: Ahead, m: [f32; 3]) -> bool {
-    Line::first(one, other).holds(m)
-}
-
 /// Number of nodes on the way of one ray without a hit, by its own comparisons.
-fn visits(tree: &Octree, octant: &Octant, m: [f32; 3]) -> u32 {
+fn visits<F: Form>(tree: &Octree, octant: &Octant<F>, way: [f32; 3]) -> u32 {
     let grid = &octant.grid;
+    let before = |one: Ahead, other: Ahead| Line::first(one, other).holds(&octant.form, way);
+    let origin = octant.form.origin();
+    let ahead = |plane: &Ahead| origin.is_none() || plane.offset > 0.0;
     let (near, far) = (octant.planes([0; 3]), octant.planes([grid.size; 3]));
     // Find the face of the root through which the ray enters.
     let mut entry = None;
-    for face in near.into_iter().filter(|plane| plane.offset > 0.0) {
+    for face in near.into_iter().filter(ahead) {
         let last = (0..3).all(|k| {
-            k == face.axis
-                || ((near[k].offset <= 0.0 || before(near[k], face, m)) && before(face, far[k], m))
+            k == face.axis || ((!ahead(&near[k]) || before(near[k], face)) && before(face, far[k]))
         });
         if last {
             assert!(entry.is_none(), "one face");
             entry = Some(face);
         }
     }
-    if far.iter().any(|plane| plane.offset <= 0.0)
-        || (entry.is_none() && near.iter().any(|plane| plane.offset > 0.0))
-    {
+    if !far.iter().all(ahead) || (entry.is_none() && near.iter().any(ahead)) {
         return 0;
     }
     let (mut index, mut low, mut count) = (0, [0_u32; 3], 0);
@@ -96,8 +94,8 @@ fn visits(tree: &Octree, octant: &Octant, m: [f32; 3]) -> u32 {
             for (k, low) in low.iter_mut().enumerate() {
                 let mid = *low + edge / 2;
                 let beyond = match entry {
-                    None => grid.cell(k, octant.origin[k], 0, grid.size - 1) >= mid,
-                    Some(face) => face.axis != k && !before(face, octant.ahead(k, mid), m),
+                    None => grid.cell(k, origin.unwrap()[k], 0, grid.size - 1) >= mid,
+                    Some(face) => face.axis != k && !before(face, octant.ahead(k, mid)),
                 };
                 if beyond {
                     child |= 1 << k;
@@ -109,7 +107,7 @@ fn visits(tree: &Octree, octant: &Octant, m: [f32; 3]) -> u32 {
         }
         // Leave through the first face.
         let planes = octant.planes(low.map(|x| x + edge));
-        let first = |k: usize| (0..3).all(|j| j == k || before(planes[k], planes[j], m));
+        let first = |k: usize| (0..3).all(|j| j == k || before(planes[k], planes[j]));
         let mut axes = (0..3).filter(|k| first(*k));
         let axis = axes.next().expect("a first face");
         assert!(axes.next().is_none(), "one first face");
@@ -125,14 +123,97 @@ fn visits(tree: &Octree, octant: &Octant, m: [f32; 3]) -> u32 {
     }
 }
 
+/// Triangles and an octree over them.
+struct Setup {
+    scene: Triangles,
+    frame: Frame,
+    tree: Arc<Octree>,
+    blocks: Arc<Blocks>,
+}
+
+impl Setup {
+    fn new(scene: Triangles) -> Self {
+        let frame = Frame::new(scene.bounds());
+        let (tree, blocks) = tree_over(&scene, &frame);
+        Self {
+            scene,
+            frame,
+            tree: Arc::new(tree),
+            blocks: Arc::new(blocks),
+        }
+    }
+}
+
+/// The nearest hit of a ray, by all triangles.
+fn nearest(scene: &Triangles, ray: &Ray) -> (f32, u32) {
+    let mut best = (f32::INFINITY, Hit::NONE);
+    for &id in scene.live() {
+        let span = [ray.t_min, ray.t_max];
+        let found = verdict_within(ray.o, ray.d, scene.corners(id), span);
+        if let Some(found) = found.filter(|found| ray.reaches(found.t)) {
+            let key = HitKey::new(found.t, id);
+            if key.precedes(HitKey::new(best.0, best.1)) {
+                best = (found.t, id);
+            }
+        }
+    }
+    best
+}
+
+/// Traces beams of any number of rays. Compares the answers with those of all triangles, and the number of nodes that
+/// each ray visits with its own; returns the number of rays of which all nodes were compared, and the largest number of
+/// nodes.
+fn compare(place: &Setup, rays: &[Ray], visits: impl Fn(&Ray) -> u32) -> [u32; 2] {
+    let Setup {
+        scene,
+        frame,
+        tree,
+        blocks,
+    } = place;
+    let batch = Batch {
+        scene,
+        frame,
+        rays,
+        level: Level::new(),
+        shadow_cache: false,
+        placed: None,
+    };
+    let answers: Vec<_> = rays.iter().map(|ray| nearest(scene, ray)).collect();
+    let right = |hits: &[Hit]| {
+        let own = hits.iter().map(|hit| (hit.t, hit.triangle));
+        own.eq(answers.iter().copied())
+    };
+    // Rays that go on singly find the same.
+    let mut hits = vec![Hit::MISS; rays.len()];
+    crate::octants(tree, blocks, 20).trace(&batch, &mut hits);
+    assert!(right(&hits), "beams of at least 20 rays");
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    let kernel = crate::octants(tree, blocks, 1);
+    assert!(kernel.count(&batch, &mut hits, &mut counters));
+    assert!(right(&hits), "beams of any size");
+    let empty = NAMES.iter().position(|name| *name == "beam_empty").unwrap();
+    let (mut compared, mut longest) = (0, 0);
+    for ((ray, hit), counters) in rays.iter().zip(&hits).zip(&counters) {
+        let own = visits(ray);
+        let found = counters.visits() - counters.cases[empty];
+        if hit.is_hit() {
+            assert!(found <= own && found > 0, "{found} of {own}: {ray:?}");
+            continue;
+        }
+        assert_eq!(found, own, "{ray:?}");
+        compared += 1;
+        longest = longest.max(own);
+    }
+    [compared, longest]
+}
+
 #[test]
 fn each_ray_is_in_one_beam_in_the_cells_on_its_way() {
     let mut random = Random(5);
     let (mut compared, mut longest, mut inside) = (0, 0, 0);
     for round in 0..30 {
-        let scene = small_triangles(&mut random, 20 + 4 * round);
-        let frame = Frame::new(scene.bounds());
-        let (tree, blocks) = tree_over(&scene, &frame);
+        let place = Setup::new(small_triangles(&mut random, 20 + 4 * round));
+        let Setup { frame, tree, .. } = &place;
         // Look from anywhere, in half of the rounds from a corner of cells, along their walls.
         let mut o = random.point().map(|x| 2.5 * x);
         let lattice = round % 2 == 0;
@@ -160,41 +241,68 @@ fn each_ray_is_in_one_beam_in_the_cells_on_its_way() {
                 }
             })
             .collect();
-        // Trace beams of any number of rays, and count.
-        let kernel = crate::octants(&Arc::new(tree.clone()), &Arc::new(blocks), 1);
-        let batch = Batch {
-            scene: &scene,
-            frame: &frame,
-            rays: &rays,
-            level: Level::new(),
-            shadow_cache: false,
-            placed: None,
+        let octant = |ray: &Ray| {
+            let signs = (0..3).map(|k| u32::from(ray.d[k].is_sign_negative()) << k);
+            Octant::new(tree, signs.sum(), Eye(frame.point(o)))
         };
-        let mut hits = vec![Hit::MISS; rays.len()];
-        let mut counters = vec![RayCounters::default(); rays.len()];
-        assert!(kernel.count(&batch, &mut hits, &mut counters));
-        let empty = NAMES.iter().position(|name| *name == "beam_empty").unwrap();
-        for ((ray, hit), counters) in rays.iter().zip(&hits).zip(&counters) {
-            let signs = (0..3)
-                .map(|k| u32::from(ray.d[k].is_sign_negative()) << k)
-                .sum();
-            let octant = Octant::new(&tree, signs, frame.point(o));
-            let longest_component = ray.d.iter().fold(0.0_f32, |a, x| a.max(x.abs()));
-            let unit = f32::from_bits(longest_component.to_bits() & 0x7f80_0000);
-            let own = visits(&tree, &octant, ray.d.map(|x| x.abs() / unit));
-            let found = counters.visits() - counters.cases[empty];
-            if hit.is_hit() {
-                assert!(found <= own && found > 0, "{round}: {found} of {own}");
-                continue;
-            }
-            assert_eq!(found, own, "{round}: {ray:?}");
-            compared += 1;
-            longest = longest.max(own);
-        }
+        let own = |ray: &Ray| {
+            let longest = ray.d.iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+            let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
+            visits(tree, &octant(ray), ray.d.map(|x| x.abs() / unit))
+        };
+        let [count, most] = compare(&place, &rays, own);
+        compared += count;
+        longest = longest.max(most);
         inside += u32::from(o.iter().all(|x| x.abs() < 0.9));
     }
     assert!(
         compared > 50_000 && longest > 20 && inside > 0,
         "{compared} {longest} {inside}"
+    );
+}
+
+#[test]
+fn each_parallel_ray_is_in_one_beam_in_the_cells_on_its_way() {
+    let mut random = Random(6);
+    let (mut compared, mut longest) = (0, 0);
+    for round in 0..30_usize {
+        let place = Setup::new(small_triangles(&mut random, 20 + 4 * round));
+        let Setup { frame, tree, .. } = &place;
+        // Look anywhere; in half of the rounds along walls or diagonals of cells, from their corners.
+        let lattice = round % 2 == 0;
+        let mut d = random.point();
+        if lattice {
+            d = d.map(|x| (1.4 * x).round());
+            d[round % 3] = 1.0 - 2.0 * (round % 4 / 2) as f32;
+        }
+        let unit = tree.cube().edge(4);
+        let rays: Vec<_> = (0..2500)
+            .map(|_| {
+                let mut o = random.point().map(|x| 1.5 * x);
+                if lattice {
+                    let corner = tree.cube().corner;
+                    o = [0, 1, 2].map(|k: usize| corner[k] + unit * ((o[k] + 1.0) * 8.0).round());
+                }
+                Ray {
+                    o,
+                    d,
+                    t_min: 0.0,
+                    t_max: f32::INFINITY,
+                }
+            })
+            .collect();
+        let form = Parallel::new(tree, frame, d, false).unwrap();
+        let octant = Octant::new(tree, form.signs, form);
+        let own = |ray: &Ray| {
+            let placed = form.place(frame.point(ray.o));
+            placed.map_or(0, |placed| visits(tree, &octant, placed.way))
+        };
+        let [count, most] = compare(&place, &rays, own);
+        compared += count;
+        longest = longest.max(most);
+    }
+    assert!(
+        compared > 50_000 && longest > 20,
+        "{compared} rays, {longest} nodes"
     );
 }

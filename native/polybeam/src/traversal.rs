@@ -2,16 +2,15 @@
 //! The traversal: beams go from leaf to leaf, through links, until all rays have ended.
 
 use crate::beam::{Beam, Entry, Position, Sides};
+use crate::form::Form;
 use crate::line::{Ahead, Line};
 use crate::rays::{Group, Sorted};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Counters, Query};
-use halfspace_ray::{Hit, RayRef, RaySlice};
-use halfspace_trace::batch::SingleTraversal as _;
-use halfspace_trace::single::octants::net::Links;
-use halfspace_trace::single::octants::step::{Grid, NeighbourTraversal};
+use halfspace_ray::{Hit, RaySlice};
+use halfspace_trace::single::octants::step::Grid;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -38,7 +37,7 @@ const EMPTY: usize = 5;
 const DENSEST: f64 = 4.0;
 
 /// A batch of rays through one tree.
-pub struct Traversal<'a, Q, C> {
+pub struct Traversal<'a, F: Form, Q, C> {
     /// What rays search for: nearest hits, or any hits of reversed rays.
     pub query: PhantomData<Q>,
     pub tree: &'a Octree,
@@ -50,23 +49,33 @@ pub struct Traversal<'a, Q, C> {
     pub counters: &'a mut [C],
     pub sorted: Sorted,
     /// Memory that beams use one after another.
-    pub scratch: Scratch,
+    pub scratch: Scratch<F::Triangle>,
 }
 
 /// Memory that beams use one after another.
-#[derive(Default)]
-pub struct Scratch {
+pub struct Scratch<T> {
     stack: Vec<Beam>,
     edges: Vec<[f64; 2]>,
     pub spans: Vec<Range<u32>>,
-    pub triangles: Vec<crate::leaf::Facing>,
+    pub triangles: Vec<crate::leaf::Facing<T>>,
+}
+
+impl<T> Default for Scratch<T> {
+    fn default() -> Self {
+        Self {
+            stack: Vec::new(),
+            edges: Vec::new(),
+            spans: Vec::new(),
+            triangles: Vec::new(),
+        }
+    }
 }
 
 /// What the rays of an octant share.
-pub struct Octant {
+pub struct Octant<F> {
     pub grid: Grid,
-    /// Their origin in the frame.
-    pub origin: [f32; 3],
+    /// Their origin or direction.
+    pub form: F,
     /// Side of the smallest cells.
     unit: f32,
     /// Largest estimate of the number of rays per area: where many rays lie in line, a polygon around them has almost no
@@ -74,12 +83,12 @@ pub struct Octant {
     pub densest: f64,
 }
 
-impl Octant {
-    /// The rays from `origin` with these signs.
-    pub fn new(tree: &Octree, signs: u32, origin: [f32; 3]) -> Self {
+impl<F: Form> Octant<F> {
+    /// The rays of a form with these signs.
+    pub fn new(tree: &Octree, signs: u32, form: F) -> Self {
         Self {
             grid: Grid::new(tree, signs),
-            origin,
+            form,
             unit: tree.cube().unit(),
             densest: f64::INFINITY,
         }
@@ -101,13 +110,14 @@ impl Octant {
     #[expect(clippy::cast_possible_truncation, reason = "rounds to f32")]
     pub fn ahead(&self, axis: usize, number: u32) -> Ahead {
         let plane = f64::from(self.grid.plane(axis, number));
-        let mut offset = (plane - f64::from(self.origin[axis])) * f64::from(self.sign(axis));
+        let mut offset = (plane - self.form.middle()[axis]) * f64::from(self.sign(axis));
         if number == 0 {
             offset -= f64::from(self.unit);
         }
         if number == self.grid.size {
             offset += f64::from(self.unit);
         }
+        let offset = offset * self.form.scale();
         Ahead {
             axis,
             offset: offset as f32,
@@ -125,44 +135,24 @@ impl Octant {
     }
 }
 
-impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
-    /// Traces all rays.
+impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
+    /// Traces all sorted rays.
     #[inline(always)]
-    pub fn run<S: Simd>(&mut self, simd: S, origin: [f32; 3]) {
+    pub fn run<S: Simd>(&mut self, simd: S, form: F) {
         let groups = std::mem::take(&mut self.sorted.groups);
         for group in &groups {
-            let mut octant = Octant::new(self.tree, group.signs, origin);
+            let mut octant = Octant::new(self.tree, group.signs, form);
             self.begin(&mut octant, group);
             while let Some(beam) = self.scratch.stack.pop() {
                 self.visit(simd, &octant, group, beam);
             }
-        }
-        let rest = std::mem::take(&mut self.sorted.rest);
-        self.trace_rest(simd, &rest);
-    }
-
-    /// Traces rays singly from the root.
-    #[inline(always)]
-    fn trace_rest<S: Simd>(&mut self, simd: S, rest: &[u32]) {
-        let single = NeighbourTraversal(self.tree, Links);
-        let mut entries = single.scratch();
-        for &id in rest {
-            let (id, count) = (id as usize, &mut self.counters[id as usize]);
-            let ray = &self.slice.rays[id];
-            count.case(|| SINGLE);
-            // Rays without a direction or with a number that is not finite hit nothing.
-            let Some(frame) = &self.slice.frame.ray(ray) else {
-                continue;
-            };
-            let ray = RayRef { ray, frame };
-            self.answers[id] = single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);
         }
     }
 
     /// Begins with one beam, the octant's part of the image, or with one for each face of the root that it enters
     /// through.
     #[inline(always)]
-    fn begin(&mut self, octant: &mut Octant, group: &Group) {
+    fn begin(&mut self, octant: &mut Octant<F>, group: &Group) {
         let polygon = group.extent.polygon();
         let density = group.extent.count as f64 / polygon.area().max(f64::MIN_POSITIVE);
         octant.densest = DENSEST * density;
@@ -178,23 +168,26 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         };
         let near = octant.planes([0; 3]);
         let far = octant.planes([octant.grid.size; 3]);
-        if far.iter().any(|plane| plane.offset <= 0.0) {
+        // Of an origin, some planes lie behind it; parallel beams begin before all.
+        let has_origin = octant.form.origin().is_some();
+        let ahead = |plane: &Ahead| !has_origin || plane.offset > 0.0;
+        if !far.iter().all(ahead) {
             return;
         }
-        if near.iter().all(|plane| plane.offset <= 0.0) {
+        if !near.iter().any(ahead) {
             self.push(whole);
             return;
         }
         // Rays enter through the last of the near planes ahead, before they reach a far plane of another axis.
-        for face in near.into_iter().filter(|plane| plane.offset > 0.0) {
+        for face in near.into_iter().filter(ahead) {
             let others = || (0..3).filter(|k| *k != face.axis);
-            let after = others().filter(|k| near[*k].offset > 0.0);
+            let after = others().filter(|k| ahead(&near[*k]));
             let after = after.map(|k| Line::first(near[k], face));
             let before = others().map(|k| Line::first(face, far[k]));
             let mut beam = Some(whole);
             for side in after.chain(before) {
                 self.counters[whole.payer as usize].case(|| CLIP);
-                beam = beam.and_then(|beam| beam.part(side));
+                beam = beam.and_then(|beam| beam.part(&octant.form, side));
             }
             if let Some(beam) = beam {
                 self.push(Beam {
@@ -213,23 +206,25 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
 
     /// Takes a beam through its node: to children, to neighbours, or to its end.
     #[inline(always)]
-    fn visit<S: Simd>(&mut self, simd: S, octant: &Octant, group: &Group, mut beam: Beam) {
+    fn visit<S: Simd>(&mut self, simd: S, octant: &Octant<F>, group: &Group, mut beam: Beam) {
         loop {
             let node = self.tree.node(beam.node);
             if node.is_inner() {
-                self.count_visit(group, &mut beam, |counters| counters.step_boxes());
+                self.count_visit(octant, group, &mut beam, |counters| counters.step_boxes());
                 if !self.descend(octant, node, &mut beam) {
                     return;
                 }
                 continue;
             }
             let leaf = node.blocks();
-            self.count_visit(group, &mut beam, |counters| counters.leaf(leaf.count));
+            self.count_visit(octant, group, &mut beam, |counters| {
+                counters.leaf(leaf.count)
+            });
             // Find the rays where triangles may hit them, or where few are left.
             let likely = beam.density * beam.polygon.area();
             let few = likely < f64::from(self.least);
             if few || leaf.count != 0 {
-                beam.sides.drop_far(&beam.polygon);
+                beam.sides.drop_far(&octant.form, &beam.polygon);
                 let mut found = self.scan(group, &beam);
                 // The rows of a narrow polygon contain more rays than it does, and its parts would have no end.
                 if few && found >= self.least as usize {
@@ -268,7 +263,13 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
 
     /// Counts a visit: for the first open ray of the beam, and as joined for the others.
     #[inline(always)]
-    fn count_visit(&mut self, group: &Group, beam: &mut Beam, count: impl FnOnce(&mut C)) {
+    fn count_visit(
+        &mut self,
+        octant: &Octant<F>,
+        group: &Group,
+        beam: &mut Beam,
+        count: impl FnOnce(&mut C),
+    ) {
         if !C::COUNTS {
             return;
         }
@@ -277,8 +278,9 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
         self.scan(group, beam);
         for i in self.scratch.spans.iter().flat_map(Clone::clone) {
             let at = i as usize;
-            let speed = self.sorted.speed(at);
-            let own = beam.sides.all().iter().all(|side| side.holds(speed));
+            let way = self.sorted.way(at);
+            let mut sides = beam.sides.all().iter();
+            let own = sides.all(|side| side.holds(&octant.form, way));
             if !own || self.sorted.reach[at] == f32::NEG_INFINITY {
                 continue;
             }
@@ -304,14 +306,17 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
     /// Splits a beam among the children of an inner node behind the face that it enters through; keeps one part in
     /// `beam`. Returns `false` if no part is left.
     #[inline(always)]
-    fn descend(&mut self, octant: &Octant, node: Node, beam: &mut Beam) -> bool {
+    fn descend(&mut self, octant: &Octant<F>, node: Node, beam: &mut Beam) -> bool {
         let grid = &octant.grid;
         let half = grid.edge(node) / 2;
         let Entry::Face(face) = beam.entry else {
             // The origin is inside: take its child.
+            let Some(origin) = octant.form.origin() else {
+                return false;
+            };
             let mut child = 0;
-            for k in 0..3 {
-                let cell = grid.cell(k, octant.origin[k], 0, grid.size - 1);
+            for (k, x) in origin.into_iter().enumerate() {
+                let cell = grid.cell(k, x, 0, grid.size - 1);
                 if cell >= beam.low[k] + half {
                     child |= 1 << k;
                     beam.low[k] += half;
@@ -330,7 +335,7 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
                 let (Some(part), child) = parts[i] else {
                     continue;
                 };
-                match part.compare(face, mid) {
+                match part.compare(&octant.form, face, mid) {
                     Position::Whole(true) => {}
                     Position::Whole(false) => parts[i].1 |= 1 << axis,
                     Position::Across => {
@@ -338,8 +343,9 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
                         counters.case(|| CLIP);
                         counters.case(|| SPLIT);
                         let near = Line::first(face, mid);
-                        parts[i].0 = part.part(near);
-                        parts[count] = (part.part(near.opposite()), child | 1 << axis);
+                        parts[i].0 = part.part(&octant.form, near);
+                        parts[count] =
+                            (part.part(&octant.form, near.opposite()), child | 1 << axis);
                         count += 1;
                     }
                 }
@@ -366,14 +372,14 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
     /// Takes a beam through the far faces of its leaf to the neighbours behind them; keeps one part in `beam`. Returns
     /// `false` if no part is left.
     #[inline(always)]
-    fn leave(&mut self, octant: &Octant, node: Node, beam: &mut Beam) -> bool {
+    fn leave(&mut self, octant: &Octant<F>, node: Node, beam: &mut Beam) -> bool {
         let grid = &octant.grid;
         let edge = grid.edge(node);
         let next = beam.low.map(|x| x + edge);
         let planes = octant.planes(next);
         // Compare the three pairs of faces: which one comes first.
         let pairs = [(0, 1), (0, 2), (1, 2)];
-        let order = pairs.map(|(x, y)| beam.compare(planes[x], planes[y]));
+        let order = pairs.map(|(x, y)| beam.compare(&octant.form, planes[x], planes[y]));
         let whole = *beam;
         let mut kept = false;
         for axis in 0..3 {
@@ -389,7 +395,7 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
                     Position::Across => {
                         self.counters[whole.payer as usize].case(|| CLIP);
                         let side = Line::first(planes[axis], planes[x + y - axis]);
-                        part = part.and_then(|part| part.part(side));
+                        part = part.and_then(|part| part.part(&octant.form, side));
                     }
                 }
             }
@@ -411,7 +417,7 @@ impl<Q: Query, C: Counters> Traversal<'_, Q, C> {
 
     /// Moves a beam to the node behind the face of its leaf across `axis`; returns `false` at the root's boundary.
     #[inline(always)]
-    fn cross(&self, octant: &Octant, node: Node, axis: usize, beam: &mut Beam) -> bool {
+    fn cross(&self, octant: &Octant<F>, node: Node, axis: usize, beam: &mut Beam) -> bool {
         let grid = &octant.grid;
         let plane = beam.low[axis] + grid.edge(node);
         if plane == grid.size {

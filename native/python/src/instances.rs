@@ -139,8 +139,8 @@ impl Instances {
         let mut left_out = Vec::<String>::new();
         for mesh in all.meshes() {
             for line in mesh.left_out() {
-                if !left_out.contains(line) {
-                    left_out.push(line.clone());
+                if !left_out.contains(&line) {
+                    left_out.push(line);
                 }
             }
         }

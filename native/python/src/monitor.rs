@@ -41,9 +41,14 @@ pub fn memory_limit(given: Option<MemoryLimit>) -> u64 {
     given.map_or_else(memory::default_limit, |limit| limit.0)
 }
 
+/// Returns the given monitor, or a new one.
+pub fn given(monitor: Option<&Monitor>) -> Arc<BuildMonitor> {
+    monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone())
+}
+
 /// Returns the given monitor, or a new one, with this memory limit.
-pub fn with_limit(given: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
-    let monitor = given.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+pub fn with_limit(monitor: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
+    let monitor = given(monitor);
     monitor.limit_memory(limit);
     monitor
 }

@@ -213,17 +213,19 @@ impl Structure {
     ///
     /// vertices: (n, 3), those of build() in their order; triangles that they leave without area or not finite are not
     /// hit until they can be again. triangles: those of build(), to have them compared; None = not compared.
-    /// threads: 0 = one per core. statistics has the cost now and at the build: rays take longer in the proportion.
+    /// threads: 0 = one per core. monitor: to cancel the fit; it counts no progress. statistics has the cost now and at
+    /// the build: rays take longer in the proportion.
     /// Raises RefitError unless the structure is one of boxes ("bvh-sah") or intervals ("bih" and those like it), and
     /// where a triangle can be hit that could not be when the structure was built; ShapeError for other numbers of
-    /// vertices and for other triangles; MemoryError.
-    #[pyo3(signature = (vertices, triangles=None, *, threads=Threads::ALL), text_signature = "($self, vertices, triangles=None, *, threads=0)")]
+    /// vertices and for other triangles; Cancelled; MemoryError.
+    #[pyo3(signature = (vertices, triangles=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, vertices, triangles=None, *, threads=0, monitor=None)")]
     fn refit(
         &self,
         py: Python<'_>,
         vertices: &Bound<'_, PyAny>,
         triangles: Option<&Bound<'_, PyAny>>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Self> {
         let _mode = DefaultMode::set(py)?;
         let vertices = arrays::points("vertices", vertices).map_err(raise)?;
@@ -236,7 +238,8 @@ impl Structure {
                 return Err(raise(Error::Shape(message.to_owned())));
             }
         }
-        let fitted = py.detach(|| caught(|| self.0.refit(vertices, threads.0)));
+        let monitor = monitor::given(monitor);
+        let fitted = py.detach(|| caught(|| self.0.refit(vertices, threads.0, &monitor)));
         Ok(Self(
             Arc::new(fitted.map_err(raise)?),
             LazySurface::default(),

@@ -189,9 +189,10 @@ pub trait Tracer: Sync {
         let _ = order;
         self.closest(rays, hits, counters);
     }
-    /// Returns the bounding box of the scene if batches are faster when rays with nearby origins are consecutive, else
-    /// `None`.
-    fn near_rays(&self) -> Option<Aabb> {
+    /// Returns the bounding box of the scene if batches, for any hits or for nearest hits, are faster when rays with
+    /// nearby origins are consecutive, else `None`.
+    fn near_rays(&self, any: bool) -> Option<Aabb> {
+        let _ = any;
         None
     }
     /// Returns the largest number of rays in this order that are worth tracing at once on one thread, for any hits or

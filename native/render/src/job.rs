@@ -269,7 +269,7 @@ impl Shared {
 
     /// Renders steps until none is left, the time is over or the render is cancelled.
     fn work(&self) {
-        let mut wavefront = Wavefront::new(self.scene.features());
+        let mut wavefront = Wavefront::new(self.scene.features(), self.film.wants_extra());
         let context = Context {
             scene: &self.scene,
             camera: &self.camera,
@@ -302,10 +302,10 @@ impl Shared {
                 .unwrap_or_else(PoisonError::into_inner);
             let count = self.settings.step_after(*done);
             if self.film.active(tile, &mut active) {
-                let Ok(samples) = wavefront.render(&context, area, &active, *done, count) else {
+                let Ok(batch) = wavefront.render(&context, area, &active, *done, count) else {
                     return;
                 };
-                self.film.add(tile, samples, count, &self.settings);
+                self.film.add(tile, batch, count, &self.settings);
             } else {
                 self.film.skip(tile, count);
             }

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The triangles of a scene: vertices and indices in the caller's arrays.
 
+use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::vec3::{map, widen};
 use halfspace_geom::{Aabb, exact};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Number of moved triangles that one task checks (chosen).
-const TASK: usize = 4096;
+const TASK: u32 = 4096;
 
 /// An indexed triangle soup. The number of a triangle is its index in the input, dropped triangles included.
 #[derive(Debug, Clone)]
@@ -55,19 +57,12 @@ impl Triangles {
         }
         let mut scene = Self {
             vertices,
-            live: Vec::with_capacity(indices.len()),
+            live: Vec::new(),
             indices: Arc::new(indices),
             bounds: Aabb::EMPTY,
         };
         let count = u32::try_from(scene.indices.len()).expect("checked above");
-        // Keep the triangles that can be hit, and bound them.
-        for id in 0..count {
-            let corners = scene.corners(id);
-            if can_be_hit(corners) {
-                scene.live.push(id);
-                scene.bounds = scene.bounds.union(&Aabb::of_triangle(corners));
-            }
-        }
+        (scene.live, scene.bounds) = scene.hittable(0..count);
         scene.live.shrink_to_fit();
         Ok(scene)
     }
@@ -75,8 +70,8 @@ impl Triangles {
     /// Returns the same triangles with moved vertices, checked as by [`Self::new`], in the current rayon pool.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the number of vertices differs.
-    pub fn moved(&self, vertices: Vec<[f32; 3]>) -> Result<Self> {
+    /// [`Error::Shape`] when the number of vertices differs; [`Error::Cancelled`].
+    pub fn moved(&self, vertices: Vec<[f32; 3]>, monitor: &Monitor) -> Result<Self> {
         if vertices.len() != self.vertices.len() {
             return Err(Error::Shape(format!(
                 "vertices: expected {} as before the motion, got {}",
@@ -90,26 +85,33 @@ impl Triangles {
             live: Vec::with_capacity(self.indices.len()),
             bounds: Aabb::EMPTY,
         };
-        // Find and bound the triangles that can be hit, task by task.
-        let parts: Vec<_> = (scene.indices.par_chunks(TASK).enumerate())
-            .map(|(part, triangles)| {
-                let first = u32::try_from(part * TASK).expect("checked when they were made");
-                let (mut live, mut bounds) = (Vec::with_capacity(triangles.len()), Aabb::EMPTY);
-                for id in (first..).take(triangles.len()) {
-                    let corners = scene.corners(id);
-                    if can_be_hit(corners) {
-                        live.push(id);
-                        bounds = bounds.union(&Aabb::of_triangle(corners));
-                    }
-                }
-                (live, bounds)
+        // Check the triangles task by task.
+        let count = u32::try_from(scene.indices.len()).expect("checked when they were made");
+        let parts: Vec<_> = (0..count.div_ceil(TASK))
+            .into_par_iter()
+            .map(|part| {
+                monitor.check()?;
+                Ok(scene.hittable(part * TASK..count.min((part + 1) * TASK)))
             })
-            .collect();
+            .collect::<Result<_>>()?;
         for (live, bounds) in parts {
             scene.live.extend(live);
             scene.bounds = scene.bounds.union(&bounds);
         }
         Ok(scene)
+    }
+
+    /// Returns those of these triangles that can be hit, ascending, and their box.
+    fn hittable(&self, ids: Range<u32>) -> (Vec<u32>, Aabb) {
+        let (mut live, mut bounds) = (Vec::with_capacity(ids.len()), Aabb::EMPTY);
+        for id in ids {
+            let corners = self.corners(id);
+            if can_be_hit(corners) {
+                live.push(id);
+                bounds = bounds.union(&Aabb::of_triangle(corners));
+            }
+        }
+        (live, bounds)
     }
 
     /// Returns whether both have the same triangles, by the indices of their vertices.
@@ -191,7 +193,7 @@ mod tests {
 
     #[test]
     fn moved_triangles_are_checked_as_new_ones() {
-        let count = 3 * TASK + 5;
+        let count = 3 * TASK as usize + 5;
         let vertices: Vec<_> = (0..3 * count)
             .map(|i| [(i / 3) as f32, (i % 3) as f32, (i % 3 / 2) as f32])
             .collect();
@@ -201,9 +203,12 @@ mod tests {
         let scene = Triangles::new(vertices.clone(), indices.clone()).unwrap();
         // Move all, one to infinity, and collapse another.
         let mut moved: Vec<_> = vertices.iter().map(|v| map(*v, |x| 2.0 - x)).collect();
-        moved[3 * TASK + 1][1] = f32::INFINITY;
+        moved[3 * TASK as usize + 1][1] = f32::INFINITY;
         moved[8] = moved[7];
-        let (at_once, new) = (scene.moved(moved.clone()), Triangles::new(moved, indices));
+        let (at_once, new) = (
+            scene.moved(moved.clone(), &Monitor::new()),
+            Triangles::new(moved, indices),
+        );
         let (at_once, new) = (at_once.unwrap(), new.unwrap());
         assert_eq!(
             (at_once.live(), at_once.bounds()),
@@ -211,7 +216,10 @@ mod tests {
         );
         assert!(scene.same_topology(&at_once) && scene.same_topology(&new));
         assert_eq!(
-            scene.moved(vec![[0.0; 3]; 2]).unwrap_err().to_string(),
+            scene
+                .moved(vec![[0.0; 3]; 2], &Monitor::new())
+                .unwrap_err()
+                .to_string(),
             format!(
                 "vertices: expected {} as before the motion, got 2",
                 3 * count

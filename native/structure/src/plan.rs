@@ -5,6 +5,7 @@
 use crate::way::Rays;
 use halfspace_ray::Order;
 use halfspace_ray::query::{Any, Closest, Query};
+use halfspace_trace::coherence::by_coherence;
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use std::sync::Arc;
 
@@ -28,7 +29,7 @@ pub struct Plan {
     pub closest: Option<RoutedKernel<Closest>>,
     /// Nearest hits of rays ordered in tiles of 8 x 8 pixels, if these have a kernel of their own.
     pub tiles: Option<RoutedKernel<Closest>>,
-    /// Any hits of shadow rays.
+    /// Any hits.
     pub shadow: Option<RoutedKernel<Any>>,
     /// Whether any-hit rays first test the triangle that last blocked their light (Wilt 1994).
     pub shadow_cache: bool,
@@ -84,6 +85,16 @@ impl Plan {
         self
     }
 
+    /// Assigns any-hit rays that go the same way, as shadow rays do, to `tiles`, and others to `streams`. The route is
+    /// that of the shadow rays.
+    pub fn with_any_by_coherence(
+        self,
+        tiles: Arc<dyn Kernel<Any>>,
+        streams: Arc<dyn Kernel<Any>>,
+    ) -> Self {
+        self.with_any(Rays::Tile, by_coherence(tiles, streams))
+    }
+
     /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker; they are traced as single
     /// rays, or in flight if that is their kernel, because no other kernel reads the cache. `beam`: `beams` replaces
     /// their kernel.
@@ -112,6 +123,15 @@ impl Plan {
         }
         let tiles = self.tiles.as_ref().filter(|_| order == Order::Tiles);
         tiles.or(self.closest.as_ref())?.kernel.batch()
+    }
+
+    /// Returns the bytes that rays in random order read from, if the kernel of any hits or of nearest hits gains from
+    /// near rays following one another.
+    pub fn working_set(&self, any: bool) -> Option<usize> {
+        if any {
+            return self.shadow.as_ref()?.kernel.working_set();
+        }
+        self.closest.as_ref()?.kernel.working_set()
     }
 
     /// Returns the route of each kind of batch.

@@ -45,8 +45,11 @@ pub trait Growing: Debug + Send + Sync {
     /// Returns the progress of the build.
     fn progress(&self) -> Progress;
 
+    /// Returns the features that the built part did not need, each with its reason.
+    fn left_out(&self) -> Vec<String>;
+
     /// Builds the rest, and copies the whole tree to one piece.
-    fn whole(&self, scene: &Triangles, frame: &Frame, left_out: &[String]) -> Built;
+    fn whole(&self, scene: &Triangles, frame: &Frame) -> Built;
 }
 
 /// A second layout, made from the tree for kernels that need one; its leaves are those of the tree.
@@ -61,8 +64,9 @@ pub trait Refit: Debug + Send + Sync {
     /// Fits the nodes and writes the leaves of the same triangles at other places, in the current rayon pool.
     ///
     /// # Errors
-    /// [`halfspace_base::error::Error::Refit`] if a triangle that the tree does not hold can be hit now.
-    fn refit(&self, scene: &Triangles, config: &Config) -> Result<Built>;
+    /// [`halfspace_base::error::Error::Refit`] if a triangle that the tree does not hold can be hit now;
+    /// [`halfspace_base::error::Error::Cancelled`].
+    fn refit(&self, scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>;
 
     /// Returns the bytes that it keeps in addition to those of the tree.
     fn bytes(&self) -> usize;
@@ -83,7 +87,7 @@ pub struct Built {
     pub plan: Plan,
     /// Statistics of its shape.
     pub shape: Shape,
-    /// Features that this scene did not need, each with its reason.
+    /// Features that this scene did not need, each with its reason; empty if rays build the tree.
     pub left_out: Vec<String>,
     /// The tree that rays build, if they do.
     pub growing: Option<Arc<dyn Growing>>,

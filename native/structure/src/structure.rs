@@ -82,15 +82,21 @@ impl Structure {
     ///
     /// # Errors
     /// [`Error::Refit`] if the nodes divide space or their bounds cannot be fitted, or if a triangle can be hit that the
-    /// build left out; [`Error::Shape`] for another number of vertices; [`Error::Memory`] when no threads can start.
-    pub fn refit(&self, vertices: Vec<[f32; 3]>, threads: usize) -> Result<Self> {
+    /// build left out; [`Error::Shape`] for another number of vertices; [`Error::Cancelled`] when the monitor is cancelled;
+    /// [`Error::Memory`] when no threads can start.
+    pub fn refit(
+        &self,
+        vertices: Vec<[f32; 3]>,
+        threads: usize,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let Some(refit) = &self.built.refit else {
             return Err(Error::Refit(self.reason()));
         };
         pool(threads)?.install(|| {
-            let scene = Arc::new(self.scene.moved(vertices)?);
+            let scene = Arc::new(self.scene.moved(vertices, monitor)?);
             let start = Instant::now();
-            let built = refit.refit(&scene, &self.config)?;
+            let built = refit.refit(&scene, &self.config, monitor)?;
             Ok(Self {
                 scene,
                 config: self.config.clone(),
@@ -168,9 +174,12 @@ impl Structure {
         &self.built.frame
     }
 
-    /// Returns the features that this scene did not need, each with its reason.
-    pub fn left_out(&self) -> &[String] {
-        &self.built.left_out
+    /// Returns the features that this scene did not need, each with its reason, as far as the tree is built.
+    pub fn left_out(&self) -> Vec<String> {
+        match &self.built.growing {
+            Some(growing) => growing.left_out(),
+            None => self.built.left_out.clone(),
+        }
     }
 
     /// Returns the whole tree, for validation and drawing. If rays build the tree, builds the rest, and copies the tree
@@ -181,9 +190,9 @@ impl Structure {
     pub fn built(&self) -> &Built {
         match &self.built.growing {
             None => &self.built,
-            Some(growing) => self.whole.get_or_init(|| {
-                growing.whole(&self.scene, &self.built.frame, &self.built.left_out)
-            }),
+            Some(growing) => self
+                .whole
+                .get_or_init(|| growing.whole(&self.scene, &self.built.frame)),
         }
     }
 

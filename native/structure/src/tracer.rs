@@ -255,8 +255,8 @@ impl Tracer for Structure {
         self.built.plan.batch(order, any)
     }
 
-    fn near_rays(&self) -> Option<Aabb> {
-        let bytes = self.built.plan.closest.as_ref()?.kernel.working_set()?;
+    fn near_rays(&self, any: bool) -> Option<Aabb> {
+        let bytes = self.built.plan.working_set(any)?;
         (bytes > IN_CACHE).then(|| self.scene.bounds())
     }
 

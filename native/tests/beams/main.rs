@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles of rays traced as beams: every pixel equals that of single rays, for any camera.
 
+mod parallel;
 mod polygons;
 
 use halfspace::base::Monitor;

@@ -168,7 +168,8 @@ fn beams_without_area_and_rays_without_beams_are_answered_singly() {
         (
             "a lens",
             (0..300)
-                .map(|i| ray([1.4 + 0.001 * i as f32, -4.0, 1.7], [0.0, 1.0, 0.0]))
+                .map(|i| 0.001 * i as f32)
+                .map(|x| ray([1.4 + x, -4.0, 1.7], [-0.1 * x, 1.0, 0.0]))
                 .collect(),
             true,
         ),

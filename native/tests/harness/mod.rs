@@ -247,6 +247,7 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
             receivers: bytes.byte() % 32,
             blockers: bytes.byte() % 32,
         },
+        group: 1,
     }
 }
 
@@ -284,6 +285,7 @@ fn scene_params(bytes: &mut Bytes<'_>, triangles: usize) -> SceneParams {
             object: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
             material: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
             uvs: Vec::new(),
+            ..Default::default()
         },
         ..SceneParams::default()
     }
@@ -307,6 +309,7 @@ fn camera(bytes: &mut Bytes<'_>) -> CameraParams {
             ratio: f64::from(bytes.number()),
             focus: f64::from(bytes.number()),
         },
+        motion: None,
     }
 }
 
@@ -339,7 +342,9 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         secondary_beams: bytes.byte().is_multiple_of(2),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
-        passes: Pass::ALL.to_vec(),
+        passes: Pass::all()
+            .chain([Pass::Output(0), Pass::Group(0)])
+            .collect(),
         step_samples: (bytes.byte().is_multiple_of(2)).then(|| u32::from(bytes.byte() % 3)),
         filter: if bytes.byte().is_multiple_of(2) {
             FilterKind::Box

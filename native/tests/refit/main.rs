@@ -6,6 +6,7 @@
 mod common;
 
 use common::build;
+use halfspace::base::Monitor;
 use halfspace::base::error::Error;
 use halfspace::inspect::validate::validate;
 use halfspace::oracle::cases::{Random, Size, aimed, cases, grid, soup};
@@ -127,10 +128,10 @@ fn moved_triangles_are_hit_as_brute_force_hits_them() {
             let about = format!("{spec}, {}", motion.0);
             // Fit the tree as it was built, and the one that the last motion left.
             let vertices = moved(&scene, motion);
-            let fitted = built.refit(vertices.clone(), 2).unwrap();
+            let fitted = built.refit(vertices.clone(), 2, &Monitor::new()).unwrap();
             check(&fitted, &about);
             if let Some(before) = before {
-                let again = Structure::refit(&before, vertices, 1).unwrap();
+                let again = Structure::refit(&before, vertices, 1, &Monitor::new()).unwrap();
                 assert!(again.built().same_nodes(fitted.built()), "{about}: again");
                 assert!(again.leaves() == fitted.leaves(), "{about}: leaves");
             }
@@ -154,7 +155,7 @@ fn all_difficult_scenes_can_move() {
                 "shifted",
                 (|_, p| [p[0], p[1] + 0.25 * p[0].abs(), p[2]]) as fn(_, [f32; 3]) -> _,
             );
-            match built.refit(moved(&case.scene, shift), 1) {
+            match built.refit(moved(&case.scene, shift), 1, &Monitor::new()) {
                 Ok(fitted) => check(&fitted, &format!("{spec}, {}", case.name)),
                 // The motion may give an area to a triangle that had none.
                 Err(error) => assert!(
@@ -177,15 +178,21 @@ fn triangles_that_were_lost_for_a_while_are_found_again() {
         for triangle in half.chunks_mut(6) {
             triangle[1] = [f32::NAN, f32::INFINITY, 0.0];
         }
-        let lost = built.refit(half, 1).unwrap();
+        let lost = built.refit(half, 1, &Monitor::new()).unwrap();
         assert_eq!(lost.scene().live().len(), scene.len() / 2);
         check(&lost, &spec);
         let nothing = lost
-            .refit(vec![[f32::NAN; 3]; scene.vertices().len()], 1)
+            .refit(
+                vec![[f32::NAN; 3]; scene.vertices().len()],
+                1,
+                &Monitor::new(),
+            )
             .unwrap();
         assert_eq!(nothing.shape().references, 0);
         check(&nothing, &spec);
-        let found = nothing.refit(scene.vertices().to_vec(), 1).unwrap();
+        let found = nothing
+            .refit(scene.vertices().to_vec(), 1, &Monitor::new())
+            .unwrap();
         assert!(found.built().same_nodes(built.built()), "{spec}");
         check(&found, &spec);
         assert_eq!(found.refitted().times, 3);
@@ -197,7 +204,9 @@ fn the_cost_grows_where_neighbours_part() {
     let scene = soup(grid(6, 0.3));
     for spec in ["bvh-sah", "bih"] {
         let built = build(&scene, spec);
-        let scattered = built.refit(moved(&scene, MOTIONS[5]), 1).unwrap();
+        let scattered = built
+            .refit(moved(&scene, MOTIONS[5]), 1, &Monitor::new())
+            .unwrap();
         let cost = scattered.refitted().cost_built;
         assert_eq!(cost, built.shape().sah_cost);
         assert!(
@@ -214,9 +223,11 @@ fn the_result_is_the_same_on_any_number_of_threads() {
     for spec in ["bvh-sah", "bih", "bih-n"] {
         let built = build(&scene, spec);
         let vertices = moved(&scene, MOTIONS[5]);
-        let one = built.refit(vertices.clone(), 1).unwrap();
+        let one = built.refit(vertices.clone(), 1, &Monitor::new()).unwrap();
         for threads in [2, 7] {
-            let several = built.refit(vertices.clone(), threads).unwrap();
+            let several = built
+                .refit(vertices.clone(), threads, &Monitor::new())
+                .unwrap();
             assert!(one.built().same_nodes(several.built()), "{spec}");
             assert!(one.leaves() == several.leaves(), "{spec}");
         }
@@ -236,10 +247,14 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
             tree.id
         );
         if structure.can_refit() {
-            let error = structure.refit(vec![[0.0; 3]; 2], 1).unwrap_err();
+            let error = structure
+                .refit(vec![[0.0; 3]; 2], 1, &Monitor::new())
+                .unwrap_err();
             assert!(matches!(error, Error::Shape(_)), "{}: {error}", tree.id);
         } else {
-            let error = structure.refit(scene.vertices().to_vec(), 1).unwrap_err();
+            let error = structure
+                .refit(scene.vertices().to_vec(), 1, &Monitor::new())
+                .unwrap_err();
             assert!(matches!(error, Error::Refit(_)), "{}: {error}", tree.id);
             assert!(error.to_string().contains(tree.id), "{error}");
         }
@@ -249,10 +264,24 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
     flat[4] = flat[3];
     let flat = soup(flat);
     let error = build(&flat, "bih")
-        .refit(scene.vertices().to_vec(), 1)
+        .refit(scene.vertices().to_vec(), 1, &Monitor::new())
         .unwrap_err();
     assert!(
         error.to_string().starts_with("triangle 1 had no area"),
         "{error}"
     );
+}
+
+#[test]
+fn a_cancelled_fit_ends() {
+    let scene = soup(grid(3, 0.3));
+    for id in FITTED {
+        let structure = build(&scene, id);
+        let monitor = Monitor::new();
+        let vertices = scene.vertices().to_vec();
+        assert!(structure.refit(vertices.clone(), 1, &monitor).is_ok());
+        monitor.cancel();
+        let error = structure.refit(vertices, 1, &monitor).unwrap_err();
+        assert!(matches!(error, Error::Cancelled), "{id}: {error}");
+    }
 }

@@ -3,6 +3,7 @@
 
 pub mod batch;
 pub mod beam;
+pub mod coherence;
 pub mod first_hit;
 pub mod flight;
 pub mod input;

@@ -16,6 +16,10 @@ use std::thread::Builder;
 /// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
 pub const CHUNK: usize = STREAM;
 
+/// Number of chunks that many rays are cut into, if their kernel takes so many at once (chosen: enough for the threads of
+/// most machines; each part begins with beams of its own).
+const PARTS: usize = 8;
+
 /// How many rays a worker takes at once, and how many workers there are.
 #[derive(Debug, Clone, Copy)]
 pub struct Shares {
@@ -34,10 +38,11 @@ impl Shares {
         }
     }
 
-    /// Chunks for a kernel that takes up to `most` rays at once: one per thread if that is enough.
+    /// Chunks for a kernel that takes up to `most` rays at once: as large as [`PARTS`] of them allow, whatever the number
+    /// of threads, so that what the kernel counts does not depend on it.
     fn large(threads: usize, rays: usize, most: Option<usize>) -> Self {
         let chunk = most.map_or(CHUNK, |most| {
-            let share = rays.div_ceil(wanted(threads)).next_multiple_of(CHUNK);
+            let share = rays.div_ceil(PARTS).next_multiple_of(CHUNK);
             share.clamp(CHUNK, most.max(CHUNK))
         });
         Self { threads, chunk }
@@ -156,10 +161,11 @@ pub fn closest(
     let order = rays.order;
     if !counted
         && order == Order::None
-        && let Some(bounds) = tracer.near_rays()
+        && let Some(bounds) = tracer.near_rays(false)
         && reorder::scattered(rays.origins, &bounds)
     {
-        return Ok((closest_reordered(tracer, rays, threads, &bounds)?, None));
+        let trace = |rays: &[Ray], hits: &mut [Hit]| tracer.closest(rays, hits, None);
+        return Ok((reordered(rays, threads, &bounds, Hit::MISS, trace)?, None));
     }
     let shares = Shares::large(threads, rays.origins.len(), tracer.batch(order, false));
     in_chunks(rays, shares, counted, Hit::MISS, |rays, hits, counts| {
@@ -177,47 +183,55 @@ pub fn occluded(
     threads: usize,
     counted: bool,
 ) -> Result<Answers<bool>> {
+    if !counted
+        && let Some(bounds) = tracer.near_rays(true)
+        && reorder::scattered(rays.origins, &bounds)
+    {
+        let trace = |rays: &[Ray], answers: &mut [bool]| tracer.occluded(rays, answers, None);
+        return Ok((reordered(rays, threads, &bounds, false, trace)?, None));
+    }
     let shares = Shares::large(threads, rays.origins.len(), tracer.batch(rays.order, true));
     in_chunks(rays, shares, counted, false, |rays, answers, counts| {
         tracer.occluded(rays, answers, counts);
     })
 }
 
-/// Nearest hits of rays in random order, reordered by each thread for its own share.
-fn closest_reordered(
-    tracer: &dyn Tracer,
+/// Answers of rays in random order, reordered by each thread for its own share.
+fn reordered<T: Copy + Send + Sync>(
     rays: Rays<'_>,
     threads: usize,
     bounds: &Aabb,
-) -> Result<Vec<Hit>> {
+    blank: T,
+    trace: impl Fn(&[Ray], &mut [T]) + Sync,
+) -> Result<Vec<T>> {
     let n = rays.origins.len();
     let window = reorder::window(n, wanted(threads));
     let reordering = n.min(window * wanted(threads)) * reorder::BYTES;
-    check_room("origins", (n * size_of::<Hit>() + reordering) as u64)?;
-    let mut hits = vec![Hit::MISS; n];
-    let windows = hits.chunks_mut(window).enumerate().collect();
+    check_room("origins", (n * size_of::<T>() + reordering) as u64)?;
+    let mut answers = vec![blank; n];
+    let windows = answers.chunks_mut(window).enumerate().collect();
     let finite = Finite::default();
     share_out(
         windows,
         Shares::usual(threads),
-        |buffer, (i, hits): (usize, &mut [Hit])| {
-            let own = rays.part(i * window..i * window + hits.len());
-            if !finite.allows(&own, 0..hits.len()) {
+        |buffer, (i, answers): (usize, &mut [T])| {
+            let own = rays.part(i * window..i * window + answers.len());
+            if !finite.allows(&own, 0..answers.len()) {
                 return;
             }
-            // Trace the window in the new order, chunk by chunk, and store each hit at the ray's own index.
+            // Trace the window in the new order, chunk by chunk, and store each answer at the ray's own index.
             let order = reorder::order(own.origins, own.directions, bounds);
-            let mut found = vec![Hit::MISS; CHUNK];
+            let mut found = vec![blank; CHUNK.min(answers.len())];
             for indices in order.chunks(CHUNK) {
                 let (buffer, found) = (&mut buffer[..indices.len()], &mut found[..indices.len()]);
                 own.gather(indices, buffer);
-                tracer.closest(buffer, found, None);
-                for (&index, hit) in indices.iter().zip(found) {
-                    hits[index as usize] = *hit;
+                trace(buffer, found);
+                for (&index, answer) in indices.iter().zip(found) {
+                    answers[index as usize] = *answer;
                 }
             }
         },
     )?;
     finite.end(&rays)?;
-    Ok(hits)
+    Ok(answers)
 }

@@ -37,9 +37,10 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
             let shadow = tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
+            let any = stream::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             (boxes.singly().with_closest(Rays::Stream, streams))
                 .with_tiles(Rays::Tile, tiles)
-                .with_any(Rays::Tile, shadow)
+                .with_any_by_coherence(shadow, any)
         },
     },
     Traversal {

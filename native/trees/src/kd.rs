@@ -9,7 +9,7 @@ use crate::{lazy, params, planes};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::{ClippedBox, Piece};
-use halfspace_builders::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
+use halfspace_builders::space::{Node, ObliqueStep, Params, PlanePolicy, Stop};
 use halfspace_builders::sweep::Ties;
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{BoxCell, Direction};
@@ -95,23 +95,23 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         enough: 0.0,
     };
     let policy = Axes::<ClippedBox>(PhantomData);
-    if config.choice("lazy") == "1" {
-        return lazy::build(scene, config, policy, &params, monitor);
-    }
-    plane_tree(scene, config, &policy, &params, monitor)
+    plane_tree(scene, config, policy, &params, monitor)
 }
 
 /// Builds an axis-aligned tree and lays it out.
-pub fn plane_tree<P: PlanePolicy>(
+///
+/// # Errors
+/// Those of [`lazy::grow`] and [`lazy::Grown::lay_out`].
+pub fn plane_tree<P: PlanePolicy + Send + 'static>(
     scene: &Triangles,
     config: &Config,
-    policy: &P,
+    policy: P,
     params: &Params,
     monitor: &Monitor,
 ) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
-    let preorder = planes::during_planes(config, monitor, || {
-        space::build(scene, &frame, policy, params, monitor)
+    let grown = planes::during_planes(config, monitor, || {
+        lazy::grow(scene, config, &frame, policy, params, monitor)
     })?;
-    planes::lay_out(scene, config, frame, &preorder, monitor)
+    grown.lay_out(scene, config, frame, lazy::nothing(), monitor)
 }

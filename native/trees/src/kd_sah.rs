@@ -77,7 +77,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         early: false,
         enough: 0.0,
     };
-    plane_tree(scene, config, &Axes::<Boxed>(PhantomData), &params, monitor)
+    plane_tree(scene, config, Axes::<Boxed>(PhantomData), &params, monitor)
 }
 
 #[cfg(test)]

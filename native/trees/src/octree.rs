@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way in which rays find the next cell.
 
+use crate::params::{BEAM_LEAST, least};
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -87,35 +88,18 @@ enum Traversal {
     Beams,
 }
 
-/// The paper has this threshold, but gives no number.
-const BEAM_LEAST: ParamSpec = ParamSpec {
-    name: "beam_least",
-    label: "Smallest Beam",
-    doc: "Rays go on singly when fewer than this are left together. More ends beams earlier; 65 is never \
-          a beam, 1 always",
-    unit: "rays",
-    kind: Kind::Integer { min: 1, max: 65 },
-    default: Value::Integer(4),
-    group: Group::Numerics,
-    needs: &[Need {
-        key: "traversal",
-        only: Only::Options(&["beam"]),
-    }],
-};
-
 /// The same threshold of beams that begin with the whole image.
-const BEAM_MIN: ParamSpec = ParamSpec {
+const POLYGON_LEAST: ParamSpec = ParamSpec {
     name: "beam_min",
     label: "Smallest Polygon",
     doc: "Rays of a polygon go on singly when fewer than this are left together. More ends beams earlier",
-    unit: "rays",
     kind: Kind::Integer { min: 1, max: 4096 },
     default: Value::Integer(16),
-    group: Group::Numerics,
     needs: &[Need {
         key: "traversal",
         only: Only::Options(&["polygon"]),
     }],
+    ..BEAM_LEAST
 };
 
 /// Ways from the root down.
@@ -141,8 +125,8 @@ const BEAM_WAYS: [Way; 3] = [
         "polygon",
         "Polygons",
         Rays::Beam,
-        "camera rays as published, in beams that begin with the whole image: polygons that each cell clips and hands on; \
-         other rays as net",
+        "camera rays as published, in beams that begin with the whole image, of a pinhole or of an orthographic camera: \
+         polygons that each cell clips and hands on; other rays as net",
     ),
     way(
         "octants",
@@ -208,7 +192,7 @@ pub const BEAM: StructureSpec = StructureSpec {
         BEAM_TRAVERSAL,
         MAX_DEPTH_PARAM,
         BEAM_LEAST,
-        BEAM_MIN,
+        POLYGON_LEAST,
     ],
     ways: &BEAM_WAYS,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
@@ -305,15 +289,14 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
         }
     };
     if traversal == Traversal::Beams && config.way().rays == Rays::Beam {
-        let least = |key| u32::try_from(config.integer(key)).expect("in range");
         if config.way().traversal == "polygon" {
             plan.cases = &halfspace_polybeam::NAMES;
             plan = plan.with_tiles(
                 Rays::Beam,
-                halfspace_polybeam::octants(tree, leaves, least("beam_min")),
+                halfspace_polybeam::octants(tree, leaves, least(config, &POLYGON_LEAST)),
             );
         } else {
-            let beams = beam::kernel::octants(tree, leaves, least("beam_least"));
+            let beams = beam::kernel::octants(tree, leaves, least(config, &BEAM_LEAST));
             plan = plan.with_tiles(Rays::Beam, beams);
         }
     }
@@ -323,7 +306,7 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
     }
     let choice = config.choice("shadow");
     if choice == "beam" && config.way().traversal == "polygon" {
-        let least = u32::try_from(config.integer("beam_min")).expect("in range");
+        let least = least(config, &POLYGON_LEAST);
         let beams = halfspace_polybeam::shadow_octants(tree, leaves, least);
         return plan.with_shadow(choice, Some(beams));
     }

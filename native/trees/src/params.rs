@@ -52,6 +52,9 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     needs: &[],
 };
 
+/// Largest leaf of hierarchies split by the surface area heuristic, by default.
+pub const LARGEST_LEAF: usize = 64;
+
 /// Largest leaf of hierarchies split by the surface area heuristic.
 pub const LEAF_MAX: ParamSpec = ParamSpec {
     name: "leaf_max",
@@ -59,7 +62,7 @@ pub const LEAF_MAX: ParamSpec = ParamSpec {
     doc: "Nodes of more triangles are always split. More saves memory where triangles crowd",
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 4096 },
-    default: Value::Integer(64),
+    default: Value::Integer(LARGEST_LEAF as i64),
     group: Group::Builder,
     needs: &[],
 };
@@ -154,6 +157,23 @@ pub const LAZY: ParamSpec = ParamSpec {
     ],
 };
 
+/// Threshold below which the rays of a beam of up to 64 go on singly. González López and Gisbert Cantó have it, but give no
+/// number.
+pub const BEAM_LEAST: ParamSpec = ParamSpec {
+    name: "beam_least",
+    label: "Smallest Beam",
+    doc: "Rays that have hit nothing go on singly when fewer than this are left together. More ends beams \
+          earlier; 65 is never a beam, 1 always",
+    unit: "rays",
+    kind: Kind::Integer { min: 1, max: 65 },
+    default: Value::Integer(4),
+    group: Group::Numerics,
+    needs: &[Need {
+        key: "traversal",
+        only: Only::Options(&["beam"]),
+    }],
+};
+
 /// Threshold of surface and triangles below which a cell is not split.
 pub const AREA_STOP: ParamSpec = ParamSpec {
     name: "area_stop",
@@ -200,6 +220,14 @@ pub fn surface_area(config: &Config, costs: Costs) -> SurfaceArea {
         },
         leaf_max: config.integer("leaf_max"),
     }
+}
+
+/// The number of rays of [`BEAM_LEAST`] or a parameter like it.
+///
+/// # Panics
+/// When the structure's row lacks this parameter.
+pub fn least(config: &Config, param: &ParamSpec) -> u32 {
+    u32::try_from(config.integer(param.name)).expect("in range")
 }
 
 /// What leaves keep of their triangles, from `leaves`.

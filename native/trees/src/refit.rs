@@ -2,6 +2,7 @@
 //! Hierarchies whose nodes can be fitted to moved triangles: the last step of their build, and the fit.
 
 use crate::objects;
+use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};
 use halfspace_builders::refit::Topology;
 use halfspace_geom::Aabb;
@@ -81,7 +82,7 @@ impl<T: FitTree> Refitted<T> {
 }
 
 impl<T: FitTree> Refit for Refitted<T> {
-    fn refit(&self, scene: &Triangles, config: &Config) -> Result<Built> {
+    fn refit(&self, scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
         let topology = self.topology();
         if let Some(id) = missing(topology.ids(), scene) {
             return Err(Error::Refit(format!(
@@ -94,7 +95,7 @@ impl<T: FitTree> Refit for Refitted<T> {
             scene,
             frame: &frame,
         };
-        let (tree, leaves) = topology.refit(&*self.template, framed);
+        let (tree, leaves) = topology.refit(&*self.template, framed, monitor)?;
         let layers = Layers {
             frame,
             shape: nested::shape(&tree, frame.bounds()),

@@ -155,7 +155,7 @@ impl Together {
             Rays::Stream => streams.take_all(single, rays),
             Rays::Auto => (single.with_closest(Rays::Stream, streams.closest))
                 .with_tiles(Rays::Tile, tiles.closest)
-                .with_any(Rays::Tile, tiles.any),
+                .with_any_by_coherence(tiles.any, streams.any),
             Rays::Single | Rays::Flight | Rays::Beam => single,
         }
     }

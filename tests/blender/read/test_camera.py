@@ -60,9 +60,12 @@ def _unscaled(item: Any) -> Any:
     return item
 
 
-def test_panoramic_cameras_fall_back_and_are_listed(add: Any, scene: Any) -> None:
+def test_unknown_kinds_fall_back_and_are_listed(add: Any, scene: Any) -> None:
     data = bpy.data.cameras.new("Dome")
-    data.type = "PANO"
+    try:
+        data.type = "CUSTOM"
+    except TypeError:
+        pytest.skip("this Blender has no cameras of custom shaders")
     notes = Notes()
     found = camera_of(scene, add("Dome", data), (32, 32), (1.0, 1.0), notes)
     assert found.kind == "perspective"

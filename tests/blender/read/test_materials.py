@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from read_materials import converted, inputs, plug
 from shapes import material, node, with_nodes
@@ -45,19 +46,37 @@ def test_principled_constants() -> None:
         ("ShaderNodeBsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
         ("ShaderNodeBsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
         ("ShaderNodeEmission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
+        ("ShaderNodeBsdfSheen", "sheen", {"Roughness": 0.25}, {"roughness": 0.25}),
+        ("ShaderNodeBsdfToon", "toon_diffuse", {"Size": 0.25, "Smooth": 0.5}, {"roughness": 0.25, "smooth": 0.5}),
+        ("ShaderNodeHoldout", "holdout", {}, {"weight": 1.0}),
         ("ShaderNodeBsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
     ],
 )
 def test_simple_shaders(node_type: str, kind: str, values: dict[str, Any], expected: dict[str, Any]) -> None:
     block = material("Simple")
     shader = plug(block, node_type)
-    if hasattr(shader, "distribution"):
+    if kind in ("glossy", "glass", "refraction"):
         shader.distribution = "GGX"
     for name, value in values.items():
         shader.inputs[name].default_value = value
     found = inputs(block, kind)
     for name, value in expected.items():
         assert found[name] == pytest.approx(value), name
+
+
+def test_facets_are_stretched_along_a_tangent_and_follow_the_distribution() -> None:
+    block = material("Brushed")
+    shader = plug(block, "ShaderNodeBsdfAnisotropic")
+    shader.distribution = "BECKMANN"
+    assert "tangent" not in inputs(block, "glossy")
+    shader.inputs["Anisotropy"].default_value = 0.5
+    found, notes = converted(block)
+    (closure,) = found.closures
+    assert (closure.distribution, closure.multiscatter, notes) == ("beckmann", False, [])
+    assert closure.inputs["anisotropy"] == pytest.approx(0.5)
+    tangent = closure.inputs["tangent"]
+    assert isinstance(tangent, int)
+    assert found.program[tangent]["kind"] == "tangent_z"
 
 
 def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
@@ -141,15 +160,15 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
     tree = block.node_tree
     shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeTexGabor").outputs[0], shader.inputs["Base Color"])
-    tree.links.new(tree.nodes.new("ShaderNodeWireframe").outputs[0], shader.inputs["Roughness"])
-    shader.inputs["Sheen Weight"].default_value = 1
+    tree.links.new(tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Base Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeBevel").outputs[0], shader.inputs["Roughness"])
+    shader.inputs["Subsurface Weight"].default_value = 1
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    words = ("Gabor Texture", "Wireframe", "Sheen Weight")
+    words = ("Ambient Occlusion", "Bevel", "Subsurface Weight")
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
@@ -215,14 +234,39 @@ def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
     assert "Hair" in notes[0]
 
 
+def test_principled_hair_has_the_colour_of_its_pigments() -> None:
+    block = material("Hair")
+    shader = plug(block, "ShaderNodeBsdfHairPrincipled")
+    shader.inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
+
+    def color() -> Any:
+        return converted(block)[0].closures[0].inputs["color"]
+
+    assert color()[:3] == pytest.approx((0.2, 0.5, 0.7))
+    shader.parametrization = "MELANIN"
+    shader.inputs["Melanin Redness"].default_value = 0.0
+    shares = []
+    for melanin in (0.0, 0.3, 0.9):
+        shader.inputs["Melanin"].default_value = melanin
+        shares.append(color())
+    assert shares[0] == pytest.approx((1, 1, 1))
+    assert all(np.diff(shares, axis=0).ravel() < 0)
+    assert shares[2][0] > shares[2][1] > shares[2][2]
+    shader.parametrization = "ABSORPTION"
+    # The absorption that Chiang et al. give to a colour gives that colour back: (ln 0.5 / 5.969)² without roughness.
+    shader.inputs["Radial Roughness"].default_value = 0.0
+    shader.inputs["Absorption Coefficient"].default_value = (0.013485, 0.013485, 0.0)
+    assert color() == pytest.approx((0.5, 0.5, 1.0), rel=1e-3)
+
+
 def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:
     block = material("Cut out")
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    plug(block, "ShaderNodeHoldout")
+    plug(block, "ShaderNodeEeveeSpecular")
     found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert len(notes) == 1
-    assert "Holdout" in notes[0]
+    assert "Specular" in notes[0]
 
 
 def test_materials_without_output_or_shader_are_black() -> None:
@@ -245,10 +289,10 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     notes = Notes()
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
-    unknown = world.node_tree.nodes.new("ShaderNodeTexGabor")
+    unknown = world.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
     world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
-    assert any("Gabor Texture" in line and "World" in line for line in notes.lines())
+    assert any("Ambient Occlusion" in line and "World" in line for line in notes.lines())
     assert read_world(None, notes)[0].color == (0, 0, 0)
 
 

@@ -102,16 +102,14 @@ def test_passes_that_are_not_rendered_are_reported(layer: Any, scene: Any, tmp_p
     scene.collection.objects.link(scene.camera)
     scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
     scene.render.resolution_x = scene.render.resolution_y = 8
-    layer.use_pass_z = layer.use_pass_vector = layer.use_pass_cryptomatte_object = True
-    layer.aovs.add().name = "Wear"
+    layer.use_pass_z = layer.use_pass_ambient_occlusion = layer.use_pass_shadow = True
     exr(scene, tmp_path / "picture.exr")
     report = reports.last(scene)
     assert report is not None
     lines = [line for line in report.warnings if line.startswith("The pass ")]
     assert [line.split(" is not")[0] for line in lines] == [
-        "The pass Cryptomatte Object",
-        "The pass Vector",
-        "The pass AOV Wear",
+        "The pass Shadow",
+        "The pass Ambient Occlusion",
     ]
     assert all(line.endswith(f": {layer.name}") for line in lines)
 

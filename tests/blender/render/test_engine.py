@@ -96,13 +96,13 @@ def test_the_first_shown_picture_is_whole_and_changes_nothing(
     monkeypatch.setattr(engine, "is_displayed", lambda: True)
     monkeypatch.setattr(engine, "UPDATE_MILLISECONDS", 1)
     shown: list[Any] = []
-    fill = engine._Picture._fill
+    fill = engine.Result.fill
 
-    def recorded(self: Any, buffers: dict[str, Any]) -> None:
+    def recorded(self: Any, buffers: dict[str, Any], view: int) -> None:
         shown.append(buffers["Combined"].reshape(200, 320, 4).copy())
-        fill(self, buffers)
+        fill(self, buffers, view)
 
-    monkeypatch.setattr(engine._Picture, "_fill", recorded)
+    monkeypatch.setattr(engine.Result, "fill", recorded)
     after = render(stage, tmp_path)
     # Every picture covers the frame, the first in few large pixels.
     assert len(shown) >= 2
@@ -175,7 +175,9 @@ def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.Mo
 def test_unsupported_nodes_and_triangles_without_area_are_reported_once(stage: Any, tmp_path: Path) -> None:
     odd = material("Odd")
     shader = node(odd.node_tree, "ShaderNodeBsdfPrincipled")
-    odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeTexGabor").outputs[0], shader.inputs["Roughness"])
+    odd.node_tree.links.new(
+        odd.node_tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Roughness"]
+    )
     for name in ("Cube", "Other"):
         mesh = cube(name)
         mesh.materials.append(odd)
@@ -334,7 +336,7 @@ def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool
     stage.render.use_persistent_data = persistent
     stage.objects["Cube"].is_holdout = True
     second = stage.view_layers.new("Second")
-    second.use_pass_vector = True
+    second.use_pass_shadow = True
     away = bpy.data.collections.new("Away")
     stage.collection.children.link(away)
     away.objects.link(bpy.data.objects.new("Fog", bpy.data.volumes.new("Fog")))

@@ -80,6 +80,23 @@ def patterns() -> Iterator[tuple[str, atlas.Maker]]:
     yield "uneven bricks", textured("Brick", "Color", Scale=1.0, squash=0.6, squash_frequency=3, offset_frequency=2)
 
 
+def waves_in_windows() -> Iterator[tuple[str, atlas.Maker]]:
+    for kind in ("2D", "3D"):
+        for output in ("Value", "Phase", "Intensity"):
+            for spread in (1.0, 0.4):
+                common = {"gabor_type": kind, "Scale": 0.5, "Frequency": 1.5, "Anisotropy": spread}
+                yield f"{kind} {output} {spread}", textured("Gabor", output, **common)
+
+
+def edges() -> Iterator[tuple[str, atlas.Maker]]:
+    for size, pixels in ((0.2, False), (3.0, True), (0.0, False)):
+
+        def make(tree: Any, size: float = size, pixels: bool = pixels) -> Any:
+            return add(tree, "Wireframe", use_pixel_size=pixels, Size=size).outputs[0]
+
+        yield f"{size} {pixels}", make
+
+
 def whites() -> Iterator[tuple[str, atlas.Maker]]:
     def squares(dimensions: str, output: str) -> atlas.Maker:
         def make(tree: Any) -> Any:
@@ -101,7 +118,7 @@ def whites() -> Iterator[tuple[str, atlas.Maker]]:
             yield f"{dimensions} {output}", squares(dimensions, output)
 
 
-@pytest.mark.parametrize("family", [noises, cells, patterns, whites])
+@pytest.mark.parametrize("family", [noises, cells, patterns, waves_in_windows, edges, whites])
 def test_textures_are_those_of_cycles(scene: Any, family: Any) -> None:
     if family is cells and bpy.app.version < (5, 0):
         pytest.skip("the points of Voronoi lie elsewhere than in Blender 4.5")

@@ -173,6 +173,18 @@ def mappings() -> Iterator[tuple[str, atlas.Maker]]:
         yield kind, shown(make, 0.2)
 
 
+def drawn_normals() -> Iterator[tuple[str, atlas.Maker]]:
+    for output in ("Normal", "Dot"):
+
+        def make(tree: Any, output: str = output) -> Any:
+            node = add(tree, "Normal")
+            node.outputs[0].default_value = (0.6, -0.48, 0.64)
+            tree.links.new(place(tree, 2.0), node.inputs[0])
+            return node.outputs[output]
+
+        yield output, shown(make)
+
+
 def spectra() -> Iterator[tuple[str, atlas.Maker]]:
     for kelvin in (500.0, 900.0, 1500.0, 2800.0, 4500.0, 6500.0, 9000.0, 20000.0):
         yield f"{kelvin} K", lambda tree, kelvin=kelvin: add(tree, "Blackbody", Temperature=kelvin).outputs[0]
@@ -180,7 +192,7 @@ def spectra() -> Iterator[tuple[str, atlas.Maker]]:
         yield f"{nm} nm", lambda tree, nm=nm: add(tree, "Wavelength", Wavelength=nm).outputs[0]
 
 
-@pytest.mark.parametrize("family", [vector_math, rotations, mappings, ranges, curves, colors])
+@pytest.mark.parametrize("family", [vector_math, rotations, mappings, ranges, curves, colors, drawn_normals])
 def test_values_are_those_of_cycles(scene: Any, family: Any) -> None:
     makers = dict(family())
     flat(scene, makers)

@@ -82,7 +82,7 @@ def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
     out = tmp_path / "out.png"
     assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
     told = capsys.readouterr()
-    assert told.err.startswith("render: stereo is not supported")
+    assert told.err.startswith("render: one picture from the middle")
     assert f"{out}: 16 × 8 pixels in " in told.out
     assert pictures.load(out).shape == (8, 16, 4)
 

@@ -19,7 +19,7 @@ from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
 from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import data_panels, panels, structure, texts
+from addon.blender.ui import data_panels, panels, pass_panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
@@ -270,7 +270,7 @@ def test_the_other_panels_draw(scene: Any) -> None:
     assert "samples" in draw(panels.HALFSPACE_PT_sampling_render, scene=scene)
     assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_exposure", "film_transparent"]
     assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
-    assert "use_pass_steps" in draw(data_panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
+    assert "use_pass_steps" in draw(pass_panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
 
 
 def test_tooltips_are_sentences(scene: Any) -> None:

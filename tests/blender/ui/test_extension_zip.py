@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,12 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@pytest.fixture(scope="module")
-def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a user's Blender found on the way."""
-    user = tmp_path_factory.mktemp("user")
+def session(user: Path, *arguments: str, before: Sequence[str] = ()) -> dict[str, Any]:
+    """What a user's Blender finds on the way. before: a command that runs it."""
     # Nothing of this environment but bpy: no PYTHONPATH, no current folder, no user site.
     clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "BLENDER_"))}
     done = subprocess.run(
-        [sys.executable, "-I", str(SESSION), str(archive)],
+        [*before, sys.executable, "-I", str(SESSION), *arguments],
         env={**clean, "BLENDER_USER_RESOURCES": str(user)},
         cwd=user,
         capture_output=True,
@@ -46,6 +45,12 @@ def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     assert done.returncode == 0, done.stdout + done.stderr
     assert lines, done.stdout + done.stderr
     return {**json.loads(lines[0].removeprefix("FOUND ")), "user": str(user), "log": done.stdout + done.stderr}
+
+
+@pytest.fixture(scope="module")
+def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the user's Blender found while it installed, rendered, disabled and enabled."""
+    return session(tmp_path_factory.mktemp("user"), str(archive))
 
 
 def test_the_zip_holds_the_addon_at_its_top_and_nothing_foreign(archive: Path) -> None:
@@ -89,3 +94,40 @@ def test_enabling_adds_what_disabling_takes_away(found: dict[str, Any]) -> None:
 def test_a_second_enabling_is_as_the_first(found: dict[str, Any]) -> None:
     assert found["again"] == [True, True]
     assert found["with_again"] == found["with"]
+
+
+READ_ONLY = 'mount --bind "$0" "$0" && mount -o remount,ro,bind "$0" && exec "$@"'
+"""Shell: make the folder $0 read-only, then run a command. Root writes where permissions forbid it."""
+
+
+@pytest.fixture
+def guard(found: dict[str, Any]) -> Iterator[list[str]]:
+    """The command before one to which the user's folder is read-only; takes the permission to write for the test."""
+    user = Path(found["user"])
+    if sys.platform == "linux" and os.geteuid() == 0:
+        words = ["unshare", "--mount", "sh", "-c", READ_ONLY, str(user)]
+        if subprocess.run([*words, "true"], capture_output=True, check=False).returncode != 0:
+            pytest.skip("no folder can be made read-only: this root may not mount")
+        yield words
+        return
+    folders = [user, *(path for path in user.rglob("*") if path.is_dir())]
+    modes = [path.stat().st_mode for path in folders]
+    for path in folders:
+        path.chmod(0o555)
+    yield []
+    for path, mode in zip(folders, modes, strict=True):
+        path.chmod(mode)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows ignores the permissions of folders")
+def test_a_read_only_folder_keeps_the_engine_working(
+    found: dict[str, Any], archive: Path, guard: list[str], tmp_path: Path
+) -> None:
+    seen = session(Path(found["user"]), str(archive), str(tmp_path / "picture.png"), before=guard)
+    assert not seen["writable"], "the folder can be written"
+    assert seen["enabled"] == [True, True], seen["log"]
+    for picture in (seen["picture"], seen["still"]):
+        assert picture["deviation"] > 0.01, seen["log"]
+    assert "The preset cannot be saved" in seen["preset"]
+    assert seen["install"], "Blender installed into a folder that cannot be written"
+    assert "Traceback" not in seen["log"]

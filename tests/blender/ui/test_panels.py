@@ -19,7 +19,7 @@ from addon.blender.measure import checking
 from addon.blender.read import extract
 from addon.blender.session import building, trees
 from addon.blender.settings import presets, properties
-from addon.blender.ui import compare_panels, data_panels, inspector_panels, manual, overlay_panels, panels
+from addon.blender.ui import compare_panels, data_panels, inspector_panels, manual, overlay_panels, panels, pass_panels
 from addon.core.base import native
 from addon.core.structures import catalogue
 from addon.core.structures.presets import PRESETS, offered
@@ -27,6 +27,7 @@ from addon.core.structures.presets import PRESETS, offered
 PANELS = [
     *panels.CLASSES,
     *data_panels.CLASSES,
+    *pass_panels.CLASSES,
     *overlay_panels.CLASSES,
     *inspector_panels.CLASSES,
     *compare_panels.CLASSES,
@@ -37,10 +38,13 @@ def context(scene: Any) -> dict[str, Any]:
     light = bpy.data.lights.new("Light", "SPOT")
     world = bpy.data.worlds.new("World")
     item = bpy.data.objects.new("Item", cube())
+    camera = bpy.data.cameras.new("Dome")
+    camera.type = "PANO"
     return {
         "scene": scene,
         "view_layer": scene.view_layers[0],
         "light": light,
+        "camera": camera,
         "world": world,
         "object": item,
         "material": bpy.data.materials.new("Material"),

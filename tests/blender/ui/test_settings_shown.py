@@ -15,12 +15,16 @@ from layouts import Layout, draw_own
 from shapes import cube
 
 from addon.blender.render.engine import ENGINE
-from addon.blender.ui import compat, data_panels, panels
+from addon.blender.ui import compat, data_panels, panels, pass_panels
+from addon.blender.ui.data_panels import OF_PANORAMAS
 
 SOURCES = Path(compat.__file__).parents[1]
 
 READ = {
-    "Camera": "lens clip_start clip_end dof",
+    "Camera": "lens clip_start clip_end dof panorama_type fisheye_fov fisheye_lens latitude_min latitude_max "
+    "longitude_min longitude_max fisheye_polynomial_k0 fisheye_polynomial_k1 fisheye_polynomial_k2 "
+    "fisheye_polynomial_k3 fisheye_polynomial_k4 central_cylindrical_range_u_min central_cylindrical_range_u_max "
+    "central_cylindrical_range_v_min central_cylindrical_range_v_max central_cylindrical_radius",
     "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
     "aperture_ratio",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission",
@@ -35,11 +39,16 @@ READ = {
     "SunLight": "energy angle",
     "AreaLight": "energy shape size size_y",
     "Material": "pass_index",
-    "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow pass_index",
+    "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow pass_index lightgroup",
+    "World": "lightgroup",
     "RenderSettings": "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
     "pixel_aspect_y",
     "ViewLayer": "use_sky use_solid use_strand material_override world_override samples use_pass_z use_pass_mist "
-    "use_pass_position use_pass_normal use_pass_uv use_pass_object_index use_pass_material_index",
+    "use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index use_pass_material_index "
+    "use_pass_diffuse_direct use_pass_diffuse_indirect use_pass_diffuse_color use_pass_glossy_direct "
+    "use_pass_glossy_indirect use_pass_glossy_color use_pass_transmission_direct use_pass_transmission_indirect "
+    "use_pass_transmission_color use_pass_emit use_pass_environment use_pass_cryptomatte_object "
+    "use_pass_cryptomatte_material use_pass_cryptomatte_asset pass_cryptomatte_depth",
     "WorldMistSettings": "start depth falloff",
 }
 """What the sources of the extension read, by type of Blender's data."""
@@ -126,6 +135,11 @@ def contexts(scene: Any) -> Iterator[Context]:
         for unit in ("MILLIMETERS", "FOV"):
             camera.lens_unit = unit
             yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
+    camera = bpy.data.cameras.new("Camera")
+    camera.type = "PANO"
+    for kind in OF_PANORAMAS:
+        camera.panorama_type = kind
+        yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
 
 
 def shown(context: Context) -> Iterator[tuple[Any, Layout]]:
@@ -200,7 +214,7 @@ def test_labels_are_those_of_cycles(scene: Any, drawn: list[tuple[Any, Layout]])
 
 
 def test_panels_in_place_of_blenders_have_their_names_and_places() -> None:
-    ours = {panel.__name__: panel for panel in (*panels.CLASSES, *data_panels.CLASSES)}
+    ours = {panel.__name__: panel for panel in (*panels.CLASSES, *data_panels.CLASSES, *pass_panels.CLASSES)}
     for theirs, name in compat.REPLACED.items():
         panel = getattr(bpy.types, theirs, None)
         if panel is not None:

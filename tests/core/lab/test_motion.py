@@ -61,6 +61,17 @@ def test_every_frame_is_compared_and_rebuilds_are_counted() -> None:
     assert all(row["drift"] is None for row in rows if row["way"] == "lazy")
 
 
+def test_a_lazy_tree_of_normals_is_measured_beside_the_others() -> None:
+    assert "bsp-wn-plus-kd" in frames.SPECS
+    methods = frames.methods(native, ("bsp-wn-plus-kd",))
+    assert [(one.spec, one.way) for one in methods] == [
+        ("bsp-wn-plus-kd", "rebuild"),
+        ("bsp-wn-plus-kd:lazy=1", "lazy"),
+    ]
+    rows = list(frames.measure(native, animations.built_in("wave"), range(2), methods, size=(64, 64)))
+    assert all(row["wrong"] == 0 for row in rows)
+
+
 def test_triangles_that_appear_are_rebuilt() -> None:
     rows = [row for row in measured(range(3, 5), ("bih",)) if row["way"] == "refit"]
     assert [row["done"] for row in rows] == ["built", "rebuilt"]
@@ -92,12 +103,25 @@ def test_the_command_writes_a_table_keys_and_a_page(tmp_path: Path, capsys: pyte
     printed = capsys.readouterr().out
     assert "refitted" in printed
     assert "kd:lazy=1" in printed
+    assert "  ".join(motion.FITS[2:]) in printed
     document = json.loads((tmp_path / motion.NUMBERS).read_text())
     assert {row["frame"] for row in document["frames"]} == {0, 1, 2}
     assert set(document["frames"][0]) == set(frames.Moved.__annotations__)
     page = (tmp_path / motion.PAGE).read_text()
     assert "Moving scenes" in page
     assert "<svg" in page
+
+
+def test_fits_are_compared_with_builds() -> None:
+    rows = measured(range(2, 5), ("bih", "bvh-sah", "kd"))
+    rows = [row | {"update_s": 0.25 if row["done"] == "refitted" else 1.0} for row in rows]  # type: ignore[misc]
+    lines = motion.fits(rows)
+    assert [line[1] for line in lines] == ["bih", "bvh-sah"]
+    statistics = native.build(*(lambda mesh: (mesh.vertices, mesh.triangles))(small(2)), "bih").statistics
+    size = statistics["nodes_axis"] + statistics["leaves"]
+    assert lines[0] == ("small", "bih", f"{size:,}", "1000.00", "250.00", "0.25")
+    assert motion.fits([row for row in rows if row["way"] != "rebuild"]) == []
+    assert len(animations.built_in("cloth").frame(0).triangles) == 100_352
 
 
 def test_an_animation_is_measured_once_and_its_name_is_its_own(tmp_path: Path) -> None:

@@ -75,6 +75,20 @@ def test_the_manifest_gets_its_wheels_before_the_first_table() -> None:
     assert filled["permissions"] == {"files": "Because"}
 
 
+def test_the_manifest_gets_the_page_of_its_publisher() -> None:
+    import tomllib
+
+    filled = tomllib.loads(package.filled_manifest(MANIFEST, [], "https://example.org/halfspace"))
+    assert filled["website"] == "https://example.org/halfspace"
+    assert "website" not in tomllib.loads(package.filled_manifest(MANIFEST, []))
+
+
+@pytest.mark.parametrize("page", ["", "example.org", "ftp://example.org", 'https://a"b', "https://a b"])
+def test_a_page_that_is_none_is_refused(page: str) -> None:
+    with pytest.raises(package.PackageError, match="not the address of a page"):
+        package.filled_manifest(MANIFEST, [], page)
+
+
 def test_a_wheel_of_another_version_is_refused() -> None:
     with pytest.raises(package.PackageError, match=r"its version is not 1\.2\.3"):
         package.filled_manifest(MANIFEST, ["x_native-1.2.4-cp311-abi3-win_amd64.whl"])
@@ -264,7 +278,7 @@ def test_what_is_asked_for_is_bundled_beside_what_is_given(
     monkeypatch.setattr(environment, "ROOT", tmp_path)
     monkeypatch.setattr(environment, "prepare_packages", ready.append)
     monkeypatch.setattr(package.wheel, "build", build)
-    monkeypatch.setattr(package, "stage", lambda wheels, _: bundled.extend(path.name for path in wheels))
+    monkeypatch.setattr(package, "stage", lambda wheels, *_: bundled.extend(path.name for path in wheels))
     monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
     given = wheel_with(tmp_path / "x-1-cp311-abi3-win_amd64.whl")
     arguments = ["--portable", "--wheel", str(given)] if portable else []
@@ -288,12 +302,14 @@ def test_each_system_gets_a_zip_of_its_own_next_to_the_one_for_all(
         for file in files.values():
             wheel_with(tmp_path / file)
     monkeypatch.setattr(package, "portable_wheel", lambda name: wheel_with(tmp_path / files[name]))
-    assert package.main([*given, "--split", "--out", str(tmp_path / "out")]) == 0
+    page = ["--website", "https://example.org/halfspace"]
+    assert package.main([*given, "--split", *page, "--out", str(tmp_path / "out")]) == 0
     names = ["halfspace-0.1.0.zip", *sorted(f"halfspace-0.1.0-{name.replace('-', '_')}.zip" for name in systems)]
     assert [Path(line.split(" (")[0]).name for line in capsys.readouterr().out.splitlines()] == names
     for name in systems:
         with zipfile.ZipFile(tmp_path / "out" / f"halfspace-0.1.0-{name.replace('-', '_')}.zip") as archive:
             assert [one for one in archive.namelist() if one.endswith(".whl")] == [f"wheels/{files[name]}"]
+            assert f'website = "{page[1]}"' in archive.read("blender_manifest.toml").decode()
     with zipfile.ZipFile(tmp_path / "out" / names[0]) as archive:
         inside = [one.removeprefix("wheels/") for one in archive.namelist() if one.endswith(".whl")]
     assert sorted(inside) == sorted(files.values())

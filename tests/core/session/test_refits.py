@@ -111,6 +111,23 @@ def test_a_stock_fits_what_it_holds() -> None:
     assert stock.take(native, geometry(1), "bih-sah") is second
 
 
+def test_a_fit_is_cancelled_with_its_building() -> None:
+    first = built(geometry(0), "bvh-sah", Followed())
+
+    class Stopped(Followed):
+        """Finds a structure whose fit is cancelled while it begins."""
+
+        def find(self, shape: bytes, spec: str) -> Any:
+            return self
+
+        def refit(self, vertices: Any, *, threads: int, monitor: Any) -> Any:
+            monitor.cancel()
+            return first.result().refit(vertices, threads=threads, monitor=monitor)
+
+    with pytest.raises(native.Cancelled):
+        built(geometry(1), "bvh-sah", Stopped())
+
+
 def test_topologies_differ_by_triangles_and_by_the_number_of_vertices() -> None:
     one, moved = geometry(0), geometry(1)
     assert refits.topology(one) == refits.topology(moved)

@@ -74,6 +74,8 @@ def test_lines_are_true_and_agree(structure: Any, scene: str) -> None:
     specs = [structure.id]
     if structure.parameter("k") is not None:
         specs.append(f"{structure.id}:k=3")
+    if structure.parameter("lazy") is not None:
+        specs += [spec + (",lazy=1" if ":" in spec else ":lazy=1") for spec in specs]
     for spec in specs:
         built = native.build(*SCENES[scene], spec)
         numbers = built.statistics

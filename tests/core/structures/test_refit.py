@@ -136,3 +136,13 @@ def test_instances_hold_fitted_structures() -> None:
     found, expected = both.closest(*asked), native.build(*flat, "brute").closest(*asked)
     assert np.array_equal(found.t, expected.t)
     assert np.array_equal(found.triangle, expected.triangle)
+
+
+def test_a_fit_is_cancelled_through_its_monitor() -> None:
+    vertices, triangles = sheet(20)
+    for spec in FITTED:
+        built, monitor = native.build(vertices, triangles, spec), native.Monitor()
+        assert built.refit(vertices, monitor=monitor).statistics["refits"] == 1
+        monitor.cancel()
+        with pytest.raises(native.Cancelled):
+            built.refit(vertices, monitor=monitor)

@@ -143,13 +143,23 @@ def test_exactly_what_changes_nothing_is_hidden(structure: Structure) -> None:
             assert (parameter in shown) == acts(structure, parameter, context, plain), (structure.id, context, name)
 
 
-def test_a_lazy_build_is_offered_where_it_is_one() -> None:
-    kd = KNOWN["kd"]
-    for traversal in ("auto", "dir", "sung", "rope"):
+def test_the_families_of_planes_can_be_built_lazily() -> None:
+    lazy = {one.id for one in KNOWN.structures if one.parameter("lazy") is not None}
+    begins = "bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid", "rbsp"
+    assert lazy == {"kd", *(one.id for one in KNOWN.structures if one.id.startswith(begins))}
+    assert len(lazy) == 15
+
+
+@pytest.mark.parametrize("id_", ["kd", "bsp-wn", "bsp-cn-plus", "bsp-random-plus-kd", "rbsp"])
+def test_a_lazy_build_is_offered_where_it_is_one(id_: str) -> None:
+    one = KNOWN[id_]
+    offered = one.parameter("traversal")
+    assert offered is not None
+    for traversal in sorted({"auto", "dir", "tile", "sung", "rope", "projected"}.intersection(offered.options)):
         for shadow in ("none", "cache", "beam"):
-            values = relevance.effective(kd, {"traversal": traversal, "shadow": shadow})
-            shown = "lazy" in {one.name for one in relevance.relevant(kd, values)}
-            given = f"kd:lazy=1,traversal={traversal},shadow={shadow}"
+            values = relevance.effective(one, {"traversal": traversal, "shadow": shadow})
+            shown = "lazy" in {each.name for each in relevance.relevant(one, values)}
+            given = f"{id_}:lazy=1,traversal={traversal},shadow={shadow}"
             try:
                 waiting = native.build(*SCENES[-1], given).statistics["parts_waiting"] > 0
             except ValueError as error:

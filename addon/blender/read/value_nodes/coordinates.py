@@ -122,6 +122,12 @@ def _vector_transform(values: Values, node: Place) -> Operand:
     return values.step("transform", vector, vector=item.vector_type, **spaces)
 
 
+def _wireframe(values: Values, node: Place) -> Operand:
+    if values.background:
+        return 0.0
+    return values.step("wireframe", values.input(node, "Size"), pixels=node.node.use_pixel_size)
+
+
 def _tangent(values: Values, node: Place) -> Operand:
     item = node.node
     if item.direction_type == "RADIAL":
@@ -143,5 +149,6 @@ COORDINATES = {
     "ShaderNodeCameraData": _camera_data,
     "ShaderNodeVectorTransform": _vector_transform,
     "ShaderNodeTangent": _tangent,
+    "ShaderNodeWireframe": _wireframe,
 }
 """Nodes by their type, in the form of `value_nodes.NODES`."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from ..nodes import Place, Unsupported
@@ -55,7 +56,19 @@ def _layer_weight(values: Values, node: Place) -> Operand:
     return values.step(op, values.input(node, "Blend"))
 
 
+def _normal(values: Values, node: Place) -> Operand:
+    # The direction that the user drew is the value of an output.
+    drawn = [float(x) for x in node.node.outputs["Normal"].default_value]
+    length = math.hypot(*drawn)
+    direction = tuple(x / length for x in drawn) if 0.0 < length < math.inf else (0.0, 0.0, 0.0)
+    if node.socket.name == "Normal":
+        return direction
+    unit = values.step("unit", values.input(node, "Normal"))
+    return values.step("vector_math", unit, direction, 0.0, kind="DOT_PRODUCT")
+
+
 NORMALS = {
+    "ShaderNodeNormal": _normal,
     "ShaderNodeNormalMap": _normal_map,
     "ShaderNodeBump": _bump,
     "ShaderNodeLayerWeight": _layer_weight,

@@ -90,6 +90,21 @@ def _voronoi(values: Values, node: Place) -> Operand:
     )
 
 
+def _gabor(values: Values, node: Place) -> Operand:
+    solid = node.node.gabor_type == "3D"
+    names = {"Scale": 5.0, "Frequency": 2.0, "Anisotropy": 1.0}
+    # Two inputs have the name Orientation: an angle and a direction.
+    orientation = next(item for item in node.node.inputs if item.identifier == f"Orientation {'3D' if solid else '2D'}")
+    return values.step(
+        "gabor",
+        values.vector(node, "generated"),
+        *_inputs(values, node, names),
+        values.value(node.beside(orientation)),
+        dimensions=3 if solid else 2,
+        output=node.socket.name,
+    )
+
+
 def _wave(values: Values, node: Place) -> Operand:
     item = node.node
     direction = item.bands_direction if item.wave_type == "BANDS" else item.rings_direction
@@ -149,6 +164,7 @@ def _brick(values: Values, node: Place) -> Operand:
 TEXTURES: dict[str, Callable[[Values, Place], Any]] = {
     "ShaderNodeTexBrick": _brick,
     "ShaderNodeTexChecker": _checker,
+    "ShaderNodeTexGabor": _gabor,
     "ShaderNodeTexGradient": _gradient,
     "ShaderNodeTexMagic": _magic,
     "ShaderNodeTexNoise": _noise,

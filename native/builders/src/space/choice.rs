@@ -151,8 +151,10 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 task.out.first_only += 1;
             } else {
                 search.first = task.directions.len();
-                self.policy
-                    .further(&node.view(&task.pieces[from..]), &mut task.directions);
+                self.policy.further(
+                    &node.view(&task.pieces[from..], self.monitor),
+                    &mut task.directions,
+                );
                 self.sweep_all(task, &search, pricing, &mut found);
             }
         }
@@ -229,8 +231,10 @@ impl<P: PlanePolicy> Builder<'_, P> {
         // Try the policy's last resort if no direction splits the node.
         let found = attempt(task).or_else(|| {
             task.directions.clear();
-            self.policy
-                .last_resort(&node.view(&task.pieces[from..]), &mut task.directions);
+            self.policy.last_resort(
+                &node.view(&task.pieces[from..], self.monitor),
+                &mut task.directions,
+            );
             attempt(task)
         });
         let (plane, best) = found?;

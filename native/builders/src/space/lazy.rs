@@ -13,6 +13,7 @@
 use crate::space::{Builder, OpenNode, Params, PlanePolicy, forecast};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
+use halfspace_geom::cell::Cell;
 use halfspace_nodes::lazy_tree::{LazyTree, Part, Seed, Unbuilt};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -56,8 +57,9 @@ impl<P: PlanePolicy + Send + 'static> Later<P> for UpTo<P> {
     }
 
     fn keep(&self, pieces: Vec<P::Piece>, node: OpenNode<P::Cell>) -> Unbuilt {
+        let cell = node.cell.as_ref().map_or(0, Cell::allocated);
         Unbuilt::new(
-            size_of_val(&*pieces),
+            size_of_val(&*pieces) + size_of::<Deferred<P>>() + cell,
             pieces.len(),
             Box::new(Deferred {
                 plan: self.plan.clone(),

@@ -61,11 +61,12 @@ pub struct OpenNode<C> {
 
 impl<C> OpenNode<C> {
     /// Returns the view of the node that its policy gets.
-    fn view<'a, P>(&self, pieces: &'a [P]) -> Node<'a, P> {
+    fn view<'a, P>(&self, pieces: &'a [P], monitor: &'a Monitor) -> Node<'a, P> {
         Node {
             pieces,
             depth: self.depth,
             key: self.key,
+            monitor,
         }
     }
 }
@@ -232,18 +233,21 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let count = task.pieces.len() - from;
         // Defer small nodes of a tree that is built on demand.
         if let Some(later) = self.later
-            && node.cell.is_some()
+            && let Some(cell) = &node.cell
             && later.takes(count)
         {
-            self.monitor
-                .charge(&mut task.gathered, footprint::later::<P::Piece>(count))?;
+            let bytes = footprint::later::<P::Piece>(count) + cell.allocated();
+            self.monitor.charge(&mut task.gathered, bytes)?;
             task.done += node.work;
             let pieces = task.pieces.split_off(from);
             task.out.later(later.keep(pieces, node));
             return Ok(());
         }
+        // Choose a split; a policy that was cancelled chooses none or a bad one.
+        let chosen = self.choose(task, from, &node);
+        self.monitor.check()?;
         // Make a leaf if no split is accepted.
-        let Some((cell, choice)) = self.choose(task, from, &node) else {
+        let Some((cell, choice)) = chosen else {
             let bytes = footprint::leaf::<Item>(task.pieces.len() - from, 24);
             self.monitor.charge(&mut task.gathered, bytes)?;
             let ids = task.pieces[from..].iter().map(Piece::id);
@@ -336,7 +340,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         // Get the directions and single planes to try at this node.
         task.directions.clear();
         task.planes.clear();
-        let view = node.view(&task.pieces[from..]);
+        let view = node.view(&task.pieces[from..], self.monitor);
         self.policy.directions(&view, &mut task.directions);
         self.policy.planes(&view, &mut task.planes);
         let mut choice = None;
@@ -346,7 +350,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             if choice.as_ref().is_none_or(|c| c.bad > node.bad) {
                 // Keep the directions tried before, for a forced split.
                 let tried = std::mem::take(&mut task.directions);
-                let view = node.view(&task.pieces[from..]);
+                let view = node.view(&task.pieces[from..], self.monitor);
                 self.policy.more(&view, &mut task.directions);
                 if !task.directions.is_empty() {
                     let second = self.affordable(task, from, node, Round::More);
@@ -358,7 +362,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 task.directions.extend(tried);
             }
         } else {
-            let view = node.view(&task.pieces[from..]);
+            let view = node.view(&task.pieces[from..], self.monitor);
             self.policy.further(&view, &mut task.directions);
         }
         // Reject splits not worth their cost, but split nodes too large for a leaf at any cost.

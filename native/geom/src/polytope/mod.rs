@@ -159,6 +159,14 @@ impl Polytope {
         self.magnitude
     }
 
+    /// Returns the bytes of its lists.
+    pub fn allocated(&self) -> usize {
+        size_of_val(&*self.vertices)
+            + size_of_val(&*self.facets)
+            + size_of_val(&*self.loops)
+            + size_of_val(&*self.edges)
+    }
+
     /// Writes the extent of the polytope along `direction`; see [`crate::cell::Cell::extent`].
     pub fn extent(&self, direction: [f32; 3], out: &mut Profile) -> bool {
         let n = widen(direction);

@@ -115,6 +115,8 @@ pub struct Part {
     parts: Vec<Unbuilt>,
     /// Shape of this part, without its subtrees.
     shape: Shape,
+    /// Number of its nodes that tried their first directions only.
+    first_only: usize,
     /// Depth of the part's root in the whole tree.
     depth: usize,
 }
@@ -130,6 +132,7 @@ impl Part {
             tree: PlaneTree::new(&preorder, scene, frame, &mut blocks)?,
             blocks,
             shape: Shape::new(&preorder),
+            first_only: preorder.first_only,
             depth,
             parts: preorder.parts,
         })
@@ -163,6 +166,7 @@ impl Part {
         // Add each built part, and descend to its built subtrees.
         while let Some(part) = open.pop() {
             sum.shape.join(&part.shape, part.depth);
+            sum.first_only += part.first_only;
             sum.bytes += part.bytes();
             for below in &part.parts {
                 if let Some(part) = below.part.get() {
@@ -229,6 +233,8 @@ impl Part {
 pub struct Progress {
     /// Shape of the built part.
     pub shape: Shape,
+    /// Number of nodes of the built part that tried their first directions only, because one of those was cheap enough.
+    pub first_only: usize,
     /// Number of subtrees that rays have built.
     pub built: usize,
     /// Number of unbuilt subtrees below the built part.

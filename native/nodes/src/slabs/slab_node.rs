@@ -165,6 +165,7 @@ impl SlabNode for Double {
         kind(self.word, self.planes[0])
     }
 
+    #[inline(always)]
     fn move_planes(&mut self, axis: usize, [below, above]: [Fitted; 2]) {
         let planes = if self.word & ALONE == 0 {
             [below.high(axis), above.low(axis)]
@@ -177,15 +178,28 @@ impl SlabNode for Double {
     #[inline(always)]
     fn parts(&self, axis: usize, region: &Aabb) -> [Aabb; 2] {
         let [first, second] = self.planes.map(f32::from_bits);
-        let (mut below, mut above) = (*region, *region);
+        // Select by axis: writes to a variable place stall the copies of the box after them.
+        let along = |side: [f32; 3], plane: f32| -> [f32; 3] {
+            std::array::from_fn(|k| if k == axis { plane } else { side[k] })
+        };
+        let Aabb { min, max } = *region;
         if self.word & ALONE == 0 {
-            below.max[axis] = first;
-            above.min[axis] = second;
+            let below = Aabb {
+                min,
+                max: along(max, first),
+            };
+            let above = Aabb {
+                min: along(min, second),
+                max,
+            };
+            [below, above]
         } else {
-            (below.min[axis], below.max[axis]) = (first, second);
-            above = Aabb::EMPTY;
+            let only = Aabb {
+                min: along(min, first),
+                max: along(max, second),
+            };
+            [only, Aabb::EMPTY]
         }
-        [below, above]
     }
 
     #[inline(always)]
@@ -253,6 +267,7 @@ impl SlabNode for Single {
     }
 
     /// The plane goes on bounding the child that it bounds.
+    #[inline(always)]
     fn move_planes(&mut self, axis: usize, [below, above]: [Fitted; 2]) {
         let plane = if self.word & ABOVE == 0 {
             below.high(axis)
@@ -296,6 +311,7 @@ impl SlabNode for Single {
 }
 
 /// Fits a node with two planes or one.
+#[inline(always)]
 fn fit<N: SlabNode>(node: &mut N, mut child: impl FnMut(Below) -> Fitted) -> Fitted {
     match node.kind() {
         SlabKind::Leaf { first, count } => {
@@ -304,9 +320,11 @@ fn fit<N: SlabNode>(node: &mut N, mut child: impl FnMut(Below) -> Fitted) -> Fit
             fitted
         }
         SlabKind::Pair { axis, link } => {
-            let children = [link, link + 1].map(|link| child(Below::Node(link)));
-            node.move_planes(axis, children);
-            children[0].join(children[1])
+            // Two calls: those of `array::map` are not inlined.
+            let below = child(Below::Node(link));
+            let above = child(Below::Node(link + 1));
+            node.move_planes(axis, [below, above]);
+            below.join(above)
         }
         SlabKind::Only { axis, link } => {
             let only = child(Below::Node(link));
@@ -317,12 +335,14 @@ fn fit<N: SlabNode>(node: &mut N, mut child: impl FnMut(Below) -> Fitted) -> Fit
 }
 
 impl FitNode for Double {
+    #[inline(always)]
     fn fit(&mut self, child: impl FnMut(Below) -> Fitted) -> Fitted {
         fit(self, child)
     }
 }
 
 impl FitNode for Single {
+    #[inline(always)]
     fn fit(&mut self, child: impl FnMut(Below) -> Fitted) -> Fitted {
         fit(self, child)
     }

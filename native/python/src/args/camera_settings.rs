@@ -5,6 +5,7 @@ use crate::args::keys::Keys;
 use halfspace_base::error::Result;
 use halfspace_render::camera::filter::FilterKind;
 use halfspace_render::camera::lens::LensParams;
+use halfspace_render::camera::panorama::Panorama;
 use halfspace_render::camera::{CameraParams, Projection};
 use halfspace_render::settings::{Falloff, Integrator, Mist, Pass, Settings};
 use pyo3::prelude::*;
@@ -23,22 +24,102 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         "aperture_rotation",
         "aperture_ratio",
         "focus_distance",
+        "longitude",
+        "latitude",
+        "height",
+        "fov",
+        "focal",
+        "sensor",
+        "polynomial",
+        "motion",
     ];
     // An unknown key is an error.
     let keys = Keys::new(dict, "camera".into(), &known)?;
-    let kinds = [
-        ("perspective", Projection::Perspective),
-        ("orthographic", Projection::Orthographic),
-    ];
     let window = keys.numbers("window", &[4])?;
     Ok(CameraParams {
-        projection: keys.choice("kind", &kinds)?,
+        projection: projection(&keys)?,
         to_world: keys.matrix("to_world")?,
         window: [window[0], window[1], window[2], window[3]],
         clip_start: keys.number("clip_start")?,
         clip_end: keys.number("clip_end")?,
         lens: lens(&keys)?,
+        motion: motion(&keys)?,
     })
+}
+
+/// Reads the cameras of the pictures before and after.
+fn motion(keys: &Keys<'_, '_>) -> Result<Option<Box<[CameraParams; 2]>>> {
+    let Some(value) = keys.find("motion") else {
+        return Ok(None);
+    };
+    let wrong = || keys.wrong("motion", "a pair of cameras", &value);
+    let [before, after]: [Bound<'_, PyDict>; 2] = value.extract().map_err(|_| wrong())?;
+    if [&before, &after]
+        .iter()
+        .any(|one| one.contains("motion").unwrap_or(true))
+    {
+        return Err(wrong());
+    }
+    Ok(Some(Box::new([camera(&before)?, camera(&after)?])))
+}
+
+/// Reads the projection and the keys that its kind needs.
+fn projection(keys: &Keys<'_, '_>) -> Result<Projection> {
+    type Reader = fn(&Keys<'_, '_>) -> Result<Projection>;
+    let kinds: [(&str, Reader); 9] = [
+        ("perspective", |_| Ok(Projection::Perspective)),
+        ("orthographic", |_| Ok(Projection::Orthographic)),
+        ("equirectangular", |keys| {
+            Ok(Projection::Panoramic(Panorama::Equirectangular {
+                longitude: floats(keys, "longitude")?,
+                latitude: floats(keys, "latitude")?,
+            }))
+        }),
+        ("equidistant", |keys| {
+            let [fov] = floats(keys, "fov")?;
+            Ok(Projection::Panoramic(Panorama::Equidistant { fov }))
+        }),
+        ("equisolid", |keys| {
+            let ([fov], [focal]) = (floats(keys, "fov")?, floats(keys, "focal")?);
+            let sensor = floats(keys, "sensor")?;
+            Ok(Projection::Panoramic(Panorama::Equisolid {
+                fov,
+                focal,
+                sensor,
+            }))
+        }),
+        ("polynomial", |keys| {
+            let [fov] = floats(keys, "fov")?;
+            Ok(Projection::Panoramic(Panorama::Polynomial {
+                fov,
+                coefficients: floats(keys, "polynomial")?,
+                sensor: floats(keys, "sensor")?,
+            }))
+        }),
+        ("mirror_ball", |_| {
+            Ok(Projection::Panoramic(Panorama::MirrorBall))
+        }),
+        ("central_cylindrical", |keys| {
+            Ok(Projection::Panoramic(Panorama::CentralCylindrical {
+                longitude: floats(keys, "longitude")?,
+                height: floats(keys, "height")?,
+            }))
+        }),
+        ("cube_face", |_| {
+            Ok(Projection::Panoramic(Panorama::CubeFace))
+        }),
+    ];
+    keys.choice("kind", &kinds)?(keys)
+}
+
+/// Reads numbers, of which there are `N`.
+#[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
+fn floats<const N: usize>(keys: &Keys<'_, '_>, key: &str) -> Result<[f32; N]> {
+    if N == 1 {
+        return Ok([keys.number(key)? as f32; N]);
+    }
+    let numbers = keys.numbers(key, &[N])?;
+    Ok(std::array::from_fn(|k| numbers[k] as f32))
 }
 
 /// Reads the lens of the camera; missing keys have their default.

@@ -7,7 +7,9 @@ use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
+use halfspace_render::settings::Pass;
 use halfspace_render::values::linking::{LightSets, ObjectSets, SETS};
+use halfspace_render::values::program::Operand;
 use halfspace_render::values::visibility::{RayKind, Visibility};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,6 +31,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "hidden_from",
         "receives",
         "blocks",
+        "outputs",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -57,6 +60,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
                 receives: bits(&keys, "receives")?,
                 blocks: bits(&keys, "blocks")?,
             },
+            outputs: outputs(&keys)?,
         })
     })
 }
@@ -74,6 +78,30 @@ fn set(keys: &Keys<'_, '_>, key: &str) -> Result<u8> {
 /// Reads a bit for each set of linked objects; all by default.
 fn bits(keys: &Keys<'_, '_>, key: &str) -> Result<u32> {
     keys.find(key).map_or(Ok(u32::MAX), |_| keys.count(key))
+}
+
+/// Reads the values for passes: pairs of a number and an operand.
+fn outputs(keys: &Keys<'_, '_>) -> Result<Vec<(u8, Operand)>> {
+    let Some(value) = keys.find("outputs") else {
+        return Ok(Vec::new());
+    };
+    let wrong = || {
+        keys.wrong(
+            "outputs",
+            "pairs of a number below 64 and an operand",
+            &value,
+        )
+    };
+    let items: Vec<(u8, Bound<'_, PyAny>)> = value.extract().map_err(|_| wrong())?;
+    items
+        .iter()
+        .map(|(number, operand)| {
+            if *number >= Pass::OUTPUTS {
+                return Err(wrong());
+            }
+            Ok((*number, shader::operand(keys, "outputs", operand)?))
+        })
+        .collect()
 }
 
 /// Reads the visibility: all kinds of rays except those in "hidden_from".
@@ -129,6 +157,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "hidden_from",
         "receivers",
         "blockers",
+        "group",
     ];
     let kinds = [
         ("point", Kind::Point),
@@ -177,8 +206,18 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
                 receivers: set(&keys, "receivers")?,
                 blockers: set(&keys, "blockers")?,
             },
+            group: group(&keys)?,
         })
     })
+}
+
+/// Reads a light group, counted from 1; 0 = none.
+fn group(keys: &Keys<'_, '_>) -> Result<u8> {
+    let Some(value) = keys.find("group") else {
+        return Ok(0);
+    };
+    let found = value.extract().ok().filter(|&group| group <= Pass::GROUPS);
+    found.ok_or_else(|| keys.wrong("group", "a number from 0 to 64", &value))
 }
 
 /// Reads the background: a colour, or a program and its result.
@@ -186,7 +225,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
     let Some(dict) = dict else {
         return Ok(WorldParams::default());
     };
-    let known = ["color", "program", "radiance", "hidden_from"];
+    let known = ["color", "program", "radiance", "hidden_from", "group"];
     let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
         color: keys.color("color")?,
@@ -196,5 +235,6 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
             .map(|value| shader::operand(&keys, "radiance", &value))
             .transpose()?,
         visible: visibility(&keys, Visibility::ALL)?,
+        group: group(&keys)?,
     })
 }

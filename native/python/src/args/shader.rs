@@ -10,6 +10,7 @@ use crate::args::steps::{self, COORDINATES};
 use crate::args::textures;
 use halfspace_base::error::{Error, Result};
 use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
+use halfspace_render::material::microfacets::Distribution;
 use halfspace_render::values::image::{Extension, Image, Interpolation};
 use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
 use halfspace_render::values::program::{Bump, Gradient, Op, Operand, Shift, Step, Value};
@@ -28,6 +29,19 @@ const KINDS: &[(&str, ClosureKind)] = &[
     ("refraction", ClosureKind::Refraction),
     ("transparent", ClosureKind::Transparent),
     ("emission", ClosureKind::Emission),
+    ("conductor", ClosureKind::Conductor),
+    ("sheen", ClosureKind::Sheen),
+    ("velvet", ClosureKind::Velvet),
+    ("toon_diffuse", ClosureKind::ToonDiffuse),
+    ("toon_glossy", ClosureKind::ToonGlossy),
+    ("holdout", ClosureKind::Holdout),
+];
+
+/// Distributions of facets by their names in dictionaries.
+const DISTRIBUTIONS: &[(&str, Distribution)] = &[
+    ("ggx", Distribution::Ggx),
+    ("beckmann", Distribution::Beckmann),
+    ("ashikhmin_shirley", Distribution::AshikhminShirley),
 ];
 
 /// Inputs of closures by their keys.
@@ -47,6 +61,17 @@ const INPUTS: &[(&str, Input)] = &[
     ("coat_ior", Input::CoatIor),
     ("coat_tint", Input::CoatTint),
     ("diffuse_roughness", Input::DiffuseRoughness),
+    ("anisotropy", Input::Anisotropy),
+    ("rotation", Input::Rotation),
+    ("tangent", Input::Tangent),
+    ("coat_normal", Input::CoatNormal),
+    ("sheen_weight", Input::SheenWeight),
+    ("sheen_roughness", Input::SheenRoughness),
+    ("sheen_tint", Input::SheenTint),
+    ("smooth", Input::Smooth),
+    ("extinction", Input::Extinction),
+    ("film_thickness", Input::FilmThickness),
+    ("film_ior", Input::FilmIor),
 ];
 
 /// Gradient textures by Blender's names.
@@ -125,7 +150,7 @@ pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Resu
 
 /// Reads the closures of a material.
 pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
-    let mut known = vec!["kind", "normal", "multiscatter"];
+    let mut known = vec!["kind", "normal", "multiscatter", "distribution"];
     known.extend(INPUTS.iter().map(|(name, _)| *name));
     let name = format!("{}['closures']", keys.name);
     list(&name, keys.find("closures").as_ref(), |dict, index| {
@@ -142,6 +167,9 @@ pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
             .map(|value| operand(&keys, "normal", &value))
             .transpose()?;
         closure.multiscatter = keys.flag_or("multiscatter", true)?;
+        if keys.find("distribution").is_some() {
+            closure.distribution = keys.choice("distribution", DISTRIBUTIONS)?;
+        }
         Ok(closure)
     })
 }

@@ -8,7 +8,7 @@ use halfspace_render::values::program::{ColorModel, Coordinate, Ease, Op, Space,
 
 /// The keys that these steps may have in addition to those of others.
 pub const KEYS: &[&str] = &[
-    "model", "inverse", "from", "to", "vector", "column", "extend",
+    "model", "inverse", "from", "to", "vector", "column", "extend", "pixels",
 ];
 
 /// Coordinates by their names in dictionaries.
@@ -85,6 +85,7 @@ pub fn step(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
             keys.choice("model", MODELS)?,
             !keys.flag_or("inverse", false)?,
         ),
+        "wireframe" => Op::Wireframe(keys.flag_or("pixels", false)?),
         "blackbody" => Op::Blackbody,
         "wavelength" => Op::Wavelength,
         "rotate_axis" => Op::RotateAxis,

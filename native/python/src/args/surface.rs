@@ -7,7 +7,7 @@ use halfspace_base::error::{Error, Result};
 use halfspace_render::scene::attributes::{InstanceAttributes, MeshAttributes};
 use halfspace_render::scene::indices::Indices;
 use halfspace_structure::instances::Instances;
-use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -101,6 +101,25 @@ pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
     Ok(array.as_array().outer_iter().map(triangle).collect())
 }
 
+/// Reads the corners of all triangles in the pictures before and after.
+fn motion(keys: &Keys<'_, '_>) -> Result<[Vec<[[f32; 3]; 3]>; 2]> {
+    let Some(value) = keys.find("motion") else {
+        return Ok(Default::default());
+    };
+    let wrong = || keys.wrong("motion", "two (m, 3, 3) float32 arrays", &value);
+    let sides: [PyReadonlyArray3<'_, f32>; 2] = value.extract().map_err(|_| wrong())?;
+    if sides.iter().any(|side| side.shape()[1..] != [3, 3]) {
+        return Err(wrong());
+    }
+    Ok(sides.each_ref().map(|side| {
+        let corners = side.as_array();
+        let triangles = corners.outer_iter();
+        triangles
+            .map(|t| [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]])))
+            .collect()
+    }))
+}
+
 /// Reads object and material indices, and UVs.
 pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
     let Some(dict) = dict else {
@@ -109,7 +128,16 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
     let keys = Keys::new(
         dict,
         "indices".into(),
-        &["first", "object", "material", "uvs"],
+        &[
+            "first",
+            "object",
+            "material",
+            "uvs",
+            "identities",
+            "material_identities",
+            "groups",
+            "motion",
+        ],
     )?;
     /// Reads a required one-dimensional array.
     fn array<T: numpy::Element + Copy>(
@@ -128,6 +156,27 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
         first: first.into_iter().map(i32::cast_unsigned).collect(),
         object: array(&keys, "object", "an (n,) float32 array")?,
         material: array(&keys, "material", "an (n,) float32 array")?,
+        identities: match keys.find("identities") {
+            None => Vec::new(),
+            Some(value) => {
+                let wrong = || keys.wrong("identities", "an (n, 2) uint32 array", &value);
+                let array: PyReadonlyArray2<'_, u32> = value.extract().map_err(|_| wrong())?;
+                if array.shape()[1] != 2 {
+                    return Err(wrong());
+                }
+                let rows = array.as_array();
+                rows.outer_iter().map(|row| [row[0], row[1]]).collect()
+            }
+        },
+        motion: motion(&keys)?,
+        groups: match keys.find("groups") {
+            None => Vec::new(),
+            Some(_) => array(&keys, "groups", "an (n,) uint8 array")?,
+        },
+        material_identities: match keys.find("material_identities") {
+            None => Vec::new(),
+            Some(_) => array(&keys, "material_identities", "an (n,) uint32 array")?,
+        },
         uvs: match keys.find("uvs") {
             None => Vec::new(),
             Some(value) => {

@@ -5,6 +5,7 @@ use crate::args::keys::Keys;
 use halfspace_base::error::{Error, Result};
 use halfspace_render::values::program::{CellOutput, Cells, Noise, Op, Spread};
 use halfspace_render::values::texture::fractal::NoiseKind;
+use halfspace_render::values::texture::gabor::GaborOutput;
 use halfspace_render::values::texture::pattern::{Profile, Rows, WaveShape};
 use halfspace_render::values::texture::voronoi::{Feature, Metric};
 
@@ -38,6 +39,19 @@ pub fn texture(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
             normalize: keys.flag_or("normalize", false)?,
             output: keys.choice("output", CellOutput::NAMED)?,
         }),
+        "gabor" => Op::Gabor(
+            keys.choice("output", GaborOutput::NAMED)?,
+            match dimensions(keys)? {
+                2 => false,
+                3 => true,
+                n => {
+                    return Err(Error::Spec(format!(
+                        "{}['dimensions'] must be 2 or 3, got {n}",
+                        keys.name
+                    )));
+                }
+            },
+        ),
         "wave" => Op::Wave(
             keys.choice("kind", WaveShape::NAMED)?,
             keys.choice("profile", Profile::NAMED)?,

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Camera rays: perspective and orthographic, through a pinhole or a thin lens.
+//! Camera rays: perspective and orthographic, through a pinhole or a thin lens, and panoramic.
 
 use crate::camera::lens::{Lens, LensParams};
+use crate::camera::panorama::Panorama;
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
@@ -10,14 +11,19 @@ use halfspace_ray::Ray;
 
 pub mod filter;
 pub mod lens;
+mod motion;
+pub mod panorama;
 
 /// How the film is projected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
     /// All rays from one point; the window lies at distance 1 along -Z.
     Perspective,
     /// Parallel rays; the window is in scene units.
     Orthographic,
+    /// All rays from one point, see [`Panorama`]; the window is 0 to 1 along both sides. It ignores the lens, and
+    /// clips by distance.
+    Panoramic(Panorama),
 }
 
 /// Parameters of a camera, which looks along its own -Z with +Y up.
@@ -35,6 +41,8 @@ pub struct CameraParams {
     pub clip_end: f64,
     /// Depth of field.
     pub lens: LensParams,
+    /// The camera in the picture before this one, and in the one after, for the vector pass; they have no motion.
+    pub motion: Option<Box<[CameraParams; 2]>>,
 }
 
 /// A camera prepared for generating rays.
@@ -55,7 +63,15 @@ pub struct Camera {
     clip: [f32; 2],
     lens: Option<Lens>,
     view: View,
+    panorama: Option<Panorama>,
+    /// Angle between pixels of a panorama.
+    pixel_angle: Option<f32>,
+    /// The camera in the picture before this one, and in the one after.
+    motion: Option<Box<[Camera; 2]>>,
 }
+
+/// End of the interval of a ray that does not exist.
+const EMPTY: f32 = -1.0;
 
 impl Camera {
     /// A camera for a film of `width` × `height` pixels.
@@ -89,7 +105,22 @@ impl Camera {
                 "camera['to_world'] has an axis of length zero".into(),
             ));
         };
-        let perspective = params.projection == Projection::Perspective;
+        let panorama = match params.projection {
+            Projection::Panoramic(panorama) if !panorama.is_finite() => {
+                return Err(Error::NonFinite("camera: its panorama".into()));
+            }
+            Projection::Panoramic(panorama) => Some(panorama),
+            _ => None,
+        };
+        let motion = match &params.motion {
+            None => None,
+            Some(motion) => {
+                let [before, after] = &**motion;
+                let side = |params| Self::new(params, width, height);
+                Some(Box::new([side(before)?, side(after)?]))
+            }
+        };
+        let perspective = params.projection != Projection::Orthographic;
         // `at` maps a position in the window and a depth to a vector in scene space, in f64 until the end.
         let at = |sx: f64, sy: f64, depth: f64| {
             let v = [0, 1, 2].map(|k| (sx * x[k] + sy * y[k] - depth * z[k]) as f32);
@@ -112,6 +143,9 @@ impl Camera {
             up: at(0.0, (top - bottom) / f64::from(height), 0.0),
             axes: [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
             lens: Lens::new(&params.lens)?,
+            panorama,
+            motion,
+            pixel_angle: panorama.map(|it| it.pixel_angle(width)),
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
                 end as f32,
@@ -124,6 +158,9 @@ impl Camera {
     /// in [0, 1); called only if the camera has a lens.
     #[inline]
     pub fn ray(&self, x: f32, y: f32, lens: impl FnOnce() -> [f32; 2]) -> Ray {
+        if let Some(panorama) = &self.panorama {
+            return self.panoramic_ray(panorama, x, y);
+        }
         match &self.lens {
             None => self.sharp_ray(x, y),
             Some(it) => self.lens_ray(x, y, it, it.sample(lens())),
@@ -137,11 +174,14 @@ impl Camera {
 
     /// Whether the camera is a pinhole (or sharp orthographic) one.
     pub fn is_sharp(&self) -> bool {
-        self.lens.is_none()
+        self.lens.is_none() && self.panorama.is_none()
     }
 
     /// Returns what all camera rays share: the pinhole, the direction of an orthographic camera, or nothing with a lens.
     pub fn source(&self) -> Source {
+        if self.panorama.is_some() {
+            return Source::None;
+        }
         match (&self.lens, self.perspective) {
             (Some(_), _) => Source::None,
             (None, true) => Source::Point(self.origin),
@@ -197,17 +237,45 @@ impl Camera {
         }
     }
 
+    /// The ray of a panorama; an empty one where the projection has no direction.
+    fn panoramic_ray(&self, panorama: &Panorama, x: f32, y: f32) -> Ray {
+        // The window spans the picture in multiples of its sides.
+        let film = self.corner + self.right * x + self.up * y - self.forward;
+        let [right, up] = self.axes;
+        let direction = panorama.direction(film.dot(right), film.dot(up));
+        let d = direction.map(|d| right * d.x + up * d.y - self.forward * d.z);
+        let [t_min, t_max] = self.clip;
+        Ray {
+            o: self.origin.array(),
+            d: d.unwrap_or(self.forward).array(),
+            t_min,
+            t_max: if d.is_some() { t_max } else { EMPTY },
+        }
+    }
+
+    /// Whether a camera ray exists: a panorama does not cover the whole frame.
+    #[inline]
+    pub fn sees(&self, ray: &Ray) -> bool {
+        self.panorama.is_none() || ray.t_max != EMPTY
+    }
+
     /// Returns the depth of a point: its distance from the camera's plane, along -Z.
     #[inline]
     pub fn depth(&self, point: Vec3) -> f32 {
-        (point - self.origin).dot(self.forward)
+        if self.panorama.is_some() {
+            (point - self.origin).length()
+        } else {
+            (point - self.origin).dot(self.forward)
+        }
     }
 
     /// Returns the width of a pixel in scene units, at a distance from the camera.
     #[inline]
     pub fn pixel_width(&self, distance: f32) -> f32 {
         let width = self.right.length();
-        if self.perspective {
+        if let Some(angle) = self.pixel_angle {
+            angle * distance
+        } else if self.perspective {
             width * distance
         } else {
             width
@@ -245,6 +313,7 @@ impl Default for CameraParams {
             clip_start: 0.1,
             clip_end: 1000.0,
             lens: LensParams::default(),
+            motion: None,
         }
     }
 }

@@ -3,16 +3,23 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::check::{Error, Result};
 use crate::film::adaptive::Noise;
 use crate::settings::{Mist, Pass, Settings};
 
 pub mod adaptive;
 mod area;
+mod batch;
+mod light_parts;
+mod matte;
+mod read;
 mod sample;
 
 use crate::film::area::TILE;
 pub use crate::film::area::{BLOCK, TileArea};
+pub use crate::film::batch::Batch;
+pub use crate::film::light_parts::{LightParts, Shares};
+pub use crate::film::matte::Identities;
+use crate::film::matte::Mattes;
 pub use crate::film::sample::PixelSample;
 
 /// One tile with its own lock, so that threads that work on different tiles do not wait for each other.
@@ -31,6 +38,8 @@ struct Sums {
     active: Vec<bool>,
     /// Estimate of the noise, if sampling is adaptive.
     noise: Option<Noise>,
+    /// The surfaces in each pixel, if a matte is filled.
+    mattes: Mattes,
     /// Per pixel, all channels of all passes one after the other. The sums are f64, so that the mean of any number
     /// of samples keeps the precision of f32.
     values: Vec<f64>,
@@ -49,10 +58,19 @@ pub enum Unsampled {
 pub struct Film {
     /// Half-open range of pixels: x0, y0, x1, y1.
     region: [u32; 4],
-    /// Passes without repetitions, in the order of their channels.
+    /// Passes without repetitions, in the order of their channels: first those of the settings, then those by which
+    /// they are divided.
     passes: Vec<Pass>,
-    /// Channels per pixel.
+    /// Number of passes of the settings.
+    shown: usize,
+    /// Sums per pixel.
     stride: usize,
+    /// Number of values that materials output.
+    outputs: usize,
+    /// Number of light groups.
+    groups: usize,
+    /// Whether a pass is filled for which [`Batch`] has an array of its own.
+    extra: bool,
     mist: Mist,
     /// Factor on the colours of the combined pass.
     exposure: f32,
@@ -63,8 +81,8 @@ impl Film {
     /// Returns an upper bound of the memory of a film with these settings, in bytes.
     pub fn bytes(settings: &Settings) -> u64 {
         let [x0, y0, x1, y1] = settings.region();
-        // Passes given twice are counted twice here but stored once.
-        let mut channels: usize = settings.passes.iter().map(|p| p.channels()).sum();
+        let (passes, _) = stored(&settings.passes);
+        let mut channels: usize = passes.iter().map(|p| p.sums()).sum();
         // Adaptive sampling keeps two sums of RGB per pixel.
         if settings.noise_threshold > 0.0 {
             channels += 6;
@@ -75,14 +93,13 @@ impl Film {
     /// A film without samples.
     pub fn new(settings: &Settings) -> Self {
         let region @ [x0, y0, x1, y1] = settings.region();
-        // Keep each pass once.
-        let mut passes = Vec::new();
-        for &pass in &settings.passes {
-            if !passes.contains(&pass) {
-                passes.push(pass);
-            }
-        }
-        let stride = passes.iter().map(|p| p.channels()).sum();
+        let (passes, shown) = stored(&settings.passes);
+        let stride = passes.iter().map(|p| p.sums()).sum();
+        let count = |last: Option<u8>| last.map_or(0, |last| usize::from(last) + 1);
+        let outputs = count(passes.iter().filter_map(|p| p.output()).max());
+        let groups = count(passes.iter().filter_map(|p| p.group()).max());
+        let extra = passes.iter().any(|p| p.is_extra());
+        let mattes = || passes.iter().filter_map(|p| p.matte());
         // Divide the region into tiles, cut off at its upper and right edge.
         let mut tiles = Vec::new();
         for y in (y0..y1).step_by(TILE as usize) {
@@ -104,6 +121,7 @@ impl Film {
                         samples: vec![0; blocks],
                         active: vec![true; blocks],
                         noise,
+                        mattes: Mattes::new(mattes(), area.pixels()),
                         values: vec![0.0; area.pixels() * stride],
                     }),
                 });
@@ -112,7 +130,11 @@ impl Film {
         Self {
             region,
             passes,
+            shown,
             stride,
+            outputs,
+            groups,
+            extra,
             mist: settings.mist,
             exposure: settings.exposure,
             tiles,
@@ -131,7 +153,32 @@ impl Film {
 
     /// Returns the passes that are filled.
     pub fn passes(&self) -> &[Pass] {
-        &self.passes
+        &self.passes[..self.shown]
+    }
+
+    /// Whether a light pass is filled.
+    pub fn divides_light(&self) -> bool {
+        self.passes.iter().any(|p| matches!(p, Pass::Light(_)))
+    }
+
+    /// Whether a pass is filled for which [`Batch`] has an array of its own.
+    pub fn wants_extra(&self) -> bool {
+        self.extra
+    }
+
+    /// Whether a matte is filled.
+    pub fn identifies(&self) -> bool {
+        self.passes.iter().any(|p| matches!(p, Pass::Matte(_)))
+    }
+
+    /// Returns the number of light groups.
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// Returns the number of values that materials output for passes.
+    pub fn outputs(&self) -> usize {
+        self.outputs
     }
 
     /// Whether a pass needs counted traversal.
@@ -158,19 +205,26 @@ impl Film {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds `count` samples per pixel to a tile. `samples`: for each of them all pixels of the tile, row by row;
-    /// pixels of inactive blocks are ignored. The caller adds a tile's samples in order.
-    pub fn add(&self, tile: usize, samples: &[PixelSample], count: u32, settings: &Settings) {
+    /// Adds `count` samples per pixel to a tile; those of pixels of inactive blocks are ignored. The caller adds a
+    /// tile's samples in order.
+    pub fn add(&self, tile: usize, batch: &Batch, count: u32, settings: &Settings) {
         let area = self.tiles[tile].area;
         let mut sums = self.sums(tile);
         let sums = &mut *sums;
         // Add the samples in the order of their indices.
-        for (index, chunk) in (sums.done..).zip(samples.chunks_exact(area.pixels())) {
-            let pixels = sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk);
-            for (pixel, (out, sample)) in pixels.enumerate() {
+        for (number, chunk) in batch.samples.chunks_exact(area.pixels()).enumerate() {
+            let index = sums.done + number as u32;
+            for (pixel, sample) in chunk.iter().enumerate() {
                 // Pixels of stopped blocks were not rendered.
                 if sums.active[area.block_of(pixel)] {
-                    self.add_pixel(out, sample, index == 0);
+                    let slot = number * area.pixels() + pixel;
+                    let out = &mut sums.values[pixel * self.stride..(pixel + 1) * self.stride];
+                    self.add_pixel(out, batch, slot, index == 0);
+                    if self.extra
+                        && let Some(identities) = batch.identities.get(slot)
+                    {
+                        sums.mattes.add(pixel, identities);
+                    }
                     if let Some(noise) = &mut sums.noise {
                         noise.add(pixel, index, sample.color);
                     }
@@ -207,76 +261,9 @@ impl Film {
             .unwrap_or(0)
     }
 
-    /// Writes the mean of the samples so far to `out`, rows from the bottom up. `unsampled`: what becomes of pixels
-    /// without samples.
-    ///
-    /// # Errors
-    /// [`Error::Spec`] if the pass is not filled, [`Error::Shape`] if `out` does not have width × height × channels
-    /// elements.
-    pub fn copy_into(&self, pass: Pass, unsampled: Unsampled, out: &mut [f32]) -> Result<()> {
-        // Find the pass's channels and check the size of `out`.
-        let Some(at) = self.passes.iter().position(|&p| p == pass) else {
-            let filled: Vec<_> = self.passes.iter().map(|p| p.name()).collect();
-            return Err(Error::Spec(format!(
-                "name: pass '{}' is not filled; this render fills {}",
-                pass.name(),
-                filled.join(", ")
-            )));
-        };
-        let offset: usize = self.passes[..at].iter().map(|p| p.channels()).sum();
-        let channels = pass.channels();
-        let [x0, y0, x1, y1] = self.region;
-        let (width, height) = ((x1 - x0) as usize, (y1 - y0) as usize);
-        if out.len() != width * height * channels {
-            return Err(Error::Shape(format!(
-                "out: '{}' needs {width} x {height} x {channels} = {} elements, got {}",
-                pass.name(),
-                width * height * channels,
-                out.len()
-            )));
-        }
-        // Copy tile by tile, dividing sums by the number of samples of their block.
-        for (index, tile) in self.tiles.iter().enumerate() {
-            // Depth, position and indices come from the first sample alone; the sample count is a sum.
-            let sums = self.sums(index);
-            let mean = !matches!(
-                pass,
-                Pass::Depth
-                    | Pass::Position
-                    | Pass::ObjectIndex
-                    | Pass::MaterialIndex
-                    | Pass::SampleCount
-            );
-            // Rows of the tile lie apart in `out`.
-            let TileArea { x, y, width: w, .. } = tile.area;
-            let mut pixels = sums.values.chunks_exact(self.stride).enumerate();
-            for row in 0..tile.area.height {
-                let start = (((y - y0 + row) as usize) * width + (x - x0) as usize) * channels;
-                // The pixels of a tile are stored row by row, so one iterator passes through all rows.
-                for pixel in out[start..start + w as usize * channels].chunks_exact_mut(channels) {
-                    let Some((number, values)) = pixels.next() else {
-                        break;
-                    };
-                    let samples = sums.samples[tile.area.block_of(number)];
-                    if samples == 0 && unsampled == Unsampled::Kept {
-                        continue;
-                    }
-                    let samples = if mean { samples.max(1) } else { 1 };
-                    let scale = 1.0 / f64::from(samples);
-                    for (o, v) in pixel.iter_mut().zip(&values[offset..]) {
-                        *o = (v * scale) as f32;
-                    }
-                    if pass == Pass::Combined {
-                        pixel[..3].iter_mut().for_each(|c| *c *= self.exposure);
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds one sample to the channels of a pixel. `first`: whether it is the pixel's first one.
-    fn add_pixel(&self, out: &mut [f64], sample: &PixelSample, first: bool) {
+    /// Adds one sample of a batch to the sums of a pixel. `first`: whether it is the pixel's first one.
+    fn add_pixel(&self, out: &mut [f64], batch: &Batch, slot: usize, first: bool) {
+        let sample = &batch.samples[slot];
         // The closure writes to successive channels, in the order of the passes.
         let mut out = out.iter_mut();
         let mut sum = |values: &[f32]| {
@@ -304,9 +291,38 @@ impl Film {
                 Pass::TriangleTests => sum(&[sample.tests as f32]),
                 Pass::LeafDepth => sum(&[sample.leaf_depth as f32]),
                 Pass::SampleCount => sum(&[1.0]),
+                Pass::Light(pass) => sum(batch.parts[slot].at(*pass)),
+                Pass::Vector => sum(&batch.motion[slot]),
+                Pass::Group(number) => {
+                    sum(&batch.groups_of(slot, self.groups)[usize::from(*number)]);
+                }
+                Pass::Output(number) => {
+                    sum(&batch.outputs_of(slot, self.outputs)[usize::from(*number)]);
+                }
+                // These count identities instead of adding values.
+                Pass::Matte(_) => {}
             }
         }
     }
+}
+
+/// Returns the passes to store for these: each once, then those by which they are divided. Also the number of the
+/// first kind.
+fn stored(wanted: &[Pass]) -> (Vec<Pass>, usize) {
+    let mut passes = Vec::new();
+    let mut shown = 0;
+    for pass in wanted.iter().copied() {
+        if !passes.contains(&pass) {
+            passes.push(pass);
+        }
+        shown = passes.len();
+    }
+    for pass in wanted.iter().filter_map(|pass| pass.divisor()) {
+        if !passes.contains(&pass) {
+            passes.push(pass);
+        }
+    }
+    (passes, shown)
 }
 
 #[cfg(test)]
@@ -338,7 +354,11 @@ mod tests {
                         ..PixelSample::EMPTY
                     })
                     .collect();
-                film.add(tile, &samples, 1, &settings());
+                let batch = Batch {
+                    samples,
+                    ..Default::default()
+                };
+                film.add(tile, &batch, 1, &settings());
             }
         }
         assert_eq!(film.samples_done(), 2);
@@ -375,7 +395,9 @@ mod tests {
     fn pixels_without_samples_are_zero_or_keep_their_values() {
         let film = Film::new(&settings());
         let area = film.area(0);
-        film.add(0, &vec![PixelSample::EMPTY; area.pixels()], 1, &settings());
+        let mut batch = Batch::default();
+        batch.reset(&film, area.pixels());
+        film.add(0, &batch, 1, &settings());
         let sampled = area.pixels() * 4;
         for (unsampled, want) in [
             (Unsampled::Zero, 0),

@@ -21,6 +21,8 @@ pub struct Arrival {
     pub visible: Visibility,
     /// The set of the objects that shade the light.
     pub blockers: u8,
+    /// The light group of a lamp; 0 = none.
+    pub group: u8,
     /// The emitter. Unless it is a lamp, `radiance` still has to be multiplied by that of the emitter.
     pub emitter: Emitter,
 }

@@ -61,6 +61,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         casts_shadow: params.casts_shadow,
         visible: params.visible,
         sets: params.sets,
+        group: params.group,
     };
     Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))
 }

@@ -92,6 +92,7 @@ impl Lights {
                     casts_shadow: true,
                     visible: emissive.visible,
                     sets: LightSets::default(),
+                    group: 0,
                 });
             }
         }
@@ -104,6 +105,7 @@ impl Lights {
                 casts_shadow: true,
                 visible: map_visible,
                 sets: LightSets::default(),
+                group: 0,
             });
         }
         // Only lamps are hit here; triangles and background are hit as surfaces and as misses.
@@ -203,6 +205,7 @@ impl Lights {
             casts_shadow: light.casts_shadow,
             visible: light.visible,
             blockers: light.sets.blockers,
+            group: light.group,
             emitter,
         })
     }
@@ -233,7 +236,7 @@ impl Lights {
 
     /// Adds up the light of all lamps that a ray of this kind from `receiver` hits within the interval `span`.
     /// `pdf`: density of the ray's direction, against which each light is weighted by multiple importance sampling;
-    /// infinite if light samples cannot find it.
+    /// infinite if light samples cannot find it. `group`: the light group of the lamps that count; `None` = all.
     pub fn radiance_along(
         &self,
         receiver: Receiver,
@@ -241,12 +244,15 @@ impl Lights {
         span: [f32; 2],
         pdf: f32,
         kind: RayKind,
+        group: Option<u8>,
     ) -> Vec3 {
         let [t_min, t_max] = span;
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
-            if !light.is_hittable() || !light.visible.to(kind) || !light.shines_on(receiver) {
+            let other = group.is_some_and(|group| group != light.group);
+            let lit = light.visible.to(kind) && light.shines_on(receiver);
+            if !light.is_hittable() || !lit || other {
                 return;
             }
             // Triangles and background are hit by the scene's rays, not here.

@@ -69,4 +69,6 @@ pub struct LightParams {
     pub visible: Visibility,
     /// The objects that it shines on, and those that shade it.
     pub sets: LightSets,
+    /// Light group, counted from 1; 0 = none.
+    pub group: u8,
 }

@@ -30,6 +30,8 @@ pub(super) struct Light {
     pub(super) casts_shadow: bool,
     pub(super) visible: Visibility,
     pub(super) sets: LightSets,
+    /// The light group of a lamp; 0 = none.
+    pub(super) group: u8,
 }
 
 impl Light {

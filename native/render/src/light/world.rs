@@ -10,6 +10,7 @@ use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::varying::Varying;
+use crate::values::view::{Bounces, History};
 use crate::values::visibility::RayKind;
 use crate::values::visibility::Visibility;
 
@@ -24,6 +25,8 @@ pub struct WorldParams {
     pub radiance: Option<Operand>,
     /// The kinds of rays that see the background.
     pub visible: Visibility,
+    /// Light group, counted from 1; 0 = none.
+    pub group: u8,
 }
 
 impl Default for WorldParams {
@@ -34,6 +37,7 @@ impl Default for WorldParams {
             program: Vec::new(),
             radiance: None,
             visible: Visibility::ALL,
+            group: 0,
         }
     }
 }
@@ -56,6 +60,8 @@ const MAX_TEXELS: usize = 1024;
 pub struct World {
     /// The kinds of rays that see the background.
     pub visible: Visibility,
+    /// Light group; 0 = none.
+    pub group: u8,
     program: Program,
     radiance: Operand,
     /// Map for importance sampling; none for a constant colour, for which scattered rays suffice.
@@ -77,6 +83,7 @@ impl World {
         let program = Program::compile(&params.program, &mut results, "world")?;
         let mut world = Self {
             visible: params.visible,
+            group: params.group,
             program,
             radiance: results[0],
             map: None,
@@ -113,7 +120,8 @@ impl World {
             let size = size.map(|n| n.min(MAX_TEXELS));
             let mut registers = Vec::new();
             world.map = DirectionMap::new(size, |direction| {
-                world.radiance(images, varying, direction, RayKind::Diffuse, &mut registers)
+                let (kind, history) = (RayKind::Diffuse, History::default());
+                world.radiance(images, varying, direction, kind, history, &mut registers)
             });
         }
         Ok(world)
@@ -129,7 +137,8 @@ impl World {
         self.constant() == Some(Vec3::ZERO)
     }
 
-    /// Returns the radiance of a unit direction. `registers`: scratch memory.
+    /// Returns the radiance of a unit direction for a ray of this kind. `history`: what programs know of the path;
+    /// `registers`: scratch memory.
     #[inline]
     pub fn radiance(
         &self,
@@ -137,12 +146,22 @@ impl World {
         varying: &Varying,
         direction: Vec3,
         kind: RayKind,
+        history: History,
         registers: &mut Vec<Value>,
     ) -> Vec3 {
         if let Some(constant) = self.constant() {
             return constant;
         }
-        let point = ShadingPoint::background(varying, direction, kind);
+        let mut point = ShadingPoint::background(varying, direction, kind);
+        // The background has no distance and is one bounce farther than the point where the ray starts, as in Cycles.
+        point.history = History {
+            length: 0.0,
+            bounces: Bounces {
+                all: history.bounces.all.saturating_add(1),
+                ..history.bounces
+            },
+            ..history
+        };
         self.program.run(images, &point, registers);
         rgb(read(self.radiance, registers))
     }

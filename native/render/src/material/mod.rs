@@ -17,8 +17,11 @@ pub mod albedo;
 pub mod bsdf;
 pub mod bump;
 pub mod closure;
+pub mod film;
 pub mod ggx;
+pub mod microfacets;
 mod params;
+pub mod sheen;
 
 pub use crate::material::params::MaterialParams;
 
@@ -37,6 +40,8 @@ pub struct Material {
     constant: Option<Unscattered>,
     /// Shading normal, if the material computes one.
     normal: Option<Operand>,
+    /// Values for passes: the number of each and the operand.
+    outputs: Vec<(u8, Operand)>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
     /// The lights that shine on it, and those that it shades.
@@ -51,6 +56,8 @@ pub struct Material {
     pub reflects: bool,
     /// Whether a closure can have refracting or translucent lobes.
     pub refracts: bool,
+    /// Whether a closure needs lobes with frames or shapes of their own.
+    pub lobes: bool,
 }
 
 impl Material {
@@ -64,14 +71,23 @@ impl Material {
         // Check the constants and the number of closures.
         params.check(index)?;
         let name = format!("materials[{index}]");
-        let closures = closures(params, &name)?;
+        let mut closures = closures(params, &name)?;
         // Compile the program for all inputs and the normal.
         let normal = closures.iter().find_map(|c| c.normal);
+        let apart = normals_apart(&mut closures, normal);
         let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
         roots.extend(normal);
+        roots.extend(params.outputs.iter().map(|&(_, operand)| operand));
         let program = Program::compile(&params.program, &mut roots, &name)?;
-        let compiled = compile(&closures, &roots, grids);
-        let normal = normal.and_then(|_| roots.last().copied());
+        let mut compiled = compile(&closures, &roots, grids);
+        for (closure, [turned, coat_apart]) in compiled.iter_mut().zip(apart) {
+            (closure.turned, closure.coat_apart) = (turned, coat_apart);
+        }
+        // Behind the inputs come the normal, if there is one, and the outputs.
+        let mut rest = roots[INPUTS * closures.len()..].iter().copied();
+        let normal = normal.and_then(|_| rest.next());
+        let outputs = params.outputs.iter().zip(rest);
+        let outputs = outputs.map(|(&(number, _), root)| (number, root)).collect();
 
         // Compile it again for what emission and transparency need: far fewer nodes, which shadow rays run often.
         let reduced = reduced(&closures, &compiled);
@@ -89,12 +105,14 @@ impl Material {
             dims_emission: any(Closure::dims_emission),
             reflects: any(|c| c.may_reflect() || c.may_be_rough()),
             refracts: any(|c| c.may_refract() || c.is_translucent()),
+            lobes: any(Closure::needs_lobes),
             closures: compiled,
             program,
             reduced_program,
             reduced_closures,
             constant: None,
             normal,
+            outputs,
         };
         // Without varying inputs, compute emission and transparency once.
         if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
@@ -168,6 +186,18 @@ impl Material {
         self.normal.map(|operand| rgb(read(operand, registers)))
     }
 
+    /// Writes the values for passes to their places, with 1 as the fourth number, for registers that the material's program has filled. Numbers
+    /// beyond `out` are ignored.
+    #[cold]
+    pub fn output(&self, registers: &[Value], out: &mut [[f32; 4]]) {
+        for &(number, operand) in &self.outputs {
+            if let Some(place) = out.get_mut(usize::from(number)) {
+                let [r, g, b, _] = read(operand, registers);
+                *place = [r, g, b, 1.0];
+            }
+        }
+    }
+
     /// Returns all operations of the material's programs.
     pub fn ops(&self) -> impl Iterator<Item = &Op> {
         self.program.ops().chain(self.reduced_program.ops())
@@ -199,15 +229,40 @@ fn closures(params: &MaterialParams, name: &str) -> Result<Vec<ClosureParams>> {
     Ok(closures)
 }
 
+/// Writes the normals of closures to their inputs where the material has several. Returns for each closure whether its
+/// normal, and that of its coat, differ from `normal`, which the material's facets use.
+fn normals_apart(closures: &mut [ClosureParams], normal: Option<Operand>) -> Vec<[bool; 2]> {
+    closures
+        .iter_mut()
+        .map(|closure| {
+            let scatters = !matches!(
+                closure.kind,
+                ClosureKind::Transparent | ClosureKind::Emission | ClosureKind::Holdout
+            );
+            let turned = scatters && closure.normal != normal;
+            if turned && let Some(own) = closure.normal {
+                closure.inputs[Input::Normal as usize] = own;
+            }
+            // Without a normal of its own the coat follows the surface.
+            let coat = closure.inputs[Input::CoatNormal as usize];
+            let coat_apart = normal.is_some() || coat.constant() != Some(Vec3::ZERO);
+            [turned, coat_apart]
+        })
+        .collect()
+}
+
 /// Returns the closures with every input that emission and transparency do not depend on replaced by a constant. A
 /// coat counts only if it dims emission.
 fn reduced(closures: &[ClosureParams], compiled: &[Closure]) -> Vec<ClosureParams> {
     const ALWAYS: [Input; 4] = [Input::Weight, Input::Color, Input::Emission, Input::Alpha];
-    const COAT: [Input; 4] = [
+    const COAT: [Input; 7] = [
         Input::CoatWeight,
         Input::CoatRoughness,
         Input::CoatIor,
         Input::CoatTint,
+        Input::SheenWeight,
+        Input::SheenRoughness,
+        Input::SheenTint,
     ];
     let mut reduced = closures.to_vec();
     for (closure, compiled) in reduced.iter_mut().zip(compiled) {
@@ -261,6 +316,7 @@ fn sum(closures: &[Closure], registers: &[Value]) -> Unscattered {
         total.emission += unscattered.emission;
         total.transparent += unscattered.transparent;
         total.scattering += unscattered.scattering;
+        total.holdout += unscattered.holdout;
     }
     total
 }

@@ -37,6 +37,8 @@ pub struct MaterialParams {
     pub visible: Visibility,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
+    /// Values for passes: the number of each and the operand.
+    pub outputs: Vec<(u8, Operand)>,
 }
 
 impl Default for MaterialParams {
@@ -56,6 +58,7 @@ impl Default for MaterialParams {
             program: Vec::new(),
             visible: Visibility::ALL,
             sets: ObjectSets::ALL,
+            outputs: Vec::new(),
         }
     }
 }

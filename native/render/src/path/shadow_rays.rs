@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The shadow rays of a wavefront, each with the light that arrives if nothing occludes it.
 
-use crate::film::PixelSample;
+use crate::film::{LightParts, PixelSample, Shares};
 use crate::math::vector::Vec3;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT, Path};
@@ -25,11 +25,63 @@ struct Light {
     blockers: u8,
 }
 
+/// The samples that shadow rays add their light to.
+pub struct Samples<'a> {
+    /// The samples of the tile's batch.
+    pub pixels: &'a mut [PixelSample],
+    /// Their light by light pass; empty without such passes.
+    pub parts: &'a mut [LightParts],
+    /// Their light by light group, empty without such passes.
+    pub groups: &'a mut [[f32; 3]],
+    /// Number of light groups.
+    pub group_count: usize,
+}
+
+impl Samples<'_> {
+    /// Adds light to a sample, and by the shares of the first surface's lobes to its light passes.
+    #[inline(always)]
+    fn add(&mut self, light: &Light, scattered: Option<&Scattered>) {
+        let slot = light.slot as usize;
+        self.pixels[slot].add(light.value);
+        let Some(of) = scattered else {
+            return;
+        };
+        if let Some(parts) = self.parts.get_mut(slot) {
+            parts.add_scattered(light.value, &of.shares, of.indirect);
+        }
+        let groups = slot * self.group_count..(slot + 1) * self.group_count;
+        add_to_group(&mut self.groups[groups], of.group, light.value);
+    }
+}
+
+/// Adds light to its group, counted from 1.
+pub fn add_to_group(groups: &mut [[f32; 3]], group: u8, light: Vec3) {
+    let index = usize::from(group).wrapping_sub(1);
+    if let Some(sum) = groups.get_mut(index) {
+        for (sum, value) in sum.iter_mut().zip(light.array()) {
+            *sum += value;
+        }
+    }
+}
+
+/// What the light passes and light groups need of the light of a shadow ray.
+#[derive(Clone, Copy)]
+pub struct Scattered {
+    /// Shares of the lobes of the first surface.
+    pub shares: Shares,
+    /// Whether another surface scattered the light before.
+    pub indirect: bool,
+    /// The light group of the emitter, counted from 1; 0 = none.
+    pub group: u8,
+}
+
 /// Shadow rays with their light.
 #[derive(Default)]
 pub struct ShadowRays {
     rays: Vec<Ray>,
     light: Vec<Light>,
+    /// For light passes, one per ray; empty without such passes.
+    scattered: Vec<Scattered>,
     blocked: Vec<bool>,
     hits: Vec<Hit>,
     /// Registers of a material's program, reused from point to point.
@@ -41,17 +93,26 @@ impl ShadowRays {
     pub fn clear(&mut self) {
         self.rays.clear();
         self.light.clear();
+        self.scattered.clear();
     }
 
-    /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample.
+    /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample; `scattered`: for all
+    /// rays if light passes or light groups are filled, else for none.
     #[inline(always)]
-    pub fn push(&mut self, ray: Ray, path: &Path, value: Vec3) {
-        self.push_blocked_by(ray, path, value, 0);
+    pub fn push(&mut self, ray: Ray, path: &Path, value: Vec3, scattered: Option<Scattered>) {
+        self.push_blocked_by(ray, path, value, scattered, 0);
     }
 
     /// Adds a ray that only the objects of a set of blockers stop.
     #[inline(always)]
-    pub fn push_blocked_by(&mut self, ray: Ray, path: &Path, value: Vec3, blockers: u8) {
+    pub fn push_blocked_by(
+        &mut self,
+        ray: Ray,
+        path: &Path,
+        value: Vec3,
+        scattered: Option<Scattered>,
+        blockers: u8,
+    ) {
         self.rays.push(ray);
         self.light.push(Light {
             slot: path.slot,
@@ -60,6 +121,9 @@ impl ShadowRays {
             invisible: 0,
             blockers,
         });
+        if let Some(scattered) = scattered {
+            self.scattered.push(scattered);
+        }
     }
 
     /// Traces all rays, adds the light of those that are not occluded, and removes them. Returns the number of rays
@@ -71,7 +135,7 @@ impl ShadowRays {
         &mut self,
         context: &Context<'_>,
         calls: &mut Calls,
-        samples: &mut [PixelSample],
+        samples: &mut Samples<'_>,
     ) -> Result<u64, Cancelled> {
         // Any-hit traversal is faster, but cannot see what it passes.
         let cast = if context.scene.features().transparency {
@@ -88,11 +152,12 @@ impl ShadowRays {
         &mut self,
         context: &Context<'_>,
         calls: &mut Calls,
-        samples: &mut [PixelSample],
+        samples: &mut Samples<'_>,
     ) -> Result<u64, Cancelled> {
         let Self {
             rays,
             light,
+            scattered,
             blocked,
             ..
         } = self;
@@ -103,8 +168,8 @@ impl ShadowRays {
         calls.cover(rays.len(), context.stop, |range| {
             tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
         })?;
-        for (light, _) in light.iter().zip(blocked.iter()).filter(|(_, b)| !**b) {
-            samples[light.slot as usize].add(light.value);
+        for (i, light) in light.iter().enumerate().filter(|&(i, _)| !blocked[i]) {
+            samples.add(light, scattered.get(i));
         }
         Ok(rays.len() as u64)
     }
@@ -114,11 +179,12 @@ impl ShadowRays {
         &mut self,
         context: &Context<'_>,
         calls: &mut Calls,
-        samples: &mut [PixelSample],
+        samples: &mut Samples<'_>,
     ) -> Result<u64, Cancelled> {
         let Self {
             rays,
             light,
+            scattered,
             hits,
             registers,
             ..
@@ -140,7 +206,7 @@ impl ShadowRays {
                 // Add the remaining light of a ray without a hit.
                 let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
                 if !hit.is_hit() {
-                    samples[carried.slot as usize].add(carried.value);
+                    samples.add(&carried, scattered.get(i));
                     continue;
                 }
                 // Normalize: the direction's length is the distance to the light, which the program must not depend
@@ -174,11 +240,15 @@ impl ShadowRays {
                 {
                     rays[kept] = surface.continued(&ray, &hit);
                     light[kept] = carried;
+                    if !scattered.is_empty() {
+                        scattered[kept] = scattered[i];
+                    }
                     kept += 1;
                 }
             }
             rays.truncate(kept);
             light.truncate(kept);
+            scattered.truncate(kept);
         }
         Ok(cast)
     }

@@ -11,14 +11,14 @@ use std::sync::atomic::AtomicBool;
 
 use crate::camera::Camera;
 use crate::camera::filter::Filter;
-use crate::film::{Film, PixelSample, TileArea};
+use crate::film::{Batch, Film, Shares, TileArea};
 use crate::math::sampler::PixelSampler;
 use crate::path::beams::groups::Groups;
 use crate::path::beams::polygons::Polygons;
 use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::shade::{self, Shade};
-use crate::path::shadow_rays::ShadowRays;
+use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
 use crate::path::work::Work;
 use crate::scene::RenderScene;
@@ -57,10 +57,12 @@ pub struct Wavefront {
     pub(super) paths: Vec<Path>,
     /// The beam of each ray; empty unless secondary rays go as beams.
     pub(super) sources: Vec<Source>,
+    /// The shares of the lobes of each path's first surface; empty without light passes.
+    pub(super) shares: Vec<Shares>,
     groups: Groups,
     pub(super) shadows: ShadowRays,
-    /// One sample per pixel of the tile, sample index by sample index.
-    pub(super) samples: Vec<PixelSample>,
+    /// The samples of the tile.
+    pub(super) batch: Batch,
     /// Registers of a material's program, reused from point to point.
     pub(super) registers: Vec<Value>,
     /// Registers of the programs of emitters and transparent surfaces.
@@ -73,8 +75,8 @@ pub struct Wavefront {
 }
 
 impl Wavefront {
-    /// A wavefront for scenes with these features.
-    pub fn new(features: Features) -> Self {
+    /// A wavefront for scenes with these features. `extra`: whether passes that are rarely filled are.
+    pub fn new(features: Features, extra: bool) -> Self {
         Self {
             rays: Vec::new(),
             hits: Vec::new(),
@@ -82,19 +84,19 @@ impl Wavefront {
             depths: Vec::new(),
             paths: Vec::new(),
             sources: Vec::new(),
+            shares: Vec::new(),
             groups: Groups::default(),
             shadows: ShadowRays::default(),
-            samples: Vec::new(),
+            batch: Batch::default(),
             registers: Vec::new(),
             light_registers: Vec::new(),
             calls: Calls::default(),
-            shade: shade::choose(features),
+            shade: shade::choose(features, extra),
             work: Work::default(),
         }
     }
 
-    /// Renders samples `first..first + count` of the active blocks of a tile. Returns them sample index by sample
-    /// index, each with all pixels of the tile row by row.
+    /// Renders samples `first..first + count` of the active blocks of a tile.
     ///
     /// # Errors
     /// [`Cancelled`] if the render is cancelled; the samples are then incomplete and not returned.
@@ -105,10 +107,9 @@ impl Wavefront {
         active: &[bool],
         first: u32,
         count: u32,
-    ) -> Result<&[PixelSample], Cancelled> {
-        self.samples.clear();
-        self.samples
-            .resize(area.pixels() * count as usize, PixelSample::EMPTY);
+    ) -> Result<&Batch, Cancelled> {
+        self.batch
+            .reset(context.film, area.pixels() * count as usize);
         for index in 0..count {
             // Each sample index has its own range of slots.
             let base = index as usize * area.pixels();
@@ -119,12 +120,17 @@ impl Wavefront {
                 self.trace(context, primary)?;
                 primary = false;
                 (self.shade)(self, context, first + index);
+                let mut samples = Samples {
+                    pixels: &mut self.batch.samples,
+                    parts: &mut self.batch.parts,
+                    groups: &mut self.batch.groups,
+                    group_count: context.film.groups(),
+                };
                 self.work.rays_shadow +=
-                    self.shadows
-                        .cast(context, &mut self.calls, &mut self.samples)?;
+                    self.shadows.cast(context, &mut self.calls, &mut samples)?;
             }
         }
-        Ok(&self.samples)
+        Ok(&self.batch)
     }
 
     /// Fills the wavefront with the camera rays of one sample of all active pixels.
@@ -157,12 +163,21 @@ impl Wavefront {
                 || sampler.pair(sample, 1),
             );
             // The slot is the pixel's sample in the tile's batch.
-            self.rays.push(ray);
             let slot = base + (dy * area.width + dx) as usize;
+            if !camera.sees(&ray) {
+                // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
+                self.batch.samples[slot].alpha = 1.0;
+                continue;
+            }
+            self.rays.push(ray);
             self.paths
                 .push(Path::from_camera(ray.o, sampler, slot as u32));
         }
         self.work.rays_primary += self.rays.len() as u64;
+        self.shares.clear();
+        if !self.batch.parts.is_empty() {
+            self.shares.resize(self.rays.len(), Shares::DIFFUSE);
+        }
         // Camera rays share their pinhole or their direction.
         self.sources.clear();
         if context.polygons.is_some() {
@@ -208,7 +223,7 @@ impl Wavefront {
         // Attribute the counters to the pixels.
         if counts {
             for (path, c) in self.paths.iter().zip(&self.counters) {
-                let sample = &mut self.samples[path.slot as usize];
+                let sample = &mut self.batch.samples[path.slot as usize];
                 sample.steps = c.steps();
                 sample.tests = c.tests;
                 self.work.steps += u64::from(sample.steps);
@@ -222,7 +237,7 @@ impl Wavefront {
                 tracer.leaf_depths(&self.rays[range.clone()], &mut self.depths[range]);
             })?;
             for (path, depth) in self.paths.iter().zip(&self.depths) {
-                self.samples[path.slot as usize].leaf_depth = *depth;
+                self.batch.samples[path.slot as usize].leaf_depth = *depth;
             }
         }
         Ok(())
@@ -231,9 +246,12 @@ impl Wavefront {
     /// Finds the nearest hits of secondary rays, beam by beam, those in no beam together. Reorders rays and paths.
     fn trace_beams(&mut self, context: &Context<'_>) -> Result<(), Cancelled> {
         let tracer = &*context.scene.tracer;
-        let groups = self
-            .groups
-            .sort(&mut self.rays, &mut self.paths, &mut self.sources);
+        let groups = self.groups.sort(
+            &mut self.rays,
+            &mut self.paths,
+            &mut self.shares,
+            &mut self.sources,
+        );
         for group in groups {
             let (rays, hits) = (
                 &self.rays[group.rays.clone()],

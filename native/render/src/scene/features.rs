@@ -20,6 +20,9 @@ pub struct Features {
     pub glossy: bool,
     /// At least one material has a lobe that refracts, or a translucent one.
     pub glass: bool,
+    /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
+    /// normals.
+    pub lobes: bool,
     /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
     /// its transmittance.
     pub transparency: bool,
@@ -51,6 +54,7 @@ impl Features {
             textures: any(|m| !m.program.is_empty()),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
+            lobes: any(|m| m.lobes),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
@@ -84,6 +88,10 @@ impl Features {
                 "mirror rays: no material is metallic, specular or roughly diffuse",
             ),
             (self.glass, "refraction: no material transmits"),
+            (
+                self.lobes,
+                "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
+            ),
             (
                 self.transparency,
                 "transparent shadows: every material is opaque",

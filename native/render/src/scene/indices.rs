@@ -2,6 +2,8 @@
 //! Per-surface data that only passes need: object and material indices, and UVs.
 
 use crate::check::{Error, Result};
+use crate::film::Identities;
+use crate::math::vector::Vec3;
 
 /// Object and material indices, and UVs. All are 0 by default.
 #[derive(Debug, Clone, Default)]
@@ -12,6 +14,14 @@ pub struct Indices {
     pub object: Vec<f32>,
     /// Index of each material.
     pub material: Vec<f32>,
+    /// Identities of each run's object, and of that with all its children; empty without mattes.
+    pub identities: Vec<[u32; 2]>,
+    /// Identity of each material.
+    pub material_identities: Vec<u32>,
+    /// Light group of each run's object, counted from 1; empty without light groups.
+    pub groups: Vec<u8>,
+    /// Corners of each triangle in the picture before this one and in the one after; empty without motion.
+    pub motion: [Vec<[[f32; 3]; 3]>; 2],
     /// UVs of each triangle's corners, NaN for triangles without; empty if there are none at all.
     pub uvs: Vec<[[f32; 2]; 3]>,
 }
@@ -28,12 +38,34 @@ impl Indices {
                 self.uvs.len()
             )));
         }
+        if let Some(moved) = self
+            .motion
+            .iter()
+            .find(|moved| !moved.is_empty() && moved.len() != triangles)
+        {
+            return Err(Error::Shape(format!(
+                "indices['motion'] must have one entry per triangle: {triangles}, got {}",
+                moved.len()
+            )));
+        }
         if self.first.len() != self.object.len() {
             return Err(Error::Shape(format!(
                 "indices: {} runs, but {} objects",
                 self.first.len(),
                 self.object.len()
             )));
+        }
+        let optional = [
+            ("identities", self.identities.len()),
+            ("groups", self.groups.len()),
+        ];
+        for (name, len) in optional {
+            if len != 0 && len != self.first.len() {
+                return Err(Error::Shape(format!(
+                    "indices: {} runs, but {len} {name}",
+                    self.first.len()
+                )));
+            }
         }
         if self.first.first().is_some_and(|&first| first != 0) || !self.first.is_sorted() {
             return Err(Error::Shape(
@@ -46,13 +78,44 @@ impl Indices {
     /// Returns the indices of a triangle's object and material.
     #[inline]
     pub fn of(&self, triangle: usize, material: u32) -> (f32, f32) {
-        // Find the last run that begins at or before the triangle; empty runs are skipped.
-        let run = self
-            .first
-            .partition_point(|&first| first as usize <= triangle);
-        let object = run.checked_sub(1).map_or(0.0, |run| self.object[run]);
+        let object = self.run(triangle).map_or(0.0, |run| self.object[run]);
         let material = self.material.get(material as usize);
         (object, material.copied().unwrap_or(0.0))
+    }
+
+    /// Returns the identities of a triangle's object, material and asset, by [`crate::settings::MatteKind`].
+    pub fn identities(&self, triangle: usize, material: u32) -> Identities {
+        let run = self.run(triangle);
+        let [object, asset] = run
+            .and_then(|run| self.identities.get(run))
+            .copied()
+            .unwrap_or_default();
+        let material = self.material_identities.get(material as usize);
+        [object, material.copied().unwrap_or(0), asset]
+    }
+
+    /// Returns where a point of a triangle was in the picture before this one, and will be in the one after; `None` if
+    /// that is not known. `u`, `v`: weights of its second and third corner.
+    pub fn moved(&self, triangle: usize, u: f32, v: f32) -> [Option<Vec3>; 2] {
+        [0, 1].map(|side| {
+            let corners = self.motion[side].get(triangle)?;
+            let [a, b, c] = corners.map(Vec3::from);
+            Some(a * (1.0 - u - v) + b * u + c * v)
+        })
+    }
+
+    /// Returns the light group of a triangle's object; 0 = none.
+    pub fn group(&self, triangle: usize) -> u8 {
+        let group = self.run(triangle).and_then(|run| self.groups.get(run));
+        group.copied().unwrap_or(0)
+    }
+
+    /// Returns the last run that begins at or before the triangle; empty runs are skipped.
+    #[inline]
+    fn run(&self, triangle: usize) -> Option<usize> {
+        self.first
+            .partition_point(|&first| first as usize <= triangle)
+            .checked_sub(1)
     }
 
     /// Returns the UV at barycentric coordinates (u, v) of a triangle and 1, or zeros if it has no UVs.
@@ -80,9 +143,20 @@ mod tests {
             first: vec![0, 3, 3, 10],
             object: vec![5.0, 6.0, 7.0, 8.0],
             material: vec![1.0, 2.0],
+            identities: vec![[10, 11], [20, 21], [30, 31], [40, 41]],
+            material_identities: vec![1, 2],
+            groups: vec![0, 1, 2, 3],
+            motion: [vec![], vec![[[0.0; 3], [4.0; 3], [8.0; 3]]; 2]],
             uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]], [[f32::NAN; 2]; 3]],
         };
         indices.check(2).unwrap();
+        assert_eq!(indices.identities(3, 1), [30, 2, 31]);
+        assert_eq!(indices.identities(2, 5), [10, 0, 11]);
+        assert_eq!(Indices::default().identities(2, 5), [0; 3]);
+        let moved = indices.moved(1, 0.25, 0.5);
+        assert_eq!(moved, [None, Some(Vec3::from([5.0; 3]))]);
+        assert_eq!((indices.group(2), indices.group(10)), (0, 3));
+        assert_eq!(Indices::default().group(2), 0);
         assert!(indices.check(3).is_err());
         assert_eq!(indices.uv(0, 0.25, 0.5), [1.0, 2.0, 1.0]);
         assert_eq!(indices.uv(1, 0.25, 0.5), [0.0; 3]);

@@ -5,9 +5,13 @@ use crate::camera::filter::FilterKind;
 use crate::check::{Error, Result};
 use crate::math::vector::Vec3;
 
+mod light_pass;
+mod matte_pass;
 mod mist;
 mod pass;
 
+pub use crate::settings::light_pass::{LightPass, LobeKind};
+pub use crate::settings::matte_pass::{MatteKind, MattePass};
 pub use crate::settings::mist::{Falloff, Mist};
 pub use crate::settings::pass::Pass;
 

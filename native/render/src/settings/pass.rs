@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The passes of the film.
 
+use std::borrow::Cow;
+
 use crate::check::{Error, Result};
+use crate::settings::light_pass::LightPass;
+use crate::settings::matte_pass::MattePass;
 
 /// A pass of the film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,11 +36,29 @@ pub enum Pass {
     LeafDepth,
     /// Number of samples so far.
     SampleCount,
+    /// Motion of the first surface or the background in pixels: from its place in this picture to that in the one
+    /// before, and from that in the one after to its place; mean of the samples that have one.
+    Vector,
+    /// A part of the light.
+    Light(LightPass),
+    /// Two ranks of the surfaces in a pixel.
+    Matte(MattePass),
+    /// A value that the material of the first surface outputs, of this number below [`Pass::OUTPUTS`]; mean of the
+    /// samples.
+    Output(u8),
+    /// The light of a light group of this number below [`Pass::GROUPS`].
+    Group(u8),
 }
 
 impl Pass {
-    /// All passes.
-    pub const ALL: [Self; 13] = [
+    /// Number of values that materials can output.
+    pub const OUTPUTS: u8 = 64;
+
+    /// Number of light groups.
+    pub const GROUPS: u8 = 64;
+
+    /// The passes that are neither light nor mattes nor numbered.
+    const PLAIN: [Self; 14] = [
         Self::Combined,
         Self::Depth,
         Self::Mist,
@@ -50,11 +72,59 @@ impl Pass {
         Self::TriangleTests,
         Self::LeafDepth,
         Self::SampleCount,
+        Self::Vector,
     ];
 
-    /// Returns the name in Blender.
-    pub fn name(self) -> &'static str {
+    /// All passes that are not numbered.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let light = LightPass::ALL.into_iter().map(Self::Light);
+        let mattes = MattePass::all().map(Self::Matte);
+        Self::PLAIN.into_iter().chain(light).chain(mattes)
+    }
+
+    /// Returns the pass by which this one is divided.
+    pub fn divisor(self) -> Option<Self> {
         match self {
+            Self::Light(pass) => pass.divisor().map(Self::Light),
+            _ => None,
+        }
+    }
+
+    /// Returns the number of the output.
+    pub fn output(self) -> Option<u8> {
+        match self {
+            Self::Output(number) => Some(number),
+            _ => None,
+        }
+    }
+
+    /// Whether samples carry values for this pass alone.
+    pub fn is_extra(self) -> bool {
+        matches!(
+            self,
+            Self::Light(_) | Self::Matte(_) | Self::Output(_) | Self::Group(_) | Self::Vector
+        )
+    }
+
+    /// Returns the number of the light group.
+    pub fn group(self) -> Option<u8> {
+        match self {
+            Self::Group(number) => Some(number),
+            _ => None,
+        }
+    }
+
+    /// Returns the matte.
+    pub fn matte(self) -> Option<MattePass> {
+        match self {
+            Self::Matte(pass) => Some(pass),
+            _ => None,
+        }
+    }
+
+    /// Returns the name, which except for numbered passes is that in Blender.
+    pub fn name(self) -> Cow<'static, str> {
+        Cow::Borrowed(match self {
             Self::Combined => "Combined",
             Self::Depth => "Depth",
             Self::Mist => "Mist",
@@ -68,15 +138,35 @@ impl Pass {
             Self::TriangleTests => "Triangle Tests",
             Self::LeafDepth => "Leaf Depth",
             Self::SampleCount => "Sample Count",
-        }
+            Self::Vector => "Vector",
+            Self::Light(pass) => pass.name(),
+            Self::Matte(pass) => return Cow::Owned(pass.name()),
+            Self::Output(number) => return Cow::Owned(format!("Output {number}")),
+            Self::Group(number) => return Cow::Owned(format!("Light Group {number}")),
+        })
     }
 
     /// Returns the number of channels.
     pub fn channels(self) -> usize {
         match self {
-            Self::Combined => 4,
-            Self::Normal | Self::Position | Self::Uv | Self::Albedo => 3,
+            Self::Combined | Self::Matte(_) | Self::Output(_) | Self::Vector => 4,
+            Self::Normal
+            | Self::Position
+            | Self::Uv
+            | Self::Albedo
+            | Self::Light(_)
+            | Self::Group(_) => 3,
             _ => 1,
+        }
+    }
+
+    /// Returns the number of sums that the film keeps per pixel: one for each channel. Mattes are counted instead, and
+    /// vectors have a number of samples of their own.
+    pub fn sums(self) -> usize {
+        match self {
+            Self::Matte(_) => 0,
+            Self::Vector => 5,
+            _ => self.channels(),
         }
     }
 
@@ -85,15 +175,18 @@ impl Pass {
     /// # Errors
     /// [`Error::Spec`] with the names of all passes.
     pub fn named(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|p| p.name() == name)
-            .ok_or_else(|| {
-                let known = Self::ALL.map(Self::name).join(", ");
-                Error::Spec(format!(
-                    "settings['passes']: no pass is called '{name}'; known: {known}"
-                ))
-            })
+        let outputs = (0..Self::OUTPUTS).map(Self::Output);
+        let groups = (0..Self::GROUPS).map(Self::Group);
+        let mut passes = Self::all().chain(outputs).chain(groups);
+        passes.find(|p| p.name() == name).ok_or_else(|| {
+            let known: Vec<_> = Self::all().map(Self::name).collect();
+            Error::Spec(format!(
+                "settings['passes']: no pass is called '{name}'; known: {}, Output 0 to {}, Light Group 0 to {}",
+                known.join(", "),
+                Self::OUTPUTS - 1,
+                Self::GROUPS - 1
+            ))
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 
 use crate::light::{LightKind, LightParams};
 use crate::material::MaterialParams;
+use crate::material::closure::{ClosureKind, ClosureParams};
 use crate::path::work::Work;
 use crate::scene::SceneParams;
 use crate::settings::Settings;
@@ -40,6 +41,7 @@ fn a_diffuse_scene_computes_nothing_else() {
     for words in [
         "shadow rays: no lights",
         "refraction: no material transmits",
+        "further lobes",
         "mirror rays",
         "smooth normals: none given",
         "transparent shadows",
@@ -91,8 +93,15 @@ fn each_feature_adds_its_work_and_removes_its_line() {
         corner_normals: Some(vec![[[0.0, 0.0, 1.0]; 3]; 12]),
         ..with_material(matte(0.5))
     };
-    let (work, lines) = cube(smooth, settings);
+    let (work, lines) = cube(smooth, settings.clone());
     assert!(work.normals_fetched > 0 && missing(&lines, "smooth"));
+    assert!(!missing(&lines, "further lobes"));
+    let velvet = MaterialParams {
+        closures: vec![ClosureParams::new(ClosureKind::Velvet)],
+        ..Default::default()
+    };
+    let (_, lines) = cube(with_material(velvet), settings);
+    assert!(missing(&lines, "further lobes"));
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod brute_force;
 mod failures;
 mod filter;
 mod left_out;
+mod light_passes;
 mod negative;
 mod passes;
 mod same_picture;

@@ -18,7 +18,9 @@ fn passes_contain_the_values_of_the_first_surface() {
         ..Default::default()
     });
     let settings = Settings {
-        passes: Pass::ALL.to_vec(),
+        passes: Pass::all()
+            .chain([Pass::Output(0), Pass::Group(0)])
+            .collect(),
         film_transparent: true,
         ..square(8, 3, 1)
     };

@@ -163,6 +163,7 @@ pub fn light(kind: LightKind, to_world: [[f64; 4]; 4], power: f32) -> LightParam
         casts_shadow: true,
         visible: Visibility::NOT_BY_CAMERA,
         sets: LightSets::default(),
+        group: 0,
     }
 }
 

@@ -91,6 +91,18 @@ impl<'a> ShadingPoint<'a> {
         out
     }
 
+    /// Whether a line of this width around the triangle's edges covers the point. in_pixels: the width is in pixels
+    /// instead of scene units. Half of a line lies on each of the triangles at an edge.
+    pub(super) fn is_near_edge(&self, width: f32, in_pixels: bool) -> bool {
+        let half = 0.5 * width * if in_pixels { self.footprint } else { 1.0 };
+        let [u, v] = self.edges;
+        // The distance to a side is the weight of the corner opposite to it times its height over that side.
+        let area = u.cross(v).length();
+        let sides = [(v - u).length(), v.length(), u.length()];
+        !self.is_background()
+            && (self.weights.iter().zip(sides)).any(|(weight, side)| weight * area < half * side)
+    }
+
     /// The object of the triangle.
     pub(super) fn object(&self) -> Option<&'a ObjectFrame> {
         let index = self.varying.object_index.get(self.triangle);

@@ -144,6 +144,46 @@ pub fn blackbody(kelvin: f32) -> Vec3 {
     (TABLE[i] * (1.0 - t) + TABLE[i + 1] * t).map(|c| c.max(0.0))
 }
 
+/// Step of the table of [`coherence`], nm of path difference. Periods are above 400 nm, so that linear interpolation is
+/// exact to 3e-3.
+const DIFFERENCE: f32 = 10.0;
+
+/// Number of entries of that table: beyond 20 µm all channels are below 2e-3 (tested).
+const DIFFERENCES: usize = 2048;
+
+/// Returns for each channel the mean phasor of light at a difference of optical paths in nm, weighted by the channel's
+/// matching function over the wavelengths; 1 at no difference.
+pub fn coherence(difference: f32) -> [[f32; 2]; 3] {
+    static TABLE: LazyLock<Vec<[[f32; 2]; 3]>> = LazyLock::new(|| {
+        (0..DIFFERENCES)
+            .map(|i| mean_phasors(i as f32 * DIFFERENCE))
+            .collect()
+    });
+    let x = difference.max(0.0) / DIFFERENCE;
+    if x >= (DIFFERENCES - 1) as f32 {
+        return [[0.0; 2]; 3];
+    }
+    let (i, t) = (x as usize, x.fract());
+    let mix = |a: f32, b: f32| a + t * (b - a);
+    [0, 1, 2].map(|c| [0, 1].map(|k| mix(TABLE[i][c][k], TABLE[i + 1][c][k])))
+}
+
+/// Integrates the phasors of a path difference in nm over the matching functions.
+fn mean_phasors(difference: f32) -> [[f32; 2]; 3] {
+    let (mut sums, mut total) = ([[0.0_f64; 2]; 3], [0.0_f64; 3]);
+    for (i, row) in MATCHING.iter().enumerate() {
+        let nm = f64::from(FIRST) + f64::from(STEP) * i as f64;
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(difference) / nm).sin_cos();
+        let weights = to_rgb(*row).array().map(f64::from);
+        for c in 0..3 {
+            sums[c][0] += weights[c] * cos;
+            sums[c][1] += weights[c] * sin;
+            total[c] += weights[c];
+        }
+    }
+    [0, 1, 2].map(|c| [0, 1].map(|k| (sums[c][k] / total[c]) as f32))
+}
+
 /// Returns the temperature of a table's entry.
 fn temperature(entry: f32) -> f32 {
     let [low, high] = TEMPERATURES;
@@ -188,6 +228,25 @@ mod tests {
         );
         let red = blackbody(1000.0);
         assert!(red.x > 4.0 && red.z == 0.0, "{red:?}");
+    }
+
+    #[test]
+    fn white_light_loses_its_coherence_with_the_path_difference() {
+        assert_eq!(coherence(0.0), [[1.0, 0.0]; 3]);
+        for difference in [3.0, 137.0, 1234.5, 5000.0, 20000.0] {
+            let (quick, exact) = (coherence(difference), mean_phasors(difference));
+            for (a, b) in quick.iter().flatten().zip(exact.iter().flatten()) {
+                assert!((a - b).abs() < 3e-3, "{difference}: {a} {b}");
+            }
+        }
+        for far in [20000.0, 1e9, f32::INFINITY] {
+            for part in coherence(far).iter().flatten() {
+                assert!(part.abs() < 5e-3, "{far}: {part}");
+            }
+        }
+        // Half a wavelength of green turns its phase by half a turn.
+        let [_, [re, _], _] = coherence(270.0);
+        assert!(re < -0.8, "{re}");
     }
 
     #[test]

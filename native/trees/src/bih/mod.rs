@@ -238,9 +238,6 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
     ..PLAIN
 };
 
-/// Largest leaf of `split=sah`, that of bih-sah by default.
-const LARGEST: usize = 64;
-
 /// Triangles in the order of a binary tree over them.
 struct Ordered<'a> {
     scene: &'a Triangles,
@@ -267,7 +264,7 @@ fn ordered<'a>(
         "sah" => {
             let policy = SurfaceArea {
                 costs: Costs::BLOCKS,
-                leaf_max: LARGEST,
+                leaf_max: shared::LARGEST_LEAF,
             };
             object::build(scene, &frame, &policy, monitor)?
         }

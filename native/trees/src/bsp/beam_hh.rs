@@ -5,28 +5,14 @@
 
 use crate::bsp::normals::{Arbitrary, Draw};
 use crate::bsp::{Variant, build as build_bsp, params};
+use crate::params::BEAM_LEAST;
 use crate::planes::rows::{BEAM_TRAVERSAL, BEAM_WAYS};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec};
-use halfspace_structure::spec::{Config, Value};
-
-const BEAM_LEAST: ParamSpec = ParamSpec {
-    name: "beam_least",
-    label: "Smallest Beam",
-    doc: "Rays that have hit nothing go on singly when fewer than this are left together. More ends beams \
-          earlier; 65 is never a beam, 1 always",
-    unit: "rays",
-    kind: Kind::Integer { min: 1, max: 65 },
-    default: Value::Integer(4),
-    group: Group::Numerics,
-    needs: &[Need {
-        key: "traversal",
-        only: Only::Options(&["beam"]),
-    }],
-};
+use halfspace_structure::row::{ParamSpec, StructureSpec};
+use halfspace_structure::spec::Config;
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -43,16 +29,16 @@ pub const SPEC: StructureSpec = StructureSpec {
     build,
 };
 
-const PARAMS: [ParamSpec; params::KD - 1] = params();
+const PARAMS: [ParamSpec; params::KD - 2] = params();
 
-/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, and without that of leaf tests,
-/// which are those of beams; with the threshold of beams.
-const fn params() -> [ParamSpec; params::KD - 1] {
+/// The parameters of [`params::kd`], without the choice of nodes, which are always planes, that of leaf tests, which are
+/// those of beams, and that of a lazy build; with the threshold of beams.
+const fn params() -> [ParamSpec; params::KD - 2] {
     let usual = params::kd(params::k(3, 6));
-    let mut all = [BEAM_LEAST; params::KD - 1];
+    let mut all = [BEAM_LEAST; params::KD - 2];
     let mut i = 0;
     while i < all.len() {
-        all[i] = usual[i + (i >= params::PLACE_LEAVES_KD) as usize];
+        all[i] = usual[i + 2 * (i >= params::PLACE_LEAVES_KD) as usize];
         i += 1;
     }
     let [nodes, traversal, _] = params::PLACES_KD;

@@ -61,6 +61,10 @@ pub struct Clusters {
 type Member = (Vec3, f64);
 
 impl Source for Clusters {
+    fn bytes(&self) -> usize {
+        self.normals.bytes()
+    }
+
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>) {
         let wanted = k.saturating_sub(out.len());
         if wanted == 0 {
@@ -69,7 +73,8 @@ impl Source for Clusters {
         let mut random = generator(self.seed, node.key);
         if let Some(empty) = self.published {
             let all = (0..node.ids.count()).filter_map(|i| self.normals.get(node.ids.get(i)));
-            for centre in means::means(&all.collect::<Vec<_>>(), wanted, empty, &mut random) {
+            let all: Vec<_> = all.collect();
+            for centre in means::means(&all, wanted, empty, &mut random, node.monitor) {
                 if !out.contains(&centre) {
                     out.push(centre);
                 }

@@ -6,15 +6,15 @@ use super::policy::Policy;
 use super::{Source, Variant, params};
 use crate::kd::{Axes, default_depth};
 use crate::kd_sah::thesis_depth;
+use crate::lazy::{self, Grown};
 use crate::planes;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
-use halfspace_builders::space::{self, ObliqueStep, Params, Stop};
+use halfspace_builders::space::{ObliqueStep, Params, Stop};
 use halfspace_builders::sweep::Ties;
 use halfspace_nodes::cost::Costs;
-use halfspace_nodes::preorder::Preorder;
-use halfspace_nodes::shape::Shape;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::{Frame, U};
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
@@ -25,8 +25,8 @@ use std::sync::Arc;
 /// Builds a tree along a source's directions, and lays it out.
 ///
 /// # Errors
-/// Those of [`space::build`] and [`planes::lay_out`].
-pub fn build<S: Source>(
+/// Those of [`build_with`].
+pub fn build<S: Source + 'static>(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
@@ -35,8 +35,7 @@ pub fn build<S: Source>(
 ) -> Result<Built> {
     let params = loop_params(scene, config, variant);
     // Choose K, and build with whole or clipped triangles.
-    let mut tried = [0; 2];
-    let mut built = build_with(
+    build_with(
         scene,
         config,
         monitor,
@@ -44,29 +43,22 @@ pub fn build<S: Source>(
         &params,
         |frame, normals, needed| {
             let k = if needed { config.integer("k") } else { 3 };
-            tried = [k, at_small_nodes(config, variant, k)];
+            let small = at_small_nodes(config, variant, k);
             let task = Task {
-                source: &source(normals),
+                source: Arc::new(source(normals)),
                 variant,
-                k: tried,
+                k: [k, small],
                 axes_depth: config.integer("axes_depth"),
             };
-            if config.choice("clip") == "1" {
-                oblique::<Clipped>(scene, frame, &params, task, monitor)
+            let framed = FramedScene { scene, frame };
+            let grown = if config.choice("clip") == "1" {
+                oblique::<Clipped>(framed, config, &params, task, monitor)?
             } else {
-                oblique::<Whole>(scene, frame, &params, task, monitor)
-            }
+                oblique::<Whole>(framed, config, &params, task, monitor)?
+            };
+            Ok((grown, (small < k).then_some([k, small])))
         },
-    )?;
-    // Report that small nodes tried fewer directions.
-    let [k, small] = tried;
-    if small < k && built.shape.nodes_axis + built.shape.nodes_oblique > 0 {
-        built.left_out.push(format!(
-            "directions of small nodes: {small} instead of {k} are tried at those of up to {} triangles",
-            params::SMALL,
-        ));
-    }
-    Ok(built)
+    )
 }
 
 /// Returns K at small nodes: a share of K, but at least one direction in addition to the axes. With the costs of the
@@ -86,18 +78,21 @@ fn at_small_nodes(config: &Config, variant: Variant, k: usize) -> usize {
     share.max(axes + 1).min(k)
 }
 
+/// A tree, and K at large and at small nodes if small nodes tried fewer directions.
+pub type Tried = (Grown, Option<[usize; 2]>);
+
 /// Builds a tree with `grow` and lays it out. `grow` receives the frame, the normals, and whether oblique planes are
 /// useful. If they are not, the variant with cheap axis nodes becomes the kd-tree instead.
 ///
 /// # Errors
-/// Those of `grow` and [`planes::lay_out`].
+/// Those of `grow` and [`Grown::lay_out`].
 pub fn build_with(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
     variant: Variant,
     params: &Params,
-    grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Preorder>,
+    grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Tried>,
 ) -> Result<Built> {
     // Compute the normals of all triangles in the structure's frame.
     let frame = Frame::new(scene.bounds());
@@ -115,29 +110,62 @@ pub fn build_with(
     } else {
         None
     };
-    let preorder = planes::during_planes(config, monitor, || match needless {
+    let (grown, fewer) = planes::during_planes(config, monitor, || match needless {
         None => grow(&frame, normals, true),
         Some(_) if variant == Variant::PlusKd => {
-            axes_only(scene, &frame, params, config.choice("clip") == "1", monitor)
+            let framed = FramedScene {
+                scene,
+                frame: &frame,
+            };
+            axes_only(framed, config, params, monitor).map(|grown| (grown, None))
         }
         Some(_) => grow(&frame, normals, false),
     })?;
-    let mut built = lay_out(scene, config, frame, &preorder, monitor)?;
-    // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has no
-    // planes at all.
-    let axes_alone = || {
-        let shape = Shape::new(&preorder);
-        shape.nodes_axis > 0 && shape.nodes_oblique == 0
-    };
-    if let Some(reason) = needless.filter(|_| axes_alone()) {
-        built.left_out.push(format!("oblique planes: {reason}"));
-    }
-    Ok(built)
+    let left_out = left_out(needless, fewer, params.enough);
+    grown.lay_out(scene, config, frame, left_out, monitor)
+}
+
+/// Lists the features that a tree did not need. `needless`: why oblique planes are of no use; `fewer`: K at large and
+/// at small nodes if these tried fewer directions; `enough`: as [`Params::enough`].
+fn left_out(
+    needless: Option<&'static str>,
+    fewer: Option<[usize; 2]>,
+    enough: f32,
+) -> lazy::LeftOut {
+    Box::new(move |shape, first_only| {
+        let mut lines = Vec::new();
+        let nodes = shape.nodes_axis + shape.nodes_oblique;
+        // Report how many nodes tried only the axes.
+        if first_only > 0 {
+            lines.push(format!(
+                "directions besides the axes: at {first_only} of {nodes} nodes, where a plane along an axis costs less \
+                 than {enough} of a leaf"
+            ));
+        }
+        // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has
+        // no planes at all.
+        if let Some(reason) = needless
+            && shape.nodes_axis > 0
+            && shape.nodes_oblique == 0
+        {
+            lines.push(format!("oblique planes: {reason}"));
+        }
+        // Report that small nodes tried fewer directions.
+        if let Some([k, small]) = fewer
+            && nodes > 0
+        {
+            lines.push(format!(
+                "directions of small nodes: {small} instead of {k} are tried at those of up to {} triangles",
+                params::SMALL,
+            ));
+        }
+        lines
+    })
 }
 
 /// Arguments of [`oblique`].
-struct Task<'a> {
-    source: &'a dyn Source,
+struct Task {
+    source: Arc<dyn Source>,
     variant: Variant,
     /// K at large and at small nodes.
     k: [usize; 2],
@@ -145,13 +173,13 @@ struct Task<'a> {
 }
 
 /// Builds a tree with oblique planes from pieces of type `P`.
-fn oblique<P: Piece>(
-    scene: &Triangles,
-    frame: &Frame,
+fn oblique<P: Piece + 'static>(
+    framed: FramedScene<'_>,
+    config: &Config,
     params: &Params,
-    task: Task<'_>,
+    task: Task,
     monitor: &Monitor,
-) -> Result<Preorder> {
+) -> Result<Grown> {
     let policy = Policy::<P> {
         source: task.source,
         variant: task.variant,
@@ -160,17 +188,16 @@ fn oblique<P: Piece>(
         axes_depth: task.axes_depth,
         pieces: PhantomData,
     };
-    space::build(scene, frame, &policy, params, monitor)
+    lazy::grow(framed.scene, config, framed.frame, policy, params, monitor)
 }
 
 /// Builds the tree of the axes alone, which is the kd-tree.
 fn axes_only(
-    scene: &Triangles,
-    frame: &Frame,
+    framed: FramedScene<'_>,
+    config: &Config,
     params: &Params,
-    clip: bool,
     monitor: &Monitor,
-) -> Result<Preorder> {
+) -> Result<Grown> {
     // Planes in the walls of boxes replace slabs around flat triangles, and the costs alone limit the leaves of a
     // kd-tree.
     let params = &Params {
@@ -179,42 +206,14 @@ fn axes_only(
         leaf_most: usize::MAX,
         ..*params
     };
-    if clip {
-        space::build(
-            scene,
-            frame,
-            &Axes::<ClippedBox>(PhantomData),
-            params,
-            monitor,
-        )
+    let FramedScene { scene, frame } = framed;
+    if config.choice("clip") == "1" {
+        let axes = Axes::<ClippedBox>(PhantomData);
+        lazy::grow(scene, config, frame, axes, params, monitor)
     } else {
-        space::build(scene, frame, &Axes::<Boxed>(PhantomData), params, monitor)
+        let axes = Axes::<Boxed>(PhantomData);
+        lazy::grow(scene, config, frame, axes, params, monitor)
     }
-}
-
-/// Lays out a tree that may hold oblique planes.
-///
-/// # Errors
-/// Those of [`planes::lay_out`].
-pub fn lay_out(
-    scene: &Triangles,
-    config: &Config,
-    frame: Frame,
-    preorder: &Preorder,
-    monitor: &Monitor,
-) -> Result<Built> {
-    let mut built = planes::lay_out(scene, config, frame, preorder, monitor)?;
-    // Report how many nodes tried only the axes.
-    if preorder.first_only > 0 {
-        let shape = Shape::new(preorder);
-        built.left_out.push(format!(
-            "directions besides the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
-            preorder.first_only,
-            shape.nodes_axis + shape.nodes_oblique,
-            config.float("enough"),
-        ));
-    }
-    Ok(built)
 }
 
 /// Returns the costs and rules that the configuration selects.

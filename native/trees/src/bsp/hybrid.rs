@@ -20,6 +20,10 @@ const MORE: usize = 16;
 pub struct Hybrid(pub Arbitrary);
 
 impl Source for Hybrid {
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>) {
         self.0.directions(node, k, out);
     }

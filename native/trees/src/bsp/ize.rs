@@ -4,6 +4,7 @@
 
 use crate::bsp::normals::{Normals, oriented};
 use crate::bsp::{AXES, Variant, anything, build_with, loop_params, params};
+use crate::lazy::Grown;
 use crate::planes::rows::ANY_WAYS;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -171,11 +172,12 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
         |frame, normals, oblique| {
             let tried = if oblique { config.integer("tried") } else { 0 };
             let framed = FramedScene { scene, frame };
-            if config.choice("clip") == "1" {
-                tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)
+            let preorder = if config.choice("clip") == "1" {
+                tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)?
             } else {
-                tree::<Whole>(framed, &params, variant, tried, &normals, monitor)
-            }
+                tree::<Whole>(framed, &params, variant, tried, &normals, monitor)?
+            };
+            Ok((Grown::Whole(preorder), None))
         },
     )
 }

@@ -3,6 +3,7 @@
 //! weight per triangle, from the normals of K random triangles.
 
 use crate::bsp::normals::oriented;
+use halfspace_base::Monitor;
 use halfspace_geom::vec3::{Vec3, add_scaled, dot, length, widen};
 use rand::Rng;
 use rand::seq::index;
@@ -25,8 +26,14 @@ pub enum Empty {
 }
 
 /// Returns the centres of `k` clusters of these unit normals, oriented into one half space; all normals if there are no
-/// more than `k`.
-pub fn means(normals: &[[f32; 3]], k: usize, empty: Empty, random: &mut impl Rng) -> Vec<[f32; 3]> {
+/// more than `k`. Where the monitor ends the build, it returns the centres of the last round.
+pub fn means(
+    normals: &[[f32; 3]],
+    k: usize,
+    empty: Empty,
+    random: &mut impl Rng,
+    monitor: &Monitor,
+) -> Vec<[f32; 3]> {
     let n = normals.len();
     if n <= k {
         return normals.to_vec();
@@ -43,6 +50,9 @@ pub fn means(normals: &[[f32; 3]], k: usize, empty: Empty, random: &mut impl Rng
     };
     let mut next = draw(k);
     for _ in 0..ROUNDS {
+        if monitor.check().is_err() {
+            break;
+        }
         // Assign each normal to the centre at the smallest angle.
         let centres = next.clone();
         let mut sums = vec![([0.0; 3], 0_usize); k];
@@ -124,7 +134,7 @@ mod tests {
         let normals = clustered(300, 1e-4);
         for empty in [Empty::Replaced, Empty::Restarted] {
             let found = (0..20).filter(|&key| {
-                let centres = means(&normals, 3, empty, &mut generator(1, key));
+                let centres = means(&normals, 3, empty, &mut generator(1, key), &Monitor::new());
                 assert_eq!(centres.len(), 3);
                 // Each cluster has its centre, unless the rounds end at a local optimum.
                 let near = |n: &[f32; 3]| centres.iter().any(|c| dot(widen(*c), widen(*n)) > 0.999);
@@ -138,18 +148,33 @@ mod tests {
     fn few_normals_are_all_returned() {
         let random = &mut generator(1, 2);
         let three = clustered(3, 0.0);
-        assert_eq!(means(&three, 3, Empty::Restarted, random), three);
+        assert_eq!(
+            means(&three, 3, Empty::Restarted, random, &Monitor::new()),
+            three
+        );
         // Of thirty triangles with three normals, the text's rule returns all three, each once.
         let thirty = clustered(30, 0.0);
-        assert_eq!(means(&thirty, 5, Empty::Replaced, random), three);
-        assert_eq!(means(&thirty, 3, Empty::Replaced, random), three);
+        assert_eq!(
+            means(&thirty, 5, Empty::Replaced, random, &Monitor::new()),
+            three
+        );
+        assert_eq!(
+            means(&thirty, 3, Empty::Replaced, random, &Monitor::new()),
+            three
+        );
     }
 
     #[test]
     fn the_program_returns_equal_normals_where_few_are_distinct() {
         let thirty = clustered(30, 0.0);
         let repeats = (0..20).filter(|&key| {
-            let centres = means(&thirty, 5, Empty::Restarted, &mut generator(1, key));
+            let centres = means(
+                &thirty,
+                5,
+                Empty::Restarted,
+                &mut generator(1, key),
+                &Monitor::new(),
+            );
             assert_eq!(centres.len(), 5);
             let distinct = at_most(&centres, 5).expect("five at most");
             assert!(distinct.iter().all(|n| thirty.contains(n)), "not a normal");
@@ -157,5 +182,18 @@ mod tests {
         });
         // Five random triangles lack one of the three normals in two of five cases.
         assert!(repeats.count() > 1);
+    }
+
+    #[test]
+    fn a_cancelled_build_ends_the_rounds() {
+        let normals = clustered(300, 1e-4);
+        let (going, ended) = (Monitor::new(), Monitor::new());
+        ended.cancel();
+        for empty in [Empty::Replaced, Empty::Restarted] {
+            let found = |monitor| means(&normals, 3, empty, &mut generator(1, 2), monitor);
+            // The first centres are normals, their means are not.
+            assert!(found(&ended).iter().all(|n| normals.contains(n)));
+            assert!(found(&going).iter().any(|n| !normals.contains(n)));
+        }
     }
 }

@@ -16,6 +16,7 @@ pub mod params;
 mod policy;
 pub mod random;
 
+use halfspace_base::Monitor;
 use halfspace_builders::piece::Piece;
 
 pub use grow::{build, build_with, loop_params};
@@ -115,13 +116,20 @@ pub struct Triangulated<'a> {
     pub key: u64,
     /// Its triangles.
     pub ids: &'a dyn Ids,
+    /// The monitor of the build: a source that takes long returns when it is cancelled.
+    pub monitor: &'a Monitor,
 }
 
 /// A source of directions for nodes.
-pub trait Source: Sync {
+pub trait Source: Send + Sync {
     /// Adds directions until `out` holds `k`, or until there are no more worth trying. Directions in `out` are not added
     /// again.
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>);
+
+    /// Returns the bytes that the source holds.
+    fn bytes(&self) -> usize {
+        0
+    }
 
     /// Adds further directions for a node that would otherwise become a leaf.
     fn more(&self, _: &Triangulated<'_>, _: &mut Vec<[f32; 3]>) {}

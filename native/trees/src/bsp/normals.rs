@@ -71,6 +71,11 @@ impl Normals {
         (n != [0.0; 3]).then_some(n)
     }
 
+    /// Returns the size in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.normals) + size_of_val(&*self.areas)
+    }
+
     /// Returns the area of a triangle in the structure's frame; 0 without a normal.
     pub fn area(&self, id: u32) -> f32 {
         self.areas[id as usize]
@@ -122,6 +127,10 @@ pub struct Arbitrary {
 }
 
 impl Source for Arbitrary {
+    fn bytes(&self) -> usize {
+        self.normals.bytes()
+    }
+
     fn directions(&self, node: &Triangulated<'_>, k: usize, out: &mut Vec<[f32; 3]>) {
         let wanted = k.saturating_sub(out.len());
         if self.draw == Draw::Thesis {
@@ -264,6 +273,7 @@ mod tests {
                 let node = Triangulated {
                     key,
                     ids: &&pieces[..],
+                    monitor: &Monitor::new(),
                 };
                 source.directions(&node, 2, &mut out);
                 assert!(out.iter().all(|n| normals.normals.contains(n)));

@@ -2,7 +2,7 @@
 //! Parameters of the trees with oblique planes.
 
 use crate::params::{
-    AREA_STOP, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
+    AREA_STOP, LAZY, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
 };
 use crate::planes::rows::ANY_TRAVERSAL as TRAVERSAL;
 use crate::planes::scalar::ANY_LEAVES as LEAVES;
@@ -250,7 +250,7 @@ pub const fn join<const A: usize, const B: usize, const N: usize>(
 }
 
 /// Number of parameters of a variant without special axes.
-pub const USUAL: usize = 19;
+pub const USUAL: usize = 20;
 
 /// Number of parameters of a variant with the axes.
 pub const PLUS: usize = USUAL + 1;
@@ -275,6 +275,7 @@ pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
             AXES_DEPTH,
             ROBUST,
             LEAVES,
+            LAZY,
             MAX_DEPTH,
         ],
         PRICES,
@@ -299,6 +300,7 @@ pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
             AXES_DEPTH.needing(MORE_THAN_AXES),
             ROBUST,
             LEAVES,
+            LAZY,
             MAX_DEPTH,
         ],
         PRICES,
@@ -327,6 +329,7 @@ pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
             AXES_DEPTH.needing(MORE_THAN_AXES),
             ROBUST,
             LEAVES,
+            LAZY,
             MAX_DEPTH,
         ],
         prices,
@@ -376,7 +379,7 @@ pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
 /// Indices in [`kd`] of the nodes, the traversal and the seed.
 pub const PLACES_KD: [usize; 3] = [2, 3, 4];
 
-/// Index in [`kd`] of the leaves.
+/// Index in [`kd`] of the leaves; that of the lazy build follows.
 pub const PLACE_LEAVES_KD: usize = 15;
 
 /// Indices in [`usual`] of the seed, of the depth above which only the axes are tried, and of the leaves.

@@ -7,11 +7,12 @@ use halfspace_builders::space::{Node, PlanePolicy};
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{ConvexCell, Direction};
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// The policy of the build loop: the axes as the variant requires, then the source's directions.
-pub struct Policy<'a, P> {
+pub struct Policy<P> {
     /// The source of directions.
-    pub source: &'a dyn Source,
+    pub source: Arc<dyn Source>,
     /// Treatment of the axes.
     pub variant: Variant,
     /// K at large nodes.
@@ -29,10 +30,11 @@ fn triangulated<'a, P: Piece>(node: &'a Node<'_, P>) -> Triangulated<'a> {
     Triangulated {
         key: node.key,
         ids: &node.pieces,
+        monitor: node.monitor,
     }
 }
 
-impl<P: Piece> Policy<'_, P> {
+impl<P: Piece> Policy<P> {
     /// Appends the source's directions that are not in `known`.
     fn sources(&self, node: &Node<'_, P>, mut known: Vec<[f32; 3]>, out: &mut Vec<Direction>) {
         let first = known.len();
@@ -60,9 +62,13 @@ impl<P: Piece> Policy<'_, P> {
     }
 }
 
-impl<P: Piece> PlanePolicy for Policy<'_, P> {
+impl<P: Piece> PlanePolicy for Policy<P> {
     type Cell = ConvexCell;
     type Piece = P;
+
+    fn bytes(&self) -> usize {
+        self.source.bytes()
+    }
 
     fn root(&self, bounds: Aabb) -> ConvexCell {
         ConvexCell::from_box(bounds, bounds.magnitude())

@@ -3,6 +3,7 @@
 
 use super::Planes;
 use crate::boxes;
+use crate::params;
 use crate::ways::{
     Traversal, all, distinct, in_packets, in_streams, in_tiles, join, offer, traversal, way,
 };
@@ -32,7 +33,11 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
             let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
-            Ok((planes.in_tiles(tiles)).with_closest(Rays::Stream, streams))
+            let shadow = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            Ok((planes.by_distances().with_tiles(Rays::Tile, tiles))
+                .with_closest(Rays::Stream, streams)
+                .with_any_by_coherence(shadow, any))
         },
     },
     Traversal {
@@ -260,7 +265,7 @@ pub const BEAMS: [Traversal<MakePlan>; 1] = [Traversal {
         "camera rays in tiles of 64 that each plane cuts as one beam, other rays as dir",
     ),
     plan: |planes| {
-        let least = u32::try_from(planes.config.integer("beam_least")).expect("in range");
+        let least = params::least(planes.config, &params::BEAM_LEAST);
         let beams = beam::kernel::planes(&planes.tree, &planes.leaves, least);
         let mut plan = planes.by_distances().with_tiles(Rays::Beam, beams);
         plan.cases = &beam::planes::NAMES;

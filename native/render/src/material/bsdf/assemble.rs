@@ -2,17 +2,29 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
+use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
-    Boundary, Bsdf, Facets, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals,
+    Boundary, Bsdf, Facets, Interface, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals, Seat,
+    Vantage,
 };
 use crate::material::closure::{
     ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, MAX_CLOSURES, Reflector, Transmitter,
     absorbed, coat_albedos, compensation_per_channel,
 };
+use crate::material::film::Film;
 use crate::material::ggx::Ggx;
-use crate::math::vector::Vec3;
+use crate::math::vector::{Frame, Vec3};
 use crate::values::program::Value;
+
+/// Albedos of facets at the viewing direction.
+#[derive(Clone, Copy)]
+struct FacetAlbedos {
+    /// That of white facets.
+    single: Albedo,
+    /// That of dielectric ones.
+    dielectric: Option<f32>,
+}
 
 /// An empty slot of the array of reflecting lobes.
 const NO_FACETS: Facets = Facets {
@@ -41,9 +53,10 @@ const NO_BOUNDARY: Boundary = Boundary {
     p: 0.0,
 };
 
-impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
-    /// at the back of the surface; `filter`: the lobes that the settings keep, and their least width.
+    /// at the back of the surface; `filter`: the lobes that the settings keep, and their least width;
+    /// `frame`: the shading frame in scene space, for closures with normals or tangents of their own.
     #[inline(always)]
     pub fn new(
         closures: &[Closure],
@@ -52,6 +65,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         normals: Normals,
         inside: bool,
         filter: LobeFilter,
+        frame: &Frame,
     ) -> Self {
         // Start with empty lobes in arrays of fixed size: the path allocates nothing.
         let mut out = Self {
@@ -68,9 +82,18 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             diffuse_probability: 0.0,
             translucent: Vec3::ZERO,
             translucent_probability: 0.0,
+            lobes: [Lobe::NONE; LOBES],
+            lobe_count: 0,
+            energy: 0.0,
         };
         for closure in closures {
-            out.add(&closure.lobes(registers), closure, inside);
+            let lobes = closure.lobes(registers);
+            if LOBES > 0 && closure.needs_lobes() {
+                let vantage = Vantage { frame, inside };
+                out.add_special(&lobes, closure, registers, vantage);
+            } else {
+                out.add(&lobes, closure, inside);
+            }
         }
         out.share_samples();
         out
@@ -84,8 +107,8 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             return;
         }
         // The weight of what is below shrinks from layer to layer.
-        let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight));
-        self.add_reflections(lobes, closure, weight);
+        let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight), None);
+        self.add_reflections(lobes, closure, weight, None);
         if GLASS {
             self.translucent += weight * lobes.translucent;
         }
@@ -94,26 +117,37 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             && (self.filter.refractions
                 || (self.filter.reflections && transmitter.reflect.is_some()))
         {
-            self.add_glass(transmitter, closure, weight, inside);
+            self.add_glass(transmitter, closure, weight, inside, None);
         }
     }
 
     /// Adds the coat, which reflects first, and returns the weight of everything below: `weight` less reflection and
-    /// absorption.
+    /// absorption. `seat`: its frame, if that is not the shading frame.
     #[inline(always)]
-    fn add_coat(&mut self, lobes: &Lobes, closure: &Closure, mut weight: Vec3) -> Vec3 {
+    pub(super) fn add_coat(
+        &mut self,
+        lobes: &Lobes,
+        closure: &Closure,
+        mut weight: Vec3,
+        seat: Option<&Seat>,
+    ) -> Vec3 {
+        let cos = self.seen(seat).z;
         if GLOSSY
             && let (Some((reflector, absorb)), Some([facets, dielectric])) =
                 (&lobes.coat, &closure.grids.coat)
         {
-            let (single, dielectric) = coat_albedos(reflector, [facets, dielectric], self.wi.z);
+            let (single, dielectric) = coat_albedos(reflector, [facets, dielectric], cos);
             // Without its reflection the coat still absorbs.
             if self.filter.reflections {
-                let reflected = self.add_facets(reflector, weight, single, Some(dielectric), true);
+                let albedos = FacetAlbedos {
+                    single,
+                    dielectric: Some(dielectric),
+                };
+                let reflected = self.add_facets(reflector, weight, albedos, true, seat);
                 weight *= (1.0 - reflected).max(0.0);
             }
             if *absorb != Vec3::ONE {
-                weight = weight * absorbed(reflector, *absorb, self.wi.z);
+                weight = weight * absorbed(reflector, *absorb, cos);
             }
         }
         weight
@@ -121,7 +155,14 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
 
     /// Adds metal, then the dielectric layer over the diffuse base. Without facets only the base remains.
     #[inline(always)]
-    fn add_reflections(&mut self, lobes: &Lobes, closure: &Closure, weight: Vec3) {
+    pub(super) fn add_reflections(
+        &mut self,
+        lobes: &Lobes,
+        closure: &Closure,
+        weight: Vec3,
+        seat: Option<&Seat>,
+    ) {
+        let cos = self.seen(seat).z;
         let LobeGrids {
             reflection, layer, ..
         } = &closure.grids;
@@ -131,32 +172,39 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             && let Some(grid) = reflection
             && (lobes.metal.is_some() || lobes.layer.is_some())
         {
-            let single = |r: &Reflector| grid.at(r.roughness, 1.0, self.wi.z);
+            let single = |r: &Reflector| grid.at(r.roughness, 1.0, cos);
             // Metal and layer cover separate shares of the surface, so neither dims the other.
             if let Some(metal) = &lobes.metal {
-                self.add_facets(metal, weight, single(metal), None, multiscatter);
+                let albedos = FacetAlbedos {
+                    single: single(metal),
+                    dielectric: None,
+                };
+                self.add_facets(metal, weight, albedos, multiscatter, seat);
             }
-            let single = lobes.layer.map(|l| grid.at(l.roughness, 1.0, self.wi.z));
+            let single = lobes.layer.map(|l| grid.at(l.roughness, 1.0, cos));
             if let (Some(reflector), Some(single)) = (&lobes.layer, single) {
                 let dielectric = layer.as_ref().map(|g| {
-                    g.at(reflector.roughness, reflector.fresnel.index(), self.wi.z)
+                    g.at(reflector.roughness, reflector.fresnel.index(), cos)
                         .directional
                 });
                 let share = reflector.weight.x;
-                let reflected =
-                    self.add_facets(reflector, weight, single, dielectric, multiscatter);
+                let albedos = FacetAlbedos { single, dielectric };
+                let reflected = self.add_facets(reflector, weight, albedos, multiscatter, seat);
                 // Undo the layer's weight in its reflection, because `lobes.diffuse` already contains it.
                 let left = 1.0 - reflected / share.max(1e-6);
-                self.add_diffuse(lobes, weight * left.max(0.0));
+                self.add_diffuse(lobes, weight * left.max(0.0), seat);
                 return;
             }
         }
-        self.add_diffuse(lobes, weight);
+        self.add_diffuse(lobes, weight, seat);
     }
 
     /// Adds the diffuse base.
     #[inline(always)]
-    fn add_diffuse(&mut self, lobes: &Lobes, weight: Vec3) {
+    fn add_diffuse(&mut self, lobes: &Lobes, weight: Vec3, seat: Option<&Seat>) {
+        if let Some(seat) = seat.filter(|seat| seat.turned) {
+            return self.push_base(lobes, seat, weight);
+        }
         if GLOSSY && lobes.diffuse_roughness > 0.0 && self.rough_count < MAX_CLOSURES {
             self.rough[self.rough_count] = RoughDiffuse::new(
                 lobes.diffuse_roughness,
@@ -172,13 +220,15 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
 
     /// Adds glass, which reflects and refracts by the relative index of the side the path arrives from.
     #[inline(always)]
-    fn add_glass(
+    pub(super) fn add_glass(
         &mut self,
         transmitter: &Transmitter,
         closure: &Closure,
         weight: Vec3,
         inside: bool,
+        seat: Option<&Seat>,
     ) {
+        let cos = self.seen(seat).z;
         let eta = if inside {
             1.0 / transmitter.ior
         } else {
@@ -193,30 +243,48 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             .as_ref()
             .filter(|_| closure.multiscatter)
             .map(|grids| {
-                let single = grids[usize::from(inside)].at(roughness, eta, self.wi.z);
+                let single = grids[usize::from(inside)].at(roughness, eta, cos);
                 let white = || {
                     let grid = reflection.as_ref();
-                    grid.map_or(single, |grid| grid.at(roughness, 1.0, self.wi.z))
+                    grid.map_or(single, |grid| grid.at(roughness, 1.0, cos))
                 };
                 transmitter.single(single, white)
             });
-        self.add_boundary(transmitter, weight, single, eta);
+        self.add_boundary(transmitter, weight, single, eta, seat);
     }
 
-    /// Adds a reflecting lobe and returns the reflected fraction of `weight`. `single`: albedo of white facets;
-    /// `dielectric`: albedo of the dielectric facets at the viewing direction.
+    /// Returns the viewer in a closure's frame.
+    #[inline(always)]
+    fn seen(&self, seat: Option<&Seat>) -> Vec3 {
+        seat.map_or(self.wi, |seat| seat.wi)
+    }
+
+    /// Adds a reflecting lobe and returns the reflected fraction of `weight`. `seat`: its frame, if that is not the
+    /// shading frame.
     #[inline(always)]
     fn add_facets(
         &mut self,
         reflector: &Reflector,
         weight: Vec3,
-        single: Albedo,
-        dielectric: Option<f32>,
+        albedos: FacetAlbedos,
         multiscatter: bool,
+        seat: Option<&Seat>,
     ) -> f32 {
         // Estimate the reflected energy, which also is the weight for choosing the lobe.
-        let (reflected, compensated) =
-            reflector.reflected(self.wi.z, single, dielectric, multiscatter);
+        let FacetAlbedos { single, dielectric } = albedos;
+        let (reflected, compensated) = match seat {
+            None => reflector.reflected(self.wi.z, single, dielectric, multiscatter),
+            Some(seat) => {
+                seat.estimated(reflector)
+                    .reflected(seat.wi.z, single, dielectric, multiscatter)
+            }
+        };
+        let scale = weight * reflector.weight * compensated;
+        let p = (weight * reflected).mean().max(1e-8);
+        if let Some(seat) = seat.filter(|seat| seat.apart) {
+            self.push_facets(reflector, seat, scale, p);
+            return reflected.max_component();
+        }
         // A mirror needs no masking term.
         let ggx = reflector.ggx.widened(self.filter.min_width);
         let smooth = ggx.is_smooth();
@@ -227,8 +295,8 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 smooth,
                 lambda_i: if smooth { 0.0 } else { ggx.lambda(self.wi.z) },
                 fresnel: reflector.fresnel,
-                scale: weight * reflector.weight * compensated,
-                p: (weight * reflected).mean().max(1e-8),
+                scale,
+                p,
             };
             self.facet_count += 1;
         }
@@ -243,6 +311,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         weight: Vec3,
         single: Option<ChannelAlbedo>,
         eta: f32,
+        seat: Option<&Seat>,
     ) {
         // At an index this close to 1 the half vector is undefined: treat the boundary as a window.
         let window = (transmitter.ior - 1.0).abs() < 1e-4;
@@ -252,6 +321,31 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             }
             _ => Vec3::ONE,
         };
+        let scale = weight * compensated * transmitter.weight;
+        let p = (weight.mean() * transmitter.weight).max(1e-8);
+        let tint = if self.filter.refractions {
+            transmitter.tint
+        } else {
+            Vec3::ZERO
+        };
+        if let Some(seat) = seat.filter(|seat| seat.apart) {
+            let interface = Interface {
+                eta,
+                reflect: transmitter.reflect,
+                reflections: self.filter.reflections,
+                tint,
+                film: seat.film.map(|[thickness, index]| {
+                    // Seen from within, all indices are relative to that of the inside.
+                    let side = if eta == transmitter.ior {
+                        1.0
+                    } else {
+                        transmitter.ior
+                    };
+                    Film::new(thickness, index / side)
+                }),
+            };
+            return self.push_boundary(transmitter, seat, interface, scale, p);
+        }
         let ggx = transmitter.ggx.widened(self.filter.min_width);
         let smooth = ggx.is_smooth() || window;
         if self.boundary_count < MAX_BOUNDARIES {
@@ -261,15 +355,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 smooth,
                 lambda_i: if smooth { 0.0 } else { ggx.lambda(self.wi.z) },
                 eta,
-                scale: weight * compensated * transmitter.weight,
+                scale,
                 reflect: transmitter.reflect,
                 reflections: self.filter.reflections,
-                tint: if self.filter.refractions {
-                    transmitter.tint
-                } else {
-                    Vec3::ZERO
-                },
-                p: (weight.mean() * transmitter.weight).max(1e-8),
+                tint,
+                p,
             };
             self.boundary_count += 1;
         }
@@ -300,8 +390,16 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             let boundaries = &self.boundaries[..self.boundary_count];
             total += boundaries.iter().map(|b| b.p).sum::<f32>();
         }
+        total += self.own_lobes().iter().map(|lobe| lobe.p).sum::<f32>();
+        self.energy = total;
         if total > 0.0 {
             let norm = 1.0 / total;
+            if LOBES > 0 {
+                let count = self.lobe_count;
+                self.lobes[..count]
+                    .iter_mut()
+                    .for_each(|lobe| lobe.p *= norm);
+            }
             self.diffuse_probability *= norm;
             self.translucent_probability *= norm;
             if GLOSSY {

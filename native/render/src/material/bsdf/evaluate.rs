@@ -11,7 +11,7 @@ use crate::math::vector::{Vec3, vec3};
 use crate::values::visibility::RayKind;
 use crate::values::visibility::Visibility;
 
-impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// Returns BSDF × |cosine| for a direction and the density of [`Self::sample`] there. Mirrors and windows,
     /// whose density is infinite, contribute nothing.
     #[inline(always)]
@@ -29,6 +29,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         };
         if GLASS && wo.z < 0.0 && visible.to(RayKind::Diffuse) {
             self.eval_translucent(wo, &mut f, &mut pdf);
+        }
+        for lobe in self.own_lobes() {
+            let (value, density) = lobe.eval(wo, &self.normals, visible);
+            f += value;
+            pdf += lobe.p * density;
         }
         // Facets neither reflect to the far side of the triangle nor refract to the near side. Where the shading
         // normal and the triangle disagree about the side, only the diffuse lobe contributes.

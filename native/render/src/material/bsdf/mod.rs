@@ -3,19 +3,27 @@
 //!
 //! Directions are in the shading frame (z = shading normal) and point away from the surface; `wi` is where the path
 //! came from (z > 0), `wo` where it goes. `GLOSSY` and `GLASS` are false if no material of the scene has such
-//! lobes; their code is then compiled out.
+//! lobes; their code is then compiled out. `LOBES` is 0 if none has lobes with frames of their own.
 
+use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Reflected};
+use crate::material::film::Film;
 use crate::material::ggx::Ggx;
-use crate::math::vector::Vec3;
+use crate::material::microfacets::Distribution;
+use crate::math::vector::{Frame, Vec3, vec3};
 use crate::values::visibility::RayKind;
 
 mod assemble;
 mod evaluate;
+mod facets;
+mod layers;
+mod lobe;
 mod rough;
 mod sample;
+mod shares;
 
+pub use crate::material::bsdf::lobe::MAX_LOBES;
 pub use crate::material::bsdf::sample::cosine_direction;
 
 /// The other normals at the point, in the shading frame, whose z axis is the normal of the facets.
@@ -30,6 +38,12 @@ pub struct Normals {
 }
 
 impl Normals {
+    /// Returns the surface's shading normal.
+    #[inline(always)]
+    pub fn own(&self) -> Vec3 {
+        self.mapped.map_or(vec3(0.0, 0.0, 1.0), |[own, _]| own)
+    }
+
     /// Returns the cosine between a viewer and the normal of the diffuse base, at least 0.
     #[inline(always)]
     pub fn diffuse_cosine(&self, wi: Vec3) -> f32 {
@@ -114,13 +128,60 @@ struct Boundary {
     p: f32,
 }
 
+/// How a boundary with a frame of its own divides light.
+#[derive(Debug, Clone, Copy)]
+struct Interface {
+    /// Index of the far side over that of the near side.
+    eta: f32,
+    /// Colour of the reflection; `None` = refraction only.
+    reflect: Option<Reflected>,
+    /// Whether reflection is kept; what it would take is lost otherwise.
+    reflections: bool,
+    /// Filter of refracted light.
+    tint: Vec3,
+    /// A thin film on the boundary.
+    film: Option<Film>,
+}
+
+/// Where a closure is seen from.
+#[derive(Debug, Clone, Copy)]
+struct Vantage<'a> {
+    /// The shading frame in scene space.
+    frame: &'a Frame,
+    /// Whether the path arrives at the back of the surface.
+    inside: bool,
+}
+
+/// The frame in which the lobes of a closure, or its coat, are assembled.
+#[derive(Debug, Clone, Copy)]
+struct Seat {
+    /// Frame of the facets in the shading frame.
+    frame: Frame,
+    /// The viewer in it.
+    wi: Vec3,
+    /// Normal of the diffuse base in the shading frame.
+    mapped: Vec3,
+    /// Whether facets need a lobe of their own.
+    apart: bool,
+    /// Whether the normal differs from that of the material.
+    turned: bool,
+    /// Distribution of the facets.
+    distribution: Distribution,
+    /// Factors on their widths along the tangent and across.
+    stretch: [f32; 2],
+    /// Indices of refraction and extinction coefficients of a conductor.
+    conductor: Option<[Vec3; 2]>,
+    /// A thin film on the facets: thickness and index of refraction.
+    film: Option<[f32; 2]>,
+}
+
 /// Largest number of reflecting lobes of a material (a Principled closure has three, the others one).
 pub const MAX_FACETS: usize = 3 * MAX_PRINCIPLED + (MAX_CLOSURES - MAX_PRINCIPLED);
 /// Largest number of refracting lobes of a material.
 const MAX_BOUNDARIES: usize = MAX_CLOSURES;
 
 /// The lobes of a material with their weights for one viewing direction.
-pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
+pub struct Bsdf<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> {
     wi: Vec3,
     normals: Normals,
     filter: LobeFilter,
@@ -138,25 +199,44 @@ pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
     translucent: Vec3,
     /// Probability of sampling the translucent lobe.
     translucent_probability: f32,
+    /// Lobes with frames of their own.
+    lobes: [Lobe; LOBES],
+    lobe_count: usize,
+    /// Estimated energy of all lobes, of which their probabilities are shares.
+    energy: f32,
 }
 
-impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
+    /// The lobes with frames of their own; none, known at compile time, without `LOBES`.
+    #[inline(always)]
+    fn own_lobes(&self) -> &[Lobe] {
+        if LOBES > 0 {
+            &self.lobes[..self.lobe_count]
+        } else {
+            &[]
+        }
+    }
+
     /// Whether a lobe transmits light to the other side.
     #[inline(always)]
     pub fn transmits(&self) -> bool {
-        GLASS && (self.boundary_count > 0 || self.translucent != Vec3::ZERO)
+        GLASS
+            && (self.boundary_count > 0
+                || self.translucent != Vec3::ZERO
+                || self.own_lobes().iter().any(Lobe::transmits))
     }
 
     /// Whether there is a reflecting lobe.
     #[inline(always)]
     pub fn reflects(&self) -> bool {
-        GLOSSY && self.facet_count > 0
+        GLOSSY && (self.facet_count > 0 || self.own_lobes().iter().any(Lobe::reflects))
     }
 
     /// Whether a lobe has a finite density, so that light samples can contribute.
     #[inline(always)]
     pub fn has_density(&self) -> bool {
         self.diffuse_probability > 0.0
+            || self.own_lobes().iter().any(|lobe| !lobe.is_smooth())
             || (GLASS && self.translucent_probability > 0.0)
             || (GLOSSY && self.facets[..self.facet_count].iter().any(|f| !f.smooth))
             || (GLASS

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Sampling of the BSDF: directions in which the path continues.
 
+use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
 use crate::math::fresnel;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
 use crate::values::visibility::RayKind;
 
-impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// Samples a direction by the lobes' probabilities; `None` ends the path. `choice`: random number in [0, 1)
     /// that selects the lobe; `u`: two random numbers in [0, 1) for the direction.
     #[inline(always)]
@@ -30,6 +31,12 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 left -= boundary.p;
             }
         }
+        for lobe in self.own_lobes() {
+            if left < lobe.p {
+                return self.sample_lobe(lobe, left / lobe.p, u);
+            }
+            left -= lobe.p;
+        }
         // Translucent lobe: about the normal of the facets, to the other side.
         let about = cosine_direction(u);
         if GLASS && left < self.translucent_probability {
@@ -44,6 +51,23 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             Some([_, mapped]) => Frame::around(mapped).to_world(about),
         };
         self.finish(wo, RayKind::Diffuse, false)
+    }
+
+    /// Samples a lobe with a frame of its own.
+    #[inline(never)]
+    fn sample_lobe(&self, lobe: &Lobe, choice: f32, u: [f32; 2]) -> Option<Scatter> {
+        let direction = lobe.sample(choice, u)?;
+        let Some((weight, eta)) = direction.single else {
+            return self.finish(direction.wo, direction.kind, direction.through);
+        };
+        Some(Scatter {
+            wo: direction.wo,
+            weight,
+            pdf: f32::INFINITY,
+            kind: direction.kind,
+            through: direction.through,
+            eta,
+        })
     }
 
     /// Samples a reflecting lobe.

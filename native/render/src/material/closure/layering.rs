@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use crate::material::albedo::{Albedo, Grid};
 use crate::material::closure::reflectance::{Fresnel, Reflected};
-use crate::material::closure::{Closure, Reflector, Transmitter};
+use crate::material::closure::{Closure, Reflector, SheenLayer, Transmitter};
+use crate::material::sheen::Microfibers;
 use crate::math::fresnel;
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::Value;
@@ -72,19 +73,28 @@ impl Transmitter {
 }
 
 impl Closure {
-    /// Returns the fraction of light from below that the coat transmits towards a viewer at this cosine.
+    /// Returns the fraction of light from below that sheen and coat transmit towards a viewer at this cosine.
     pub fn through_coat(&self, registers: &[Value], cos: f32) -> Vec3 {
+        let sheen = self.sheen(registers).map_or(1.0, |s| s.below(cos));
         let lobes = self.lobes(registers);
-        // Without a coat everything passes.
+        // Without a coat everything that passes the sheen passes.
         let (Some((reflector, absorb)), Some([facets, dielectric])) =
             (&lobes.coat, &self.grids.coat)
         else {
-            return Vec3::ONE;
+            return Vec3::splat(sheen);
         };
         let (single, dielectric) = coat_albedos(reflector, [facets, dielectric], cos);
         let (reflected, _) = reflector.reflected(cos, single, Some(dielectric), true);
         let left = (1.0 - reflected.max_component()).max(0.0);
-        absorbed(reflector, *absorb, cos) * left
+        absorbed(reflector, *absorb, cos) * (left * sheen)
+    }
+}
+
+impl SheenLayer {
+    /// Returns the fraction of light that passes below, towards a viewer at this cosine.
+    pub fn below(&self, cos: f32) -> f32 {
+        let albedo = Microfibers::new(self.roughness, cos).map_or(0.0, |(_, albedo)| albedo);
+        (1.0 - self.color.max_component() * albedo).clamp(0.0, 1.0)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::material::closure::reflectance::{Fresnel, Reflected, edge_dip};
 use crate::material::closure::{
-    Closure, ClosureKind, INPUTS, Input, clamp_index, coat_index, layer_index, positive,
+    Closure, ClosureKind, INPUTS, Input, clamp_index, coat_index, layer_index, optical, positive,
 };
 use crate::material::ggx::Ggx;
 use crate::math::fresnel;
@@ -90,7 +90,19 @@ impl Closure {
             translucent: Vec3::ZERO,
         };
         match self.kind {
-            ClosureKind::Transparent | ClosureKind::Emission => lobes.weight = 0.0,
+            ClosureKind::Transparent | ClosureKind::Emission | ClosureKind::Holdout => {
+                lobes.weight = 0.0;
+            }
+            // The lobe of these depends on the frame: see `Closure::special`.
+            ClosureKind::Sheen
+            | ClosureKind::Velvet
+            | ClosureKind::ToonDiffuse
+            | ClosureKind::ToonGlossy => {}
+            ClosureKind::Conductor => {
+                let [n, k] = [Input::Color, Input::Extinction].map(|i| optical(inputs.get(i)));
+                let roughness = inputs.share(Input::Roughness);
+                lobes.metal = Some(inputs.reflector(1.0, roughness, Fresnel::like_conductor(n, k)));
+            }
             ClosureKind::Diffuse => {
                 lobes.diffuse = base;
                 lobes.diffuse_roughness = inputs.diffuse_roughness();

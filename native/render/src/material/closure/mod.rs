@@ -7,6 +7,7 @@
 //! scaled so that they lose no energy ("multiscatter GGX").
 
 use crate::material::albedo::Grids;
+use crate::material::microfacets::Distribution;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
 use crate::values::program::{Operand, Value, read, rgb};
@@ -16,6 +17,7 @@ mod lobe_grids;
 mod lobes;
 mod params;
 mod reflectance;
+mod special;
 
 pub use crate::material::closure::layering::{
     ChannelAlbedo, absorbed, coat_albedos, compensation_per_channel,
@@ -25,7 +27,8 @@ pub use crate::material::closure::lobes::{Lobes, Reflector, Transmitter};
 pub use crate::material::closure::params::{
     ClosureKind, ClosureParams, INPUTS, Input, MAX_CLOSURES, MAX_PRINCIPLED,
 };
-pub use crate::material::closure::reflectance::{Fresnel, Reflected};
+pub use crate::material::closure::reflectance::{Fresnel, Reflected, conductor};
+pub use crate::material::closure::special::{SheenLayer, Single, Special};
 
 /// Light of a closure, or of a material, that no lobe scatters: emission and straight transmission.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +39,8 @@ pub struct Unscattered {
     pub transparent: Vec3,
     /// Weight of the lobes.
     pub scattering: f32,
+    /// Weight of holes in the picture: light that camera rays find missing, with its opacity.
+    pub holdout: f32,
 }
 
 impl Unscattered {
@@ -44,6 +49,7 @@ impl Unscattered {
         emission: Vec3::ZERO,
         transparent: Vec3::ZERO,
         scattering: 0.0,
+        holdout: 0.0,
     };
 
     /// Returns the probability with which a path passes straight through: the share of the transparent part.
@@ -51,9 +57,19 @@ impl Unscattered {
     pub fn pass_probability(&self) -> f32 {
         let passing = self.transparent.mean();
         if passing > 0.0 {
-            passing / (passing + self.scattering)
+            passing / (passing + self.scattering + self.holdout)
         } else {
             0.0
+        }
+    }
+
+    /// Returns the opacity of what does not pass.
+    #[inline(always)]
+    pub fn opacity(&self) -> f32 {
+        if self.holdout > 0.0 {
+            self.scattering / (self.scattering + self.holdout)
+        } else {
+            1.0
         }
     }
 }
@@ -70,6 +86,12 @@ pub struct Closure {
     pub grids: LobeGrids,
     /// The lobes, if all inputs are constant.
     fixed: Option<Lobes>,
+    /// Distribution of the facets.
+    distribution: Distribution,
+    /// Whether its normal differs from that of the material.
+    pub turned: bool,
+    /// Whether the normal of the coat differs from that of the material.
+    pub coat_apart: bool,
 }
 
 impl Closure {
@@ -82,6 +104,9 @@ impl Closure {
             multiscatter: params.multiscatter,
             grids: LobeGrids::default(),
             fixed: None,
+            distribution: params.distribution,
+            turned: false,
+            coat_apart: false,
         };
         closure.make_grids(grids);
         // Constant inputs: compute the lobes once, with the accurate mean of the Fresnel reflectance.
@@ -118,7 +143,7 @@ impl Closure {
                     || self.can_differ(Input::Specular, 0.0)
                     || self.can_differ(Input::CoatWeight, 0.0)
             }
-            ClosureKind::Glossy => true,
+            ClosureKind::Glossy | ClosureKind::Conductor => true,
             _ => false,
         }
     }
@@ -168,10 +193,10 @@ impl Closure {
         }
     }
 
-    /// Whether the closure emits below a coat, so that its emission depends on the direction.
+    /// Whether the closure emits below a coat or sheen, so that its emission depends on the direction.
     pub fn dims_emission(&self) -> bool {
         self.kind == ClosureKind::Principled
-            && self.can_differ(Input::CoatWeight, 0.0)
+            && (self.can_differ(Input::CoatWeight, 0.0) || self.can_differ(Input::SheenWeight, 0.0))
             && self.may_emit()
     }
 
@@ -192,6 +217,7 @@ impl Closure {
                 unscattered.transparent = positive(get(Input::Color)) * weight
             }
             ClosureKind::Emission => unscattered.emission = get(Input::Emission) * weight,
+            ClosureKind::Holdout => unscattered.holdout = weight,
             _ => unscattered.scattering = weight,
         }
         unscattered
@@ -201,6 +227,11 @@ impl Closure {
 /// Replaces negative components by 0.
 fn positive(c: Vec3) -> Vec3 {
     c.map(|x| x.max(0.0))
+}
+
+/// Keeps optical constants of a conductor within 0..1e4, so that their fourth powers are finite.
+fn optical(c: Vec3) -> Vec3 {
+    c.map(|x| x.clamp(0.0, 1e4))
 }
 
 /// Keeps an index of refraction within 1e-3..1e3.

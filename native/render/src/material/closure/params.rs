@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of closures.
 
+use crate::material::microfacets::Distribution;
 use crate::values::program::Operand;
 
 /// The shader node of a closure.
@@ -22,6 +23,18 @@ pub enum ClosureKind {
     Transparent,
     /// Emission.
     Emission,
+    /// Metallic BSDF with indices of refraction per channel.
+    Conductor,
+    /// Sheen BSDF of microfibres.
+    Sheen,
+    /// Sheen BSDF after Ashikhmin.
+    Velvet,
+    /// Toon BSDF, diffuse.
+    ToonDiffuse,
+    /// Toon BSDF, glossy.
+    ToonGlossy,
+    /// Holdout: a hole in the picture.
+    Holdout,
 }
 
 /// The inputs of a closure that other nodes can drive.
@@ -57,6 +70,30 @@ pub enum Input {
     CoatTint,
     /// Roughness of the diffuse base, 0..1; 0 = Lambertian.
     DiffuseRoughness,
+    /// How much facets are stretched along or across the tangent; 0 = not at all.
+    Anisotropy,
+    /// Rotation of the tangent about the normal, in turns.
+    Rotation,
+    /// Tangent of stretched facets in scene space; 0 = any.
+    Tangent,
+    /// Normal of the coat in scene space; 0 = the surface's.
+    CoatNormal,
+    /// Normal of the closure in scene space; 0 = the surface's. Set where closures have several.
+    Normal,
+    /// Weight of the sheen on top of everything.
+    SheenWeight,
+    /// Roughness of the sheen.
+    SheenRoughness,
+    /// Colour of the sheen.
+    SheenTint,
+    /// Width of the soft edge of a toon lobe, 0..1; its `Roughness` is the size.
+    Smooth,
+    /// Extinction coefficients of a conductor, whose `Color` are the indices of refraction.
+    Extinction,
+    /// Thickness of a thin film in nm; 0 = none.
+    FilmThickness,
+    /// Index of refraction of the thin film.
+    FilmIor,
 }
 
 /// Largest number of closures of a material; more are an error.
@@ -66,7 +103,7 @@ pub const MAX_CLOSURES: usize = 8;
 pub const MAX_PRINCIPLED: usize = 4;
 
 /// Number of inputs in [`Input`].
-pub const INPUTS: usize = 15;
+pub const INPUTS: usize = 27;
 
 /// Parameters of a closure.
 #[derive(Debug, Clone)]
@@ -79,6 +116,8 @@ pub struct ClosureParams {
     pub normal: Option<Operand>,
     /// Whether rough lobes are scaled to lose no energy.
     pub multiscatter: bool,
+    /// Distribution of the facets.
+    pub distribution: Distribution,
 }
 
 impl ClosureParams {
@@ -96,11 +135,15 @@ impl ClosureParams {
         set(Input::CoatRoughness, 0.03);
         set(Input::CoatIor, 1.5);
         set(Input::CoatTint, 1.0);
+        set(Input::SheenRoughness, 0.5);
+        set(Input::SheenTint, 1.0);
+        set(Input::FilmIor, 1.33);
         Self {
             kind,
             inputs,
             normal: None,
             multiscatter: true,
+            distribution: Distribution::Ggx,
         }
     }
 }

@@ -41,6 +41,19 @@ impl Fresnel {
         }
     }
 
+    /// Schlick's curve through the reflectance of a conductor at normal incidence and at cosine 1/7, for estimates.
+    pub fn like_conductor(n: Vec3, k: Vec3) -> Self {
+        let f0 = conductor(1.0, n, k).map(|f| f.clamp(0.0, 1.0));
+        let low = conductor(1.0 / 7.0, n, k);
+        let m5 = (6.0_f32 / 7.0).powi(5);
+        let plain = f0 + (Vec3::ONE - f0) * m5;
+        Self::Metal {
+            f0,
+            edge: Vec3::ONE,
+            dip: (plain - low) * (7.0 / (m5 * 6.0 / 7.0)),
+        }
+    }
+
     /// Returns the index of the boundary; 1 for metal.
     #[inline(always)]
     pub fn index(&self) -> f32 {
@@ -135,6 +148,25 @@ impl Reflected {
             Self::Dielectric { .. } => Vec3::ONE - self.at(reflectance),
         }
     }
+}
+
+/// Returns the unpolarised reflectance of a conductor with index of refraction `n` and extinction coefficient `k`
+/// at a cosine: the Fresnel equations for a complex index, as in Born and Wolf 1999, §14.2.
+pub fn conductor(cos: f32, n: Vec3, k: Vec3) -> Vec3 {
+    let channel = |n: f32, k: f32| {
+        // Cosine of the complex angle inside, times the index: a + ib.
+        let c2 = (cos * cos).min(1.0);
+        let s2 = 1.0 - c2;
+        let t = n * n - k * k - s2;
+        let ab = (t * t + 4.0 * n * n * k * k).sqrt();
+        let a = (0.5 * (ab + t)).max(0.0).sqrt();
+        let c = c2.sqrt();
+        let s = (ab + c2 - 2.0 * a * c) / (ab + c2 + 2.0 * a * c).max(1e-20);
+        let p = s * (c2 * ab + s2 * s2 - 2.0 * a * c * s2)
+            / (c2 * ab + s2 * s2 + 2.0 * a * c * s2).max(1e-20);
+        (0.5 * (s + p)).clamp(0.0, 1.0)
+    };
+    vec3(channel(n.x, k.x), channel(n.y, k.y), channel(n.z, k.z))
 }
 
 /// Returns the coefficient that lowers Schlick's curve to `tint` times its value at cosine 1/7 (82°): Kutz, Hašan

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Puts the rays of a wavefront in the order of their beams.
 
+use crate::film::Shares;
 use crate::path::beams::source::Source;
 use crate::path::state::Path;
 use halfspace_ray::{Order, Ray};
@@ -24,16 +25,18 @@ pub struct Groups {
     order: Vec<(u128, u32)>,
     rays: Vec<Ray>,
     paths: Vec<Path>,
+    shares: Vec<Shares>,
     groups: Vec<Group>,
 }
 
 impl Groups {
-    /// Reorders rays and paths by their sources and returns the groups, which cover all rays. Rays of one source keep
+    /// Reorders rays, paths and, unless there are none, their shares by their sources, and returns the groups, which cover all rays. Rays of one source keep
     /// their order, which is that of the pixels, 8 by 8.
     pub fn sort(
         &mut self,
         rays: &mut Vec<Ray>,
         paths: &mut Vec<Path>,
+        shares: &mut Vec<Shares>,
         sources: &mut [Source],
     ) -> &[Group] {
         // Sort by source; the index keeps the order of equal ones.
@@ -48,6 +51,12 @@ impl Groups {
         self.paths.clear();
         self.paths
             .extend(self.order.iter().map(|i| paths[permuted(i)]));
+        if !shares.is_empty() {
+            self.shares.clear();
+            self.shares
+                .extend(self.order.iter().map(|i| shares[permuted(i)]));
+            std::mem::swap(shares, &mut self.shares);
+        }
         std::mem::swap(rays, &mut self.rays);
         std::mem::swap(paths, &mut self.paths);
         sources.sort_unstable_by_key(|source| source.key());
@@ -80,7 +89,7 @@ impl Groups {
 mod tests {
     use super::*;
     use crate::math::sampler::PixelSampler;
-    use crate::math::vector::vec3;
+    use crate::math::vector::{Vec3, vec3};
 
     #[test]
     fn beams_are_contiguous_and_keep_their_order() {
@@ -103,8 +112,12 @@ mod tests {
         let mut rays: Vec<_> = (0..100).map(ray).collect();
         let path = |i| Path::from_camera([0.0; 3], PixelSampler::new(0, 0, 0), i);
         let mut paths: Vec<_> = (0..100).map(path).collect();
+        let share = |i: f32| Shares::of(Vec3::splat(i), Vec3::ZERO, Vec3::ONE);
+        let mut shares: Vec<_> = (0..100).map(|i| share(i as f32)).collect();
         let mut groups = Groups::default();
-        let groups = groups.sort(&mut rays, &mut paths, &mut sources).to_vec();
+        let groups = groups
+            .sort(&mut rays, &mut paths, &mut shares, &mut sources)
+            .to_vec();
         let tiles: Vec<_> = groups.iter().filter(|g| g.order == Order::Tiles).collect();
         assert_eq!(tiles.len(), 1);
         assert_eq!(tiles[0].rays.len(), 50);
@@ -119,6 +132,7 @@ mod tests {
             let index = path.slot as usize;
             assert_eq!(ray.o[0], index as f32);
             assert_eq!(sources[k], before[index]);
+            assert_eq!(shares[k], share(index as f32));
         }
         let beam = tiles[0].rays.clone();
         assert!(paths[beam].windows(2).all(|w| w[0].slot < w[1].slot));

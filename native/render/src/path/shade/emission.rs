@@ -4,15 +4,23 @@
 use crate::light::power_heuristic;
 use crate::math::vector::Vec3;
 use crate::path::shade::{Output, Shader};
+use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
+use crate::settings::LightPass;
 use halfspace_ray::Hit;
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Adds the light of lamps that the ray hits before the surface.
     #[inline(always)]
-    pub(super) fn add_lamps(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Output<'_>) {
+    pub(super) fn add_lamps(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Output<'_, EXTRA>) {
         let (scene, settings) = (self.scene, self.settings);
         // Camera rays see lamps only if one is visible to them, and never on a transparent film's background.
         if path.camera && (!self.camera_sees_lamps || (settings.film_transparent && !hit.is_hit()))
@@ -23,35 +31,60 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
         // The virtual origin of a beam lies behind that point.
         let span = [path.passed.max(0.0), path.passed + hit.t];
-        let light = scene
-            .lights
-            .radiance_along(path.receiver, d, span, path.pdf, path.kind);
-        out.sample
-            .add(settings.clamped(path.throughput * light, path.bounce > 1));
+        let lamps = |group| {
+            let lights = &scene.lights;
+            let light = lights.radiance_along(path.receiver, d, span, path.pdf, path.kind, group);
+            path.throughput * light
+        };
+        let all = lamps(None);
+        let light = settings.clamped(all, path.bounce > 1);
+        out.add_met(light, path, LightPass::Emission, || 0);
+        // The limit applies to all lamps together.
+        if let Some(extra) = out.extra() {
+            let kept = light.max_abs() / all.max_abs();
+            for group in (1..).take(extra.groups.len()).filter(|_| kept > 0.0) {
+                add_to_group(extra.groups, group, lamps(Some(group)) * kept);
+            }
+        }
     }
 
     /// Adds the light of the background to a path whose ray hits nothing.
     #[inline(always)]
-    pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_>) {
+    pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_, EXTRA>) {
         let (scene, settings) = (self.scene, self.settings);
+        if path.camera
+            && let Some(extra) = out.extra()
+            && let Some(motion) = &mut extra.motion
+        {
+            let [a, b, c, d] = self.context.camera.background_motion(d);
+            **motion = [a, b, c, d, 1.0];
+        }
         // A transparent film shows no background.
         if path.camera && settings.film_transparent {
             return;
         }
         if scene.world.visible.to(path.kind) {
-            let mut light =
-                scene
-                    .world
-                    .radiance(&scene.images, &scene.varying, d, path.kind, out.registers);
+            let (kind, history) = (path.kind, path.history(0.0));
+            let mut light = scene.world.radiance(
+                &scene.images,
+                &scene.varying,
+                d,
+                kind,
+                history,
+                out.registers,
+            );
             // Only a background that varies is also sampled as a light.
             if self.features.world && path.pdf.is_finite() {
                 let density = scene.lights.world_pdf(path.receiver, d);
                 light *= power_heuristic(path.pdf, density);
             }
-            out.sample
-                .add(settings.clamped(path.throughput * light, path.bounce > 1));
+            let light = settings.clamped(path.throughput * light, path.bounce > 1);
+            out.add_met(light, path, LightPass::Environment, || scene.world.group);
         }
-        out.sample.alpha = 1.0;
+        // Scattered paths keep the opacity of the first surface.
+        if path.camera {
+            out.sample.alpha = 1.0;
+        }
     }
 
     /// Adds the emission of a surface, weighted against light samples of the triangle. `cos`: between the ray and
@@ -63,7 +96,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         hit: &Hit,
         cos: f32,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let mut emission = path.throughput * emission;
         if path.pdf.is_finite() {
@@ -73,7 +106,9 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             let density = lights.triangle_pdf(path.receiver, hit.triangle, distance, cos);
             emission *= power_heuristic(path.pdf, density);
         }
-        out.sample
-            .add(self.settings.clamped(emission, path.bounce > 1));
+        let light = self.settings.clamped(emission, path.bounce > 1);
+        let triangle = hit.triangle as usize;
+        let group = || self.scene.indices.group(triangle);
+        out.add_met(light, path, LightPass::Emission, group);
     }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Light samples and their shadow rays: of lights, of a constant background, and for ambient occlusion.
 
+use crate::film::Shares;
 use crate::light::{Arrival, Emitter, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
@@ -17,18 +18,24 @@ use halfspace_ray::{Hit, Ray};
 /// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
 const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and adds a shadow ray if the light could contribute.
     #[inline(always)]
     pub(super) fn sample_light(
         &self,
         surface: &Surface<'_>,
-        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, settings) = (self.scene, self.settings);
         let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
@@ -51,8 +58,15 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
+        let shares = || bsdf.shares(frame.to_local(light.direction), light.visible);
+        let group = || match light.emitter {
+            Emitter::Lamp => light.group,
+            Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
+            Emitter::World => scene.world.group,
+        };
+        let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
-            out.sample.add(value);
+            out.add_unoccluded(value, scattered);
             return;
         }
         // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.
@@ -70,7 +84,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             t_max,
         };
         out.shadows
-            .push_blocked_by(ray, path, value, light.blockers);
+            .push_blocked_by(ray, path, value, scattered, light.blockers);
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -79,10 +93,10 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     pub(super) fn sample_constant_background(
         &self,
         surface: &Surface<'_>,
-        direction: Vec3,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         scatter: &Scatter,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Only a constant, visible background is handled here; others are sampled as lights.
         let world = &self.scene.world;
@@ -93,6 +107,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
+        let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let ray = Ray {
             o: surface.ray_origin(direction).array(),
             d: direction.array(),
@@ -100,7 +115,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             t_max: f32::INFINITY,
         };
         let value = self.settings.clamped(value, path.bounce > 0);
-        out.shadows.push(ray, path, value);
+        let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
+        out.shadows.push(ray, path, value, scattered);
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -111,7 +127,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         frame: &Frame,
         random: VertexSamples,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         // Directions below the triangle would be occluded by it.
         let direction = frame.to_world(cosine_direction(random.direction()));
@@ -122,7 +138,8 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
                 t_min: 0.0,
                 t_max: self.settings.ambient_distance,
             };
-            out.shadows.push(ray, path, path.throughput);
+            let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
+            out.shadows.push(ray, path, path.throughput, scattered);
         }
     }
 
@@ -136,6 +153,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
                 &scene.varying,
                 light.direction,
                 RayKind::Diffuse,
+                path.history_after(RayKind::Diffuse, 0.0),
                 registers,
             ),
             Emitter::Triangle(triangle, [u, v]) => {

@@ -2,17 +2,18 @@
 //! Shading of a wavefront's hits: adds emission, collects shadow rays, and replaces the rays by those of the next
 //! bounce.
 
-use crate::film::PixelSample;
+use crate::film::{Identities, LightParts, PixelSample, Shares};
+use crate::material::bsdf::MAX_LOBES;
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
-use crate::path::shadow_rays::ShadowRays;
+use crate::path::shadow_rays::{Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Settings};
+use crate::settings::{Integrator, LightPass, LobeKind, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Ray};
 
@@ -23,12 +24,35 @@ mod scatter;
 /// Shades all hits of a wavefront for the sample with this index.
 pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
 
-/// Returns the variant of [`shade`] compiled for exactly these features.
-pub fn choose(features: Features) -> Shade {
+/// Returns the variant of [`shade`] compiled for exactly these features. `extra`: whether a pass is filled for which
+/// [`crate::film::Batch`] has an array of its own.
+pub fn choose(features: Features, extra: bool) -> Shade {
+    let Features {
+        lights,
+        smooth_normals,
+        ..
+    } = features;
+    // Passes that are rarely filled have two variants, for all other features.
+    if extra {
+        return if smooth_normals {
+            shade::<true, true, true, true, MAX_LOBES, true>
+        } else {
+            shade::<true, true, true, false, MAX_LOBES, true>
+        };
+    }
+    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
+    if features.lobes {
+        return match (lights, smooth_normals) {
+            (false, false) => shade::<false, true, true, false, MAX_LOBES, false>,
+            (false, true) => shade::<false, true, true, true, MAX_LOBES, false>,
+            (true, false) => shade::<true, true, true, false, MAX_LOBES, false>,
+            (true, true) => shade::<true, true, true, true, MAX_LOBES, false>,
+        };
+    }
     // Expand the flags, one by one, to the constant parameters of `shade`.
     macro_rules! variant {
         ($($flag:expr),*; $($chosen:tt)*) => { variant!(@ [$($flag),*] [$($chosen)*]) };
-        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)*> };
+        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)* 0, false> };
         (@ [$flag:expr $(, $rest:expr)*] [$($chosen:tt)*]) => {
             if $flag {
                 variant!(@ [$($rest),*] [$($chosen)* true,])
@@ -37,23 +61,31 @@ pub fn choose(features: Features) -> Shade {
             }
         };
     }
-    variant!(features.lights, features.glossy, features.glass, features.smooth_normals;)
+    variant!(lights, features.glossy, features.glass, smooth_normals;)
 }
 
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
 /// that continue keep their order.
-fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>(
+fn shade<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+>(
     wave: &mut Wavefront,
     context: &Context<'_>,
     sample: u32,
 ) {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH>::new(context, sample);
+    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context, sample);
     let Wavefront {
         rays,
         hits,
         paths,
-        samples,
+        batch,
         sources,
+        shares,
         shadows,
         registers,
         light_registers,
@@ -65,8 +97,17 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     for i in 0..rays.len() {
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
-        let mut out = Output {
-            sample: &mut samples[path.slot as usize],
+        let slot = path.slot as usize;
+        let mut out = Output::<EXTRA> {
+            sample: &mut batch.samples[slot],
+            extra: EXTRA.then(|| Extra {
+                parts: batch.parts.get_mut(slot),
+                shares: shares.get(i).copied().unwrap_or(Shares::DIFFUSE),
+                groups: part(&mut batch.groups, slot, context.film.groups()),
+                identities: batch.identities.get_mut(slot),
+                motion: batch.motion.get_mut(slot),
+                outputs: part(&mut batch.outputs, slot, context.film.outputs()),
+            }),
             shadows: &mut *shadows,
             registers: &mut *registers,
             light_registers: &mut *light_registers,
@@ -79,6 +120,12 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             if !sources.is_empty() {
                 sources[kept] = out.next;
             }
+            if EXTRA
+                && let Some(extra) = &out.extra
+                && !shares.is_empty()
+            {
+                shares[kept] = extra.shares;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -86,11 +133,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     rays.truncate(kept);
     paths.truncate(kept);
     sources.truncate(kept);
+    shares.truncate(kept);
 }
 
 /// The outputs of shading.
-struct Output<'a> {
+struct Output<'a, const EXTRA: bool> {
     sample: &'a mut PixelSample,
+    /// What passes that are rarely filled need, if any is.
+    extra: Option<Extra<'a>>,
     shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
     registers: &'a mut Vec<Value>,
@@ -103,8 +153,114 @@ struct Output<'a> {
     next: Source,
 }
 
+/// The outputs of shading for passes that are rarely filled.
+struct Extra<'a> {
+    /// The light of the sample by light pass, if such passes are filled.
+    parts: Option<&'a mut LightParts>,
+    /// The shares of the lobes of the path's first surface, if light passes are filled and it has scattered.
+    shares: Shares,
+    /// The light of the sample by light group.
+    groups: &'a mut [[f32; 3]],
+    /// The identities of the first surface, if a matte is filled.
+    identities: Option<&'a mut Identities>,
+    /// The motion of the first surface, if the vector pass is filled.
+    motion: Option<&'a mut [f32; 5]>,
+    /// The outputs of the first surface's material.
+    outputs: &'a mut [[f32; 4]],
+}
+
+/// Returns the `count` values of a slot.
+fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
+    &mut values[slot * count..(slot + 1) * count]
+}
+
+impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
+    /// Returns what passes that are rarely filled need.
+    #[inline(always)]
+    fn extra(&mut self) -> Option<&mut Extra<'a>> {
+        if EXTRA { self.extra.as_mut() } else { None }
+    }
+
+    /// Adds light that the path's ray meets. `seen`: the pass of light that the camera sees directly; `group`: returns
+    /// the light group of the emitter, called only if such groups are filled.
+    #[inline(always)]
+    fn add_met(&mut self, light: Vec3, path: &Path, seen: LightPass, group: impl FnOnce() -> u8) {
+        self.sample.add(light);
+        let Some(extra) = self.extra() else {
+            return;
+        };
+        if !extra.groups.is_empty() {
+            add_to_group(extra.groups, group(), light);
+        }
+        if let Some(parts) = &mut extra.parts {
+            if path.bounce == 0 {
+                parts.add(seen, light);
+            } else {
+                parts.add_scattered(light, &extra.shares, path.bounce > 1);
+            }
+        }
+    }
+
+    /// Returns what the light passes and light groups need of light that the path's vertex scatters, if they are filled.
+    /// `shares`: returns the shares of the vertex's lobes, which count at the first one; `group`: returns the light
+    /// group of the emitter.
+    #[inline(always)]
+    fn scattered(
+        &self,
+        path: &Path,
+        shares: impl FnOnce() -> Shares,
+        group: impl FnOnce() -> u8,
+    ) -> Option<Scattered> {
+        let extra = self.extra.as_ref().filter(|_| EXTRA)?;
+        let divided = extra.parts.is_some();
+        if !divided && extra.groups.is_empty() {
+            return None;
+        }
+        let indirect = path.bounce > 0;
+        let first = divided && !indirect;
+        Some(Scattered {
+            shares: if first { shares() } else { extra.shares },
+            indirect,
+            group: group(),
+        })
+    }
+
+    /// Adds light that the path's vertex scatters and nothing occludes.
+    #[inline(always)]
+    fn add_unoccluded(&mut self, light: Vec3, scattered: Option<Scattered>) {
+        self.sample.add(light);
+        if let (Some(extra), Some(of)) = (self.extra(), scattered) {
+            add_to_group(extra.groups, of.group, light);
+            if let Some(parts) = &mut extra.parts {
+                parts.add_scattered(light, &of.shares, of.indirect);
+            }
+        }
+    }
+
+    /// Adds the colours of the path's first surface. `colors`: returns those of the kinds of lobes.
+    #[inline(always)]
+    fn add_colors(&mut self, throughput: Vec3, colors: impl FnOnce() -> [Vec3; 3]) {
+        if let Some(extra) = self.extra()
+            && let Some(parts) = &mut extra.parts
+        {
+            let kinds = [LobeKind::Diffuse, LobeKind::Glossy, LobeKind::Transmission];
+            for (kind, color) in kinds.into_iter().zip(colors()) {
+                parts.add(LightPass::Color(kind), throughput * color);
+            }
+        }
+    }
+}
+
 /// Shading of one sample, compiled for a set of features.
-struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool> {
+struct Shader<
+    'a,
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> {
     context: &'a Context<'a>,
     scene: &'a RenderScene,
     settings: &'a Settings,
@@ -116,8 +272,15 @@ struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, con
     last_ray_counts: bool,
 }
 
-impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    'a,
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Computes the values that are the same for all hits.
     fn new(context: &'a Context<'a>, sample: u32) -> Self {
@@ -145,7 +308,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         ray: &Ray,
         hit: &Hit,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
         // The direction has unit length.
@@ -191,8 +354,10 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
+        // The first surface that is not passed makes the pixel opaque, except for holes.
         if path.camera {
-            self.write_first_surface(hit, &surface, out.sample);
+            self.write_first_surface(hit, &surface, out);
+            out.sample.alpha = unscattered.opacity();
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -212,7 +377,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         d: Vec3,
         distance: f32,
         path: &Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, material) = (self.scene, surface.material);
         if material.program.is_empty() {
@@ -238,10 +403,9 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
 
     /// Writes the first surface's data for passes.
     #[inline(always)]
-    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
+    fn write_first_surface(&self, hit: &Hit, surface: &Surface<'_>, out: &mut Output<'_, EXTRA>) {
         let (scene, camera) = (self.scene, self.context.camera);
-        // The first surface that is not passed makes the pixel opaque.
-        sample.alpha = 1.0;
+        let sample = &mut *out.sample;
         sample.depth = camera.depth(surface.point);
         sample.distance = camera.distance(surface.point);
         sample.normal = surface.shading.array();
@@ -250,5 +414,19 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let material = scene.attributes.at(hit.triangle).material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
         sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
+        let Some(extra) = out.extra.as_mut().filter(|_| EXTRA) else {
+            return;
+        };
+        if let Some(identities) = &mut extra.identities {
+            **identities = scene.indices.identities(triangle, material as u32);
+        }
+        if let Some(motion) = &mut extra.motion {
+            let moved = scene.indices.moved(triangle, hit.u, hit.v);
+            let [a, b, c, d] = camera.motion(surface.point, moved);
+            **motion = [a, b, c, d, 1.0];
+        }
+        if !extra.outputs.is_empty() {
+            surface.material.output(out.registers, extra.outputs);
+        }
     }
 }

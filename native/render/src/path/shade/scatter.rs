@@ -15,13 +15,19 @@ use halfspace_ray::Ray;
 
 /// A BSDF and the shading frame in which it is given.
 #[derive(Clone, Copy)]
-pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool> {
+pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool, const LOBES: usize> {
     pub(super) frame: &'a Frame,
-    pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS>,
+    pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS, LOBES>,
 }
 
-impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
-    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+impl<
+    const LIGHTS: bool,
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -32,10 +38,11 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         d: Vec3,
         random: VertexSamples,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let frame = surface.frame();
         if self.is(Integrator::Ambient) {
+            out.add_colors(path.throughput, || [Vec3::ONE, Vec3::ZERO, Vec3::ZERO]);
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
@@ -50,9 +57,13 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             normals,
             surface.inside,
             self.lobe_filter(path),
+            &frame,
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
+        if path.camera {
+            out.add_colors(path.throughput, || bsdf.colors());
+        }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {
             Vec3::ZERO
@@ -102,10 +113,10 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
     fn sample_direction(
         &self,
         surface: &Surface<'_>,
-        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
         Selection { choice, u }: Selection,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         // The expected weight of a sampled direction is the albedo.
         if path.camera
@@ -128,8 +139,15 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         }
         // Whitted's rays follow mirrors and clear glass only.
         if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
-            self.sample_constant_background(surface, direction, &scatter, path, out);
+            let framed = FramedBsdf { frame, bsdf };
+            self.sample_constant_background(surface, framed, &scatter, path, out);
             return None;
+        }
+        if let Some(extra) = out.extra()
+            && extra.parts.is_some()
+            && path.bounce == 0
+        {
+            extra.shares = bsdf.shares_of(&scatter);
         }
         path.throughput = path.throughput * scatter.weight;
         if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
@@ -161,10 +179,11 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         direction: Vec3,
         scatter: &Scatter,
         path: &mut Path,
-        out: &mut Output<'_>,
+        out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
-        if scatter.pdf.is_finite() || surface.shading != surface.geometric {
+        // A lobe of its own frame may mirror about another normal than the polygon's.
+        if LOBES > 0 || scatter.pdf.is_finite() || surface.shading != surface.geometric {
             return None;
         }
         // Change the beam's source at the plane, and start behind it.

@@ -128,6 +128,9 @@ impl Program {
                     };
                     number(1.0 - point.cosine().powf(exponent))
                 }
+                Op::Wireframe(pixels) => {
+                    number(f32::from(u8::from(point.is_near_edge(arg(0)[0], *pixels))))
+                }
                 Op::NormalMap(layer) => vector(point.mapped_normal(*layer, rgb(arg(0)), arg(1)[0])),
                 Op::NormalMapSpace(object) => {
                     vector(point.normal_from_color(*object, rgb(arg(0)), arg(1)[0]))

@@ -7,6 +7,7 @@ use crate::values::image::{Extension, Interpolation};
 use crate::values::math_nodes::{Blend, Math, VectorMath, named};
 use crate::values::program::Value;
 use crate::values::texture::fractal::NoiseKind;
+use crate::values::texture::gabor::GaborOutput;
 use crate::values::texture::pattern::{Profile, Rows, WaveShape};
 use crate::values::texture::voronoi::{Feature, Metric};
 
@@ -248,6 +249,8 @@ pub enum Op {
     WhiteNoise(Spread),
     /// Voronoi cells.
     Voronoi(Cells),
+    /// Gabor noise of position, scale, frequency, anisotropy, and angle or direction; `true`: of three dimensions.
+    Gabor(GaborOutput, bool),
     /// Wave of position, scale, distortion, detail, detail scale, detail roughness, phase.
     Wave(WaveShape, Profile),
     /// Magic texture of this depth, of position, scale, distortion: a colour.
@@ -291,6 +294,8 @@ pub enum Op {
     LayerFresnel,
     /// Layer Weight, Facing: blend.
     LayerFacing,
+    /// 1 near the edges of triangles: width of the lines; `true`: in pixels instead of scene units.
+    Wireframe(bool),
     /// Tangent-space normal map: colour and strength, with the tangents of a layer.
     NormalMap(u16),
     /// Normal map in object space (`true`) or world space: colour and strength.
@@ -312,6 +317,7 @@ impl Op {
                 | Self::Fresnel
                 | Self::LayerFresnel
                 | Self::LayerFacing
+                | Self::Wireframe(_)
                 | Self::NormalMap(_)
                 | Self::NormalMapSpace(_)
                 | Self::Bump(_)
@@ -335,6 +341,7 @@ impl Op {
             | Self::Transform(..)
             | Self::Ramp(..)
             | Self::Gradient(_)
+            | Self::Wireframe(_)
             | Self::Fresnel
             | Self::LayerFresnel
             | Self::LayerFacing => 1,
@@ -353,7 +360,7 @@ impl Op {
             | Self::RotateEuler(_)
             | Self::Clamp => 3,
             Self::Checker(_) | Self::RotateAxis => 4,
-            Self::HueSaturation => 5,
+            Self::HueSaturation | Self::Gabor(..) => 5,
             Self::Bump(_) | Self::MapRange(..) | Self::MapRangeVector(..) => 6,
             Self::Wave(..) => 7,
             Self::Noise(_) | Self::Voronoi(_) => 9,

@@ -52,6 +52,7 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         Op::Noise(_)
         | Op::WhiteNoise(_)
         | Op::Voronoi(_)
+        | Op::Gabor(..)
         | Op::Wave(..)
         | Op::Magic(_)
         | Op::Brick(..) => texture(op, arg),

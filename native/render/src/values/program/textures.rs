@@ -4,6 +4,7 @@
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{CellOutput, Cells, Noise, Op, Spread, Value, number, rgb, vector};
 use crate::values::texture::fractal::Fractal;
+use crate::values::texture::gabor::Gabor;
 use crate::values::texture::pattern::{Bricks, Distortion, brick, magic, wave};
 use crate::values::texture::voronoi::{Cell, Voronoi};
 use crate::values::texture::{color, unit};
@@ -15,6 +16,19 @@ pub fn texture(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         Op::Noise(noise) => fractal(noise, &arg),
         Op::WhiteNoise(spread) => white(*spread, rgb(arg(0)), x(1)),
         Op::Voronoi(cells) => voronoi(cells, &arg),
+        Op::Gabor(output, solid) => {
+            let gabor = Gabor {
+                frequency: x(2).max(0.001),
+                isotropy: 1.0 - x(3).clamp(0.0, 1.0),
+                output: *output,
+            };
+            let p = rgb(arg(0)) * x(1);
+            number(if *solid {
+                gabor.at_3d(p, rgb(arg(4)))
+            } else {
+                gabor.at_2d([p.x, p.y], x(4))
+            })
+        }
         Op::Wave(shape, profile) => {
             let distortion = Distortion {
                 amount: x(2),

@@ -2,6 +2,7 @@
 //! Procedural textures, with the values of Blender's.
 
 pub mod fractal;
+pub mod gabor;
 mod hash;
 pub mod pattern;
 mod perlin;

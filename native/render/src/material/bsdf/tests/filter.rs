@@ -2,7 +2,7 @@
 //! Lobes widened or dropped by the settings of a render.
 
 use crate::material::bsdf::tests::{compile, filtered, mean_weight, node, seen, view};
-use crate::material::bsdf::{Bsdf, LobeFilter};
+use crate::material::bsdf::{Bsdf, LobeFilter, MAX_LOBES};
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::material::{Material, MaterialParams, ggx::Ggx};
 use crate::values::program::Operand;
@@ -23,7 +23,7 @@ fn without(reflections: bool, refractions: bool) -> LobeFilter {
     }
 }
 
-fn bsdf(material: &Material, filter: LobeFilter) -> Bsdf<true, true> {
+fn bsdf(material: &Material, filter: LobeFilter) -> Bsdf<true, true, { MAX_LOBES }> {
     filtered(material, view(0.7), false, filter)
 }
 

@@ -13,6 +13,7 @@ use crate::math::vector::vec3;
 
 mod energy;
 mod filter;
+mod lobes;
 
 fn compile(params: MaterialParams) -> Material {
     Material::new(&params, 0, &mut Grids::default()).unwrap()
@@ -59,13 +60,26 @@ const FLAT: Normals = Normals {
 };
 
 /// The BSDF seen from `wi`.
-fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true> {
+fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true, MAX_LOBES> {
     filtered(material, wi, inside, LobeFilter::NONE)
 }
 
 /// The BSDF seen from `wi` by a path with this filter.
-fn filtered(material: &Material, wi: Vec3, inside: bool, filter: LobeFilter) -> Bsdf<true, true> {
-    Bsdf::new(&material.closures, &[], wi, FLAT, inside, filter)
+fn filtered(
+    material: &Material,
+    wi: Vec3,
+    inside: bool,
+    filter: LobeFilter,
+) -> Bsdf<true, true, MAX_LOBES> {
+    Bsdf::new(
+        &material.closures,
+        &[],
+        wi,
+        FLAT,
+        inside,
+        filter,
+        &lobe::STRAIGHT,
+    )
 }
 
 /// The viewing direction with this cosine, in the xz plane.
@@ -74,7 +88,7 @@ fn view(cos: f32) -> Vec3 {
 }
 
 /// Albedo by Monte Carlo: the mean weight of `n` samples.
-fn mean_weight(bsdf: &Bsdf<true, true>, n: u32) -> f64 {
+fn mean_weight(bsdf: &Bsdf<true, true, MAX_LOBES>, n: u32) -> f64 {
     let sampler = PixelSampler::new(3, 5, 7);
     let sum: f64 = (0..n)
         .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
@@ -92,7 +106,15 @@ fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
 fn varying_albedo(material: &Material, inputs: &[f32], cos: f32, inside: bool, n: u32) -> f64 {
     let registers: Vec<_> = inputs.iter().map(|&x| [x; 4]).collect();
     let (closures, none) = (&material.closures, LobeFilter::NONE);
-    let bsdf = Bsdf::new(closures, &registers, view(cos), FLAT, inside, none);
+    let bsdf = Bsdf::new(
+        closures,
+        &registers,
+        view(cos),
+        FLAT,
+        inside,
+        none,
+        &lobe::STRAIGHT,
+    );
     mean_weight(&bsdf, n)
 }
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
+from faults_of_pictures import PICTURES, SURFACES
 from faults_of_traversals import TRAVERSALS
 
 _FRAME = "native/ray/src/frame.rs"
@@ -420,6 +421,8 @@ FAULTS = (
         ("refit", "what_cannot_be_fitted_is_refused_with_its_reason"),
     ),
     *TRAVERSALS,
+    *SURFACES,
+    *PICTURES,
 )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults of packets, single rays, leaves and streams: the last of the list."""
+"""Deliberate faults of packets, single rays, leaves, streams and builds."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ ONE_BY_ONE = ("lib", "scalar::tests::no_hit_is_ever_rejected_and_proven_hits_are
 """Leaf tests of one triangle at a time."""
 _POLYGONS = "native/polybeam/src"
 _OWNED = ("lib", "tests::each_ray_is_in_one_beam_in_the_cells_on_its_way")
+_PARALLEL = ("lib", "tests::each_parallel_ray_is_in_one_beam_in_the_cells_on_its_way")
+_LIGHTS = ("lib", "shadow::tests::rays_to_lights_are_blocked_as_by_all_triangles")
+_SUNS = ("lib", "shadow::tests::rays_of_a_sun_are_blocked_as_by_all_triangles")
+_NO_LIGHT = ("lib", "shadow::tests::rays_without_a_light_go_singly")
+
 
 TRAVERSALS = (
     Fault(
@@ -203,6 +208,20 @@ TRAVERSALS = (
         ("lib", "scalar::tests::leaves_of_several_blocks_hold_their_triangles"),
     ),
     Fault(
+        "planes stored whole all those of the first",
+        "native/nodes/src/planes/projected_tree.rs",
+        "self.whole[word as usize]",
+        "self.whole[(word & 0) as usize]",
+        ("oblique", "planes_along_more_directions_than_codes_are_stored_whole"),
+    ),
+    Fault(
+        "clusters that go on after the end of their build",
+        "native/trees/src/bsp/means.rs",
+        "monitor.check().is_err()",
+        "false",
+        ("lib", "means::tests::a_cancelled_build_ends_the_rounds"),
+    ),
+    Fault(
         "edges of a polygon cut in their middle",
         f"{_POLYGONS}/polygon.rs",
         "last_height / (last_height - height)",
@@ -219,8 +238,8 @@ TRAVERSALS = (
     Fault(
         "rays on a line in both parts of a beam",
         f"{_POLYGONS}/line.rs",
-        "self.line.lower_is_first(m) == self.lower_first",
-        "self.line.lower_is_first(m) || !self.lower_first",
+        "self.line.lower_is_first(form, way) == self.lower_first",
+        "self.line.lower_is_first(form, way) || !self.lower_first",
         _OWNED,
     ),
     Fault(
@@ -243,5 +262,75 @@ TRAVERSALS = (
         "done & eight.open",
         "(done | 0xff) & eight.open",
         _OWNED,
+    ),
+    Fault(
+        "shadow rays in the beam of a light that they pass",
+        f"{_POLYGONS}/shadow.rs",
+        "off <= self.off",
+        "off <= 1e9 * self.off",
+        _NO_LIGHT,
+    ),
+    Fault(
+        "shadow rays in the beam of a light far behind which they end",
+        f"{_POLYGONS}/shadow.rs",
+        "(share - 1.0).max(0.0) * size",
+        "0.0 * size",
+        _NO_LIGHT,
+    ),
+    Fault(
+        "reversed rays that go on from the light, not from their origin",
+        f"{_POLYGONS}/leaf.rs",
+        "Q::ANY || !(octant.form.origin().is_some() || begun)",
+        "!(octant.form.origin().is_some() || begun)",
+        _LIGHTS,
+    ),
+    Fault(
+        "parallel rays compared as if all went through the middle",
+        f"{_POLYGONS}/line.rs",
+        "(a - r[x]) * m[y]",
+        "a * m[y]",
+        _PARALLEL,
+    ),
+    Fault(
+        "parallel rays moved along an axis, not along themselves",
+        f"{_POLYGONS}/form.rs",
+        "from[k] - origin * speed(k)",
+        "from[k] + 0.0 * origin * speed(k)",
+        _SUNS,
+    ),
+    Fault(
+        "rays of a sun that end before they begin",
+        f"{_POLYGONS}/form.rs",
+        "origin - low",
+        "origin - high.min(1.0)",
+        _SUNS,
+    ),
+    Fault(
+        "parallel rays not tested before they leave a cell",
+        f"{_POLYGONS}/form.rs",
+        "start.mul_add(m[k], r[k]).simd_gt(offset)",
+        "start.mul_add(m[k], r[k]).simd_lt(offset)",
+        _PARALLEL,
+    ),
+    Fault(
+        "parallel rays that end half way to a hit",
+        f"{_POLYGONS}/form.rs",
+        "self.interval(self.origin_of(rays, i), [far; 2])",
+        "self.interval(self.origin_of(rays, i), [0.5 * far; 2])",
+        _PARALLEL,
+    ),
+    Fault(
+        "parallel rays that go on singly from another cell",
+        f"{_POLYGONS}/form.rs",
+        "(enter - self.origin_of(rays, i)) / self.scale",
+        "(enter + 0.1 + self.origin_of(rays, i).abs()) / self.scale",
+        _PARALLEL,
+    ),
+    Fault(
+        "a cut of batches that depends on the number of threads",
+        "native/trace/src/threads.rs",
+        "rays.div_ceil(PARTS)",
+        "rays.div_ceil(PARTS.min(wanted(threads)))",
+        ("beams", "parallel::counters_do_not_depend_on_the_number_of_threads"),
     ),
 )

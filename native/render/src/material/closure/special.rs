@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What closures have that only lobes with frames or shapes of their own can render: computed only in scenes where a
+//! material needs such lobes.
+
+use crate::material::closure::{Closure, ClosureKind, Input, optical, positive};
+use crate::material::film::THINNEST;
+use crate::material::microfacets::Distribution;
+use crate::math::vector::Vec3;
+use crate::values::program::{Value, read, rgb};
+
+/// Sheen on top of a Principled BSDF.
+#[derive(Debug, Clone, Copy)]
+pub struct SheenLayer {
+    /// Weight multiplied by the tint.
+    pub color: Vec3,
+    /// Its roughness, 0..1.
+    pub roughness: f32,
+}
+
+/// A closure that consists of one lobe that is no mirror, boundary or base.
+#[derive(Debug, Clone, Copy)]
+pub enum Single {
+    /// Sheen of microfibres of this roughness.
+    Microfibers(f32),
+    /// Velvet of this roughness.
+    Velvet(f32),
+    /// A cone about the normal: size and soft edge, 0..1 for a quarter turn.
+    ToonDiffuse([f32; 2]),
+    /// A cone about the mirror direction.
+    ToonGlossy([f32; 2]),
+}
+
+/// The inputs of a closure for lobes of their own frame or shape.
+#[derive(Debug, Clone, Copy)]
+pub struct Special {
+    /// Distribution of the facets.
+    pub distribution: Distribution,
+    /// Factors on the facets' width along the tangent and across.
+    pub stretch: [f32; 2],
+    /// Rotation of the tangent about the normal, in turns, 0..1.
+    pub rotation: f32,
+    /// Tangent in scene space; 0 = any.
+    pub tangent: Vec3,
+    /// Normal in scene space; 0 = the surface's.
+    pub normal: Vec3,
+    /// Normal of the coat in scene space; 0 = the surface's.
+    pub coat_normal: Vec3,
+    /// Sheen on top.
+    pub sheen: Option<SheenLayer>,
+    /// The only lobe of the closure.
+    pub single: Option<Single>,
+    /// Colour of the only lobe.
+    pub color: Vec3,
+    /// Indices of refraction and extinction coefficients of a conductor.
+    pub conductor: Option<[Vec3; 2]>,
+    /// A thin film over what is below the coat: thickness in nm and index of refraction.
+    pub film: Option<[f32; 2]>,
+}
+
+/// Sheen of less weight is dropped, as in Cycles.
+const CUTOFF: f32 = 1e-5;
+
+impl Closure {
+    /// Whether the closure needs lobes with frames or shapes of their own.
+    pub fn needs_lobes(&self) -> bool {
+        use ClosureKind::{
+            Conductor, Glass, Glossy, Principled, Refraction, Sheen, ToonDiffuse, ToonGlossy,
+            Velvet,
+        };
+        let stretched = self.can_differ(Input::Anisotropy, 0.0);
+        let other =
+            self.distribution != Distribution::Ggx || self.can_differ(Input::FilmThickness, 0.0);
+        match self.kind {
+            Conductor | Sheen | Velvet | ToonDiffuse | ToonGlossy => true,
+            Principled => {
+                let coated = self.can_differ(Input::CoatWeight, 0.0);
+                let sheen = self.can_differ(Input::SheenWeight, 0.0);
+                stretched || other || sheen || self.turned || (coated && self.coat_apart)
+            }
+            Glossy => stretched || other || self.turned,
+            Glass | Refraction => other || self.turned,
+            _ => self.turned,
+        }
+    }
+
+    /// Returns the sheen on top, for these registers of the material's program.
+    pub(super) fn sheen(&self, registers: &[Value]) -> Option<SheenLayer> {
+        if self.kind != ClosureKind::Principled {
+            return None;
+        }
+        let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
+        let weight = get(Input::SheenWeight).x.clamp(0.0, 1.0);
+        (weight > CUTOFF).then(|| SheenLayer {
+            color: positive(get(Input::SheenTint)) * weight,
+            roughness: get(Input::SheenRoughness).x.clamp(0.0, 1.0),
+        })
+    }
+
+    /// Returns the inputs for lobes of their own, for these registers of the material's program.
+    pub fn special(&self, registers: &[Value]) -> Special {
+        let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
+        let share = |input: Input| get(input).x.clamp(0.0, 1.0);
+        let rotation = get(Input::Rotation).x;
+        let thickness = get(Input::FilmThickness).x;
+        let (rough, smooth) = (share(Input::Roughness), share(Input::Smooth));
+        Special {
+            distribution: self.distribution,
+            stretch: self.stretch(get(Input::Anisotropy).x),
+            // Fractions of huge numbers are 0.
+            rotation: rotation - rotation.floor(),
+            tangent: get(Input::Tangent),
+            normal: get(Input::Normal),
+            coat_normal: get(Input::CoatNormal),
+            sheen: self.sheen(registers),
+            single: match self.kind {
+                ClosureKind::Sheen => Some(Single::Microfibers(rough)),
+                ClosureKind::Velvet => Some(Single::Velvet(rough)),
+                ClosureKind::ToonDiffuse => Some(Single::ToonDiffuse([rough, smooth])),
+                ClosureKind::ToonGlossy => Some(Single::ToonGlossy([rough, smooth])),
+                _ => None,
+            },
+            color: positive(get(Input::Color)),
+            conductor: (self.kind == ClosureKind::Conductor)
+                .then(|| [Input::Color, Input::Extinction].map(|input| optical(get(input)))),
+            film: (thickness > THINNEST).then(|| [thickness, get(Input::FilmIor).x]),
+        }
+    }
+
+    /// Returns the factors on the widths of facets along the tangent and across. Cycles stretches the facets of the
+    /// Principled and Metallic BSDF along the tangent, those of the Glossy BSDF across.
+    fn stretch(&self, anisotropy: f32) -> [f32; 2] {
+        match self.kind {
+            ClosureKind::Principled | ClosureKind::Conductor => {
+                let aspect = (1.0 - 0.9 * anisotropy.clamp(0.0, 1.0)).sqrt();
+                [1.0 / aspect, aspect]
+            }
+            ClosureKind::Glossy => {
+                let a = anisotropy.clamp(-0.99, 0.99);
+                if a < 0.0 {
+                    [1.0 / (1.0 + a), 1.0 + a]
+                } else {
+                    [1.0 - a, 1.0 / (1.0 - a)]
+                }
+            }
+            _ => [1.0; 2],
+        }
+    }
+}

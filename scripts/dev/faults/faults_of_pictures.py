@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Deliberate faults of surfaces, cameras and passes: the last of the list."""
+
+from __future__ import annotations
+
+from fault import Fault
+
+_LOBES = "bsdf::tests::lobes"
+
+SURFACES = (
+    Fault(
+        "facets seen from the light's side",
+        "native/render/src/material/bsdf/facets.rs",
+        "facets.d(h) * 0.25 / wi.z",
+        "facets.d(h) * 0.25 / wo.z",
+        ("lib", f"{_LOBES}::densities_and_values_integrate_to_what_is_sampled"),
+    ),
+    Fault(
+        "sheen sampled on the other side of the normal",
+        "native/render/src/material/sheen/mod.rs",
+        "w.x - self.b * w.z",
+        "w.x + self.b * w.z",
+        ("lib", f"{_LOBES}::densities_and_values_integrate_to_what_is_sampled"),
+    ),
+    Fault(
+        "sheen dims what is below by half",
+        "native/render/src/material/closure/layering.rs",
+        "1.0 - self.color.max_component() * albedo",
+        "1.0 - 0.5 * self.color.max_component() * albedo",
+        ("lib", f"{_LOBES}::a_furnace_is_white"),
+    ),
+    Fault(
+        "interference with the sign turned over",
+        "native/render/src/material/film.rs",
+        "2.0 * (back - t)",
+        "2.0 * (back + t)",
+        ("lib", "film::tests::a_quarter_wave_of_the_geometric_mean_hardly_reflects"),
+    ),
+    Fault(
+        "slopes that are seen turned away from the viewer",
+        "native/render/src/material/microfacets.rs",
+        "across * s - slope * c",
+        "across * s + slope * c",
+        ("lib", "microfacets::tests::visible_normals_have_the_stated_density"),
+    ),
+    Fault(
+        "a tangent that is mirrored by its rotation",
+        "native/render/src/material/bsdf/layers.rs",
+        "x * cos + y * sin",
+        "x * cos - y * sin",
+        ("lib", f"{_LOBES}::lobes_are_reciprocal_where_the_model_is"),
+    ),
+    Fault(
+        "normals of closures taken for those of the shading frame",
+        "native/render/src/material/bsdf/layers.rs",
+        "shading.to_local(normal)",
+        "shading.to_world(normal)",
+        ("lib", f"{_LOBES}::a_closure_with_a_normal_of_its_own_is_lit_from_there"),
+    ),
+)
+
+_MATTE = "native/render/src/film/matte.rs"
+_MOTION = "native/render/src/camera/motion.rs"
+_PARTS = "native/render/src/film/light_parts.rs"
+
+PICTURES = (
+    Fault(
+        "glossy light in the pass of diffuse light",
+        _PARTS,
+        "light * glossy",
+        "light * diffuse",
+        ("lib", "film::light_parts::tests::scattered_light_is_divided_without_loss"),
+    ),
+    Fault(
+        "channels without colour stay black",
+        _PARTS,
+        "quotient.unwrap_or(mean)",
+        "quotient.unwrap_or(0.0)",
+        ("lib", "film::light_parts::tests::channels_without_colour_take_the_mean_of_the_others"),
+    ),
+    Fault(
+        "the shares of a later surface in the light passes",
+        "native/render/src/path/shade/scatter.rs",
+        "path.bounce == 0",
+        "path.bounce < u16::MAX",
+        ("tests/blender/read/test_light_passes.py", "each_light_pass"),
+    ),
+    Fault(
+        "each pass of mattes one rank below the last",
+        _MATTE,
+        "2 * usize::from(pass.level)",
+        "usize::from(pass.level)",
+        ("lib", "film::matte::tests::surfaces_are_ranked_by_their_samples_then_by_their_identities"),
+    ),
+    Fault(
+        "surfaces of equal shares in the order of their samples",
+        _MATTE,
+        "(std::cmp::Reverse(count), identity)",
+        "(std::cmp::Reverse(count), 0 * identity)",
+        ("lib", "film::matte::tests::surfaces_are_ranked_by_their_samples_then_by_their_identities"),
+    ),
+    Fault(
+        "motion to the picture after instead of from it",
+        _MOTION,
+        "sign * (x1 - x)",
+        "(x1 - x)",
+        ("lib", "camera::motion::tests::points_and_cameras_move_the_picture"),
+    ),
+    Fault(
+        "the view from behind in a mirror ball",
+        "native/render/src/camera/panorama.rs",
+        "normal * (-2.0 * normal.z)",
+        "normal * (2.0 * normal.z)",
+        ("lib", "camera::panorama::tests::the_centre_looks_ahead_and_the_sides_to_their_sides"),
+    ),
+    Fault(
+        "lamps that the camera sees in every light group",
+        "native/render/src/light/mod.rs",
+        "group.is_some_and(|group| group != light.group)",
+        "group.is_some_and(|_| false)",
+        ("tests/blender/read/test_light_groups.py", "add_up"),
+    ),
+)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light passes: they add up to the combined pass, and each is that of Cycles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import addon_utils
+import atlas
+import bpy
+import numpy as np
+import pytest
+from atlas import add as add_node
+from atlas import tile_material
+from exr_files import exr
+from shapes import cube, grid, node, with_nodes
+
+from addon.blender.read.passes import LIGHT_PASSES
+from addon.blender.render.engine import ENGINE
+
+KINDS = ("Diffuse", "Glossy", "Transmission")
+
+
+def paint(**settings: Any) -> atlas.Maker:
+    return lambda tree: add_node(tree, "BsdfPrincipled", **settings).outputs[0]
+
+
+def leaf(tree: Any) -> Any:
+    """Light through both sides, and holes."""
+    holes, mixed = add_node(tree, "MixShader", Fac=0.6), add_node(tree, "MixShader", Fac=0.5)
+    tree.links.new(add_node(tree, "BsdfTransparent").outputs[0], holes.inputs[1])
+    tree.links.new(mixed.outputs[0], holes.inputs[2])
+    tree.links.new(add_node(tree, "BsdfTranslucent", Color=(0.3, 0.7, 0.1, 1)).outputs[0], mixed.inputs[1])
+    tree.links.new(add_node(tree, "BsdfDiffuse", Color=(0.2, 0.5, 0.1, 1)).outputs[0], mixed.inputs[2])
+    return holes.outputs[0]
+
+
+MATERIALS: dict[str, atlas.Maker] = {
+    "plastic": paint(Base_Color=(0.7, 0.2, 0.1, 1), Roughness=0.4),
+    "metal": paint(Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.3),
+    "coat": paint(Base_Color=(0.1, 0.3, 0.6, 1), Coat_Weight=1.0, Coat_Roughness=0.2, Roughness=0.6),
+    "glass": lambda tree: add_node(tree, "BsdfGlass", Color=(0.8, 0.9, 1.0, 1), Roughness=0.3).outputs[0],
+    "mirror": lambda tree: add_node(tree, "BsdfGlossy", Color=(0.6, 0.7, 0.8, 1), Roughness=0.0).outputs[0],
+    "leaf": leaf,
+    "lamp": lambda tree: add_node(tree, "Emission", Color=(1.0, 0.7, 0.4, 1), Strength=2.0).outputs[0],
+    "frost": paint(Base_Color=(0.6, 0.8, 0.7, 1), Transmission_Weight=1.0, Roughness=0.4),
+}
+
+
+@pytest.fixture
+def shelf(add: Any, scene: Any) -> Any:
+    """Turned cubes of all kinds of lobes on a floor, in the light of an area, a sun and a world."""
+    addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    for index, (name, make) in enumerate(MATERIALS.items()):
+        mesh = cube(name)
+        mesh.materials.append(tile_material(name, make))
+        place = (index % 4 * 3.0 - 4.5, index // 4 * 3.0, 0.3)
+        add(name, mesh, location=place, rotation_euler=(0.3, 0.2, 0.4 + index))
+    pane = grid(1)
+    pane.materials.append(tile_material("Pane", MATERIALS["frost"]))
+    add("Pane", pane, location=(2.5, 8.5, 0.8), rotation_euler=(1.57, 0, 0.1), scale=(2, 2, 1))
+    floor = grid(1)
+    floor.materials.append(tile_material("Floor", paint(Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.5)))
+    add("Floor", floor, location=(0, 0, -1.2), scale=(9, 9, 1))
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy, sun.angle = 2.0, 0.2
+    add("Sun", sun, rotation_euler=(0.5, 0.3, 0))
+    area = bpy.data.lights.new("Area", "AREA")
+    area.energy, area.size = 400.0, 2.0
+    add("Area", area, location=(-3, -4, 5), rotation_euler=(0.6, -0.4, 0))
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.2, 0.3, 0.5, 1)
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -12, 7), rotation_euler=(1.1, 0, 0))
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 40, 100
+    for light in LIGHT_PASSES:
+        setattr(bpy.context.view_layer, light.switch, True)
+    return scene
+
+
+def colours(picture: dict[str, Any]) -> dict[str, Any]:
+    """The light passes, and Combined, of a picture, as (h, w, 3) by their names since Blender 5.0."""
+    names = {"Combined": "Combined"} | {light.name: light.in_blender for light in LIGHT_PASSES}
+    return {name: np.dstack([picture[f"{own}.{c}"] for c in "RGB"]).astype(float) for name, own in names.items()}
+
+
+def total(found: dict[str, Any]) -> Any:
+    """What the passes add up to."""
+    scattered = sum((found[f"{kind} Direct"] + found[f"{kind} Indirect"]) * found[f"{kind} Color"] for kind in KINDS)
+    return scattered + found["Emission"] + found["Environment"]
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted", "ao"])
+def test_light_passes_add_up_to_combined(shelf: Any, tmp_path: Path, integrator: str) -> None:
+    atlas.configure(shelf, 8, 3)
+    shelf.render.engine, shelf.halfspace.integrator = ENGINE, integrator
+    shelf.halfspace.film_exposure = 1.7
+    shelf.halfspace.clamp_indirect = 2.0
+    found = colours(exr(shelf, tmp_path / "picture.exr"))
+    assert found["Combined"].std() > 0.1
+    assert np.allclose(total(found), found["Combined"], rtol=1e-4, atol=1e-5)
+
+
+def test_each_light_pass_is_that_of_cycles(shelf: Any, tmp_path: Path) -> None:
+    atlas.configure(shelf, 400, 3)
+    for settings in (shelf.halfspace, shelf.cycles):  # their noise would hide small differences
+        settings.caustics_reflective = settings.caustics_refractive = False
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        shelf.render.engine = engine
+        found.append(colours(exr(shelf, tmp_path / f"{engine}.exr")))
+    theirs = found[1]
+    assert np.allclose(total(theirs), theirs["Combined"], rtol=1e-3, atol=1e-4), "the definition is that of Cycles"
+    wrong = {}
+    whole = theirs["Combined"].mean()
+    for name in theirs:
+        # Light is compared multiplied by its colour, because quotients are noisy at the edges of colours.
+        kind, _, part = name.partition(" ")
+        factors = [one[f"{kind} Color"] if part in ("Direct", "Indirect") else 1.0 for one in found]
+        means = [(one[name] * factor).mean(axis=(0, 1)) for one, factor in zip(found, factors, strict=True)]
+        assert means[1].mean() > 1e-3, name
+        # Colours of rough glass are approximate in both engines. Dim passes differ by a part of the whole picture.
+        allowed = 0.03 if name in ("Glossy Color", "Transmission Color") else 0.01
+        if not np.abs(means[0] - means[1]).max() < allowed * means[1].mean() + 0.002 * whole:
+            wrong[name] = means
+    assert not wrong
+
+
+def test_light_passes_do_not_depend_on_the_others(shelf: Any, tmp_path: Path) -> None:
+    atlas.configure(shelf, 4, 2)
+    shelf.render.engine = ENGINE
+    every = exr(shelf, tmp_path / "every.exr")
+    one = LIGHT_PASSES[4]
+    for light in LIGHT_PASSES:
+        setattr(bpy.context.view_layer, light.switch, light is one)
+    alone = exr(shelf, tmp_path / "one.exr")
+    assert {name.split(".")[0] for name in alone} == {"Combined", one.in_blender}
+    assert all(np.array_equal(alone[name], every[name]) for name in alone)
+    setattr(bpy.context.view_layer, one.switch, False)
+    none = exr(shelf, tmp_path / "none.exr")
+    assert all(np.array_equal(none[name], every[name]) for name in none)

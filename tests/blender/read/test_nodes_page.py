@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The page of shader nodes agrees with Blender, with the engine's tables and with the tests that it names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import bpy
+import nodes_page
+import pytest
+
+TESTS = Path(__file__).resolve().parents[1]
+
+
+def rows(text: str) -> dict[str, tuple[str, list[str]]]:
+    """State and tests by the name of the node."""
+    found = re.findall(r"^\| ([^|]+) \| ([a-z ]+) \| ?(.*?) ?\|$", text, re.MULTILINE)
+    return {name: (state, re.findall(r"`(\w+)`", tests)) for name, state, tests in found if name != "node"}
+
+
+def test_the_page_of_nodes_is_current() -> None:
+    if bpy.app.version < (5, 2):
+        pytest.skip("the page is about the nodes of Blender 5.2")
+    page = rows(nodes_page.PAGE.read_text(encoding="utf-8"))
+    labels = nodes_page.offered()
+    assert {name: state for name, (state, _) in page.items()} == {
+        label: nodes_page.state(node) for node, label in labels.items()
+    }, "run python tests/blender/nodes_page.py"
+    text = "".join(path.read_text(encoding="utf-8") for path in TESTS.rglob("test_*.py"))
+    assert [test for _, tests in page.values() for test in tests if f"def {test}(" not in text] == []
+    # Nodes that only hand values on, or that worlds alone have, have no tile of their own.
+    bare = {name for name, (state, tests) in page.items() if state == "supported" and not tests}
+    assert bare <= {"Add Shader", "Background", "Color Attribute", "Group", "World Output"}, bare
+
+
+def test_a_record_becomes_a_table() -> None:
+    lines = ['["test_b", ["ShaderNodeMath"]]', '["test_a", ["ShaderNodeMath", "ShaderNodeTexCoord"]]']
+    labels = {"ShaderNodeMath": "Math", "ShaderNodeTexCoord": "Texture Coordinate", "ShaderNodeBevel": "Bevel"}
+    found = rows(nodes_page.page(labels, nodes_page.compared(lines), "9.9"))
+    assert found == {
+        "Bevel": ("not rendered", []),
+        "Math": ("supported", ["test_a", "test_b"]),
+        "Texture Coordinate": ("in part", ["test_a"]),
+    }

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The vector pass beside that of Cycles: a moving camera, and objects that move and deform."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import addon_utils
+import atlas
+import bpy
+import numpy as np
+import pytest
+from exr_files import exr
+from shapes import cube, grid
+
+from addon.blender.render.engine import ENGINE
+from addon.blender.session import reports
+
+CHANNELS = ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W")
+
+
+def animate(item: Any, name: str, *values: tuple[float, ...]) -> None:
+    """Set a property in the frames before, at and after the picture."""
+    for frame, value in zip((9, 10, 11), values, strict=True):
+        setattr(item, name, value)
+        item.keyframe_insert(name, frame=frame)
+
+
+@pytest.fixture
+def track(add: Any, scene: Any) -> Any:
+    """A cube that turns, one that deforms by a shape key, a floor at rest, and a camera that follows."""
+    addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    turning = add("Turning", cube("Turning"), location=(-1.6, 0, 0))
+    animate(turning, "rotation_euler", (0.3, 0.2, 0.0), (0.3, 0.2, 0.1), (0.3, 0.2, 0.3))
+    animate(turning, "location", (-1.8, 0, 0), (-1.6, 0, 0), (-1.5, 0.1, 0.2))
+    bending = add("Bending", cube("Bending"), location=(1.6, 1, 0), rotation_euler=(0.1, 0.2, 0.5))
+    bending.shape_key_add(name="Rest")
+    key = bending.shape_key_add(name="Bent")
+    for point in key.data:
+        point.co.z *= 1.5
+    animate(key, "value", 0.0, 0.2, 0.7)
+    add("Floor", grid(2), location=(0, 0, -1.3), scale=(4, 4, 1))
+    data = bpy.data.cameras.new("Camera")
+    scene.camera = add("Camera", data, location=(0, -8, 4), rotation_euler=(1.1, 0, 0))
+    animate(scene.camera, "location", (-0.1, -8, 4), (0, -8, 4), (0.2, -8.1, 4))
+    animate(data, "lens", 49.0, 50.0, 52.0)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 60, 40, 100
+    scene.frame_set(10)
+    bpy.context.view_layer.use_pass_vector = True
+    atlas.configure(scene, 64, 0)
+    return scene
+
+
+def both(scene: Any, folder: Path) -> tuple[Any, Any]:
+    """The vectors of this engine and of Cycles, (h, w, 4)."""
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        scene.render.engine = engine
+        channels = exr(scene, folder / f"{engine}.exr")
+        found.append(np.dstack([channels[name] for name in CHANNELS]).astype(float))
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_vectors_are_those_of_cycles(track: Any, tmp_path: Path, kind: str) -> None:
+    track.camera.data.type, track.camera.data.ortho_scale = kind, 9.0
+    ours, theirs = both(track, tmp_path)
+    assert (np.abs(theirs).max(axis=(0, 1)) > 0.5).all()
+    assert (np.abs(theirs - ours).mean(axis=(0, 1)) < 0.02 * np.abs(theirs).max(axis=(0, 1))).all()
+    # Apart from edges, where samples see one surface or the other, each pixel has the same vector.
+    assert (np.abs(theirs - ours).max(axis=2) < 0.05).mean() > 0.9
+    assert track.frame_current == 10
+
+
+def test_other_numbers_of_triangles_have_no_motion_of_their_own(track: Any, tmp_path: Path) -> None:
+    """A modifier that grows: only the camera moves the pixels of its object."""
+    layers = bpy.data.objects["Turning"].modifiers.new("Layers", "ARRAY")
+    for frame, count in ((9, 1), (10, 2), (11, 3)):
+        layers.count = count
+        layers.keyframe_insert("count", frame=frame)
+    track.render.engine = ENGINE
+    channels = exr(track, tmp_path / "picture.exr")
+    assert all(np.isfinite(channels[name]).all() for name in CHANNELS)
+    report = reports.last(track)
+    assert report is not None
+    assert report.triangles == 12 * 2 + 12 + 8

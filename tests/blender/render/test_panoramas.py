@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panoramic cameras beside Cycles, in a scene of differently coloured walls."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import addon_utils
+import atlas
+import bpy
+import numpy as np
+import pytest
+from atlas import add as node
+from atlas import tile_material
+from shapes import grid
+
+from addon.blender.measure import pictures
+from addon.blender.render.engine import ENGINE
+from addon.blender.session import reports
+
+WIDTH, HEIGHT = 60, 36
+
+KINDS: dict[str, dict[str, Any]] = {
+    "EQUIRECTANGULAR": {},
+    "part of a sphere": {"longitude_min": -1.2, "longitude_max": 2.0, "latitude_min": -0.4, "latitude_max": 1.1},
+    "FISHEYE_EQUIDISTANT": {"fisheye_fov": 3.6},
+    "FISHEYE_EQUISOLID": {"fisheye_fov": 2.8, "fisheye_lens": 8.0},
+    "FISHEYE_LENS_POLYNOMIAL": {"fisheye_fov": 3.0},
+    "MIRRORBALL": {},
+    "CENTRAL_CYLINDRICAL": {},
+    "part of a cylinder": {
+        "central_cylindrical_range_u_min": -0.6,
+        "central_cylindrical_range_u_max": 1.7,
+        "central_cylindrical_range_v_min": -0.9,
+        "central_cylindrical_range_v_max": 2.0,
+        "central_cylindrical_radius": 1.5,
+    },
+    "EQUIANGULAR_CUBEMAP_FACE": {},
+}
+
+PARTS = {"part of a sphere": "EQUIRECTANGULAR", "part of a cylinder": "CENTRAL_CYLINDRICAL"}
+
+
+def coordinates(tree: Any) -> Any:
+    """A colour for each position, smooth and of at least 0.1."""
+    place = node(tree, "NewGeometry").outputs["Position"]
+    mapped = node(tree, "VectorMath", operation="MULTIPLY_ADD")
+    tree.links.new(place, mapped.inputs[0])
+    mapped.inputs[1].default_value, mapped.inputs[2].default_value = (0.1, 0.13, 0.16), (0.5, 0.5, 0.5)
+    return mapped.outputs[0]
+
+
+@pytest.fixture(name="hall")
+def walls(scene: Any, add: Any) -> Any:
+    """Five walls around the camera; the ceiling is open."""
+    addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    mesh = grid(1)
+    mesh.materials.append(tile_material("Wall", coordinates))
+    quarter = math.pi / 2
+    for place, turn in (
+        ((3, 0, 0), (0, quarter, 0)),
+        ((-2, 0, 0), (0, quarter, 0)),
+        ((0, 2.5, 0), (quarter, 0, 0)),
+        ((0, -3, 0), (quarter, 0, 0)),
+        ((0, 0, -1), (0, 0, 0)),
+    ):
+        add("Wall", mesh, location=place, rotation_euler=turn, scale=(1.5, 1.5, 1.5))
+    data = bpy.data.cameras.new("Dome")
+    data.type = "PANO"
+    scene.camera = add("Dome", data, rotation_euler=(1.2, 0.1, 0.4), location=(0.1, 0.2, 0.3))
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100
+    atlas.configure(scene, 128, 0)
+    return scene
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
+    settings = hall.camera.data
+    settings.panorama_type = PARTS.get(kind, kind)
+    for name, value in KINDS[kind].items():
+        setattr(settings, name, value)
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        hall.render.engine = engine
+        found.append(pictures.render(hall).astype(float))
+    assert np.array_equal(found[0][..., 3], found[1][..., 3])
+    ours, theirs = (picture[..., :3] for picture in found)
+    assert ours.std() > 0.05
+    assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 0.01 * theirs.mean()
+    # Edges are the only noise: each pixel there is a mean of 128 samples.
+    assert np.abs(ours - theirs).mean() < 0.01 * theirs.mean()
+    assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.99
+
+
+@pytest.mark.parametrize("value", [math.inf, -1e30, 1e30, 0.0])
+def test_absurd_lenses_give_a_picture(hall: Any, value: float) -> None:
+    settings = hall.camera.data
+    hall.render.engine = ENGINE
+    for kind in ("FISHEYE_EQUISOLID", "FISHEYE_LENS_POLYNOMIAL", "CENTRAL_CYLINDRICAL"):
+        settings.panorama_type = kind
+        settings.fisheye_lens = settings.fisheye_polynomial_k1 = value
+        settings.central_cylindrical_range_u_max = settings.central_cylindrical_range_v_max = value
+        assert np.isfinite(pictures.render(hall)).all()
+    report = reports.last(hall)
+    assert report is not None
