@@ -86,7 +86,7 @@ def test_displaced_surfaces(add: Any, scene: Any, method: str, space: str) -> No
     assert_alike(*compared(scene))
 
 
-@pytest.mark.parametrize("degrees", [20, 60, 120, 180])
+@pytest.mark.parametrize("degrees", [0, 20, 60, 120, 180])
 @pytest.mark.parametrize("shape", ["SQUARE", "DISK"])
 def test_spread_of_area_lights(add: Any, scene: Any, degrees: float, shape: str) -> None:
     floor(add)
@@ -98,7 +98,8 @@ def test_spread_of_area_lights(add: Any, scene: Any, degrees: float, shape: str)
 @pytest.mark.parametrize("soft", [True, False])
 def test_falloff_of_lights_with_a_radius(add: Any, scene: Any, kind: str, soft: bool) -> None:
     floor(add)
-    light = lamp(scene, kind, (0.5, 0.3, 0.7), 20.0, shadow_soft_size=0.6, use_soft_falloff=soft)
+    energy = 20.0 if kind == "POINT" else 200.0
+    light = lamp(scene, kind, (0.5, 0.3, 0.7), energy, shadow_soft_size=0.6, use_soft_falloff=soft)
     light.rotation_euler = (0, 0, 0)
     assert_alike(*compared(scene, 128))
 

@@ -39,10 +39,21 @@ impl Spread {
         }
     }
 
+    /// Whether light goes to all directions.
+    #[inline]
+    pub fn is_full(self) -> bool {
+        self.tangent == f32::INFINITY
+    }
+
+    /// Radius of the circle, on a plane at this distance, whose points shine on a receiver.
+    pub fn reach(self, distance: f32) -> f32 {
+        self.tangent * distance
+    }
+
     /// Radiance in a direction with this positive cosine to the axis, relative to light without a spread.
     #[inline]
     pub fn factor(self, cos: f32) -> f32 {
-        if self.tangent == f32::INFINITY {
+        if self.is_full() {
             return 1.0;
         }
         let tangent = (1.0 - cos * cos).max(0.0).sqrt() / cos;
