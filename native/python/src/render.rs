@@ -57,8 +57,8 @@ use std::time::Duration;
 /// lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
 ///     (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
 ///     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y", "spread" (π), "sphere" (False: points and
-///     spots are discs that face the receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the sets
-///     of objects that the light shines on and that shade it (0: all).
+///     spots are discs that face the receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the
+///     sets of objects that the light shines on and that shade it (0: all).
 ///     A light shines along its -Z. Angles are full angles in radians. Brightness is that of
 ///     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
 ///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
