@@ -279,7 +279,7 @@ mod tests {
         let down = vec3(0.0, 0.0, -1.0);
         let from = [
             vec3(0.1, 0.05, -1.0),
-            vec3(0.4, 0.25, -1.5),
+            vec3(0.4, 0.1, -1.5),
             vec3(-0.6, 0.1, -2.0),
         ];
         for (round, degrees) in [false, true]
