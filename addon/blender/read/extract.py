@@ -37,7 +37,6 @@ SKIPPED_TYPES = {
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 
-HOLDOUT = "Holdout is not supported yet, rendered as usual"
 THIN = 1e-6
 """Thickness of a collapsed axis relative to the width of the sheet."""
 
@@ -188,7 +187,6 @@ class _Reader:
         self._room = meshes.LayerRoom()
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
-        self._held: set[str] = set()
         self._unreadable: set[texture_layers.Key] = set()
         self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
         self._surfaces, self._strands = layer.use_solid, layer.use_strand
@@ -282,7 +280,11 @@ class _Reader:
         if sheet is None:
             return
         visit = self.strands.visit_hair if hair else self.strands.visit
-        visit(instance, sheet, self.palette.indices(item, item.data, hidden, self._sets(instance)))
+        visit(
+            instance,
+            sheet,
+            self.palette.indices(item, item.data, hidden, self._sets(instance), hole=self._is_hole(instance)),
+        )
 
     def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
@@ -301,6 +303,11 @@ class _Reader:
         group.names.append(item.name_full)
         group.values.append(instance.values(self.palette.layers.object_values))
 
+    def _is_hole(self, instance: Instance) -> bool:
+        """Whether an instance is a holdout, as its instancer is, if any, or a collection of that."""
+        owner = instance.item if instance.parent is None else instance.parent
+        return bool(owner.is_holdout or self._marks.of(owner)[0])
+
     def _sets(self, instance: Instance) -> Sets:
         """The sets of linked lights that an object is in."""
         return self._linking.of_object(instance.item, instance.parent)
@@ -309,14 +316,14 @@ class _Reader:
         self, instance: Instance, hidden: Hidden
     ) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
-        item, sets = instance.item, self._sets(instance)
+        item, sets, hole = instance.item, self._sets(instance), self._is_hole(instance)
         # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
                 self._meshes[key] = self._read(data, item)
-            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets)
+            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, hole=hole)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
             # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
@@ -325,7 +332,7 @@ class _Reader:
                 return key, None, ()
             self._meshes[key] = self._read(data, item)
             item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets)
+        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, hole=hole)
 
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
         """A mesh with the layers that materials read."""
@@ -352,10 +359,7 @@ class _Reader:
         """The rays that ignore an instance, including the effect of its collections."""
         hidden = _hidden(item, parent)
         owner = item if parent is None else parent
-        holdout, indirect_only = self._marks.of(owner)
-        if holdout and owner.name_full not in self._held:
-            self._held.add(owner.name_full)
-            self.notes.add(HOLDOUT, owner.name_full)
+        _, indirect_only = self._marks.of(owner)
         if not indirect_only or "camera" in hidden:
             return hidden
         return ("camera", *hidden)
@@ -375,9 +379,6 @@ class _Reader:
         self.matte_names[name] = item.name, _topmost(item).name
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
-        if item.is_holdout and name not in self._held:
-            self._held.add(name)
-            self.notes.add(HOLDOUT, name)
         if item.is_shadow_catcher:
             self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
         self._note_linking(item, name)

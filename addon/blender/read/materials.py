@@ -67,7 +67,7 @@ class Palette:
         self.gallery = Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[tuple[int, Hidden, Sets], int] = {(0, (), (ALL, ALL)): 0}
+        self._numbers: dict[tuple[int, Hidden, Sets, bool], int] = {(0, (), (ALL, ALL), False): 0}
         self._pass_indices = [0.0]
         self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
@@ -80,19 +80,22 @@ class Palette:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
 
-    def indices(self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL)) -> tuple[int, ...]:
+    def indices(
+        self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL), *, hole: bool = False
+    ) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
         A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
-        ignore the object; sets: those of linked lights; in the scene, a material with others is a separate one.
+        ignore the object; sets: those of linked lights; hole: whether it is a holdout. In the scene, a material with
+        others is a separate one.
         """
         own = data.materials
         slots = item.material_slots
         numbers = []
         for i in range(max(len(own), len(slots))):
             linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
-            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets))
-        return tuple(numbers) or (self._number(None, hidden, sets),)
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, hole))
+        return tuple(numbers) or (self._number(None, hidden, sets, hole),)
 
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
@@ -123,16 +126,17 @@ class Palette:
         """The name of each of these materials."""
         return tuple(self._names)
 
-    def _number(self, material: Any, hidden: Hidden, sets: Sets) -> int:
+    def _number(self, material: Any, hidden: Hidden, sets: Sets, hole: bool) -> int:
         """The number of a material, or of none, with these hidden rays and sets; added with its notes if new."""
         material = material if self._override is None else self._override
-        key = (0 if material is None else material.original.as_pointer(), hidden, sets)
+        key = (0 if material is None else material.original.as_pointer(), hidden, sets, hole)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
             self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
-            self._materials.append(replace(found.material, hidden_from=hidden, receives=sets[0], blocks=sets[1]))
+            own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole}
+            self._materials.append(replace(found.material, **own))
             self._displacements.append(found.displacement)
             self._images |= found.images
             for remark in found.remarks:

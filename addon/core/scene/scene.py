@@ -309,8 +309,8 @@ class Material:
     """A surface: closures whose inputs are computed per point by a program.
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
-    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. outputs: numbers of
-    passes "Output" and the values that they show.
+    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
+    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show.
     """
 
     name: str
@@ -327,6 +327,7 @@ class Material:
     hidden_from: Hidden = ()
     receives: int = 0xFFFFFFFF
     blocks: int = 0xFFFFFFFF
+    hole: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
 
     @property

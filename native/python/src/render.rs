@@ -44,7 +44,8 @@ use std::time::Duration;
 ///     "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
 ///     principled. "hidden_from" names the kinds of rays
 ///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission. "receives" and "blocks" have a
-///     bit for each set of linked lights that shine on it and that it shades (all).
+///     bit for each set of linked lights that shine on it and that it shades (all). "hole" (False): camera rays see
+///     a hole in the picture, except where it is transparent.
 ///     "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
 /// corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
 ///     None = flat.

@@ -74,9 +74,11 @@ def test_a_collection_seen_only_indirectly_is_hidden_from_the_camera(layer: Any)
     assert notes == []
 
 
-def test_a_collection_that_is_a_holdout_is_reported(layer: Any) -> None:
+def test_a_collection_that_is_a_holdout_makes_holes_of_its_objects(layer: Any) -> None:
     apart(layer).holdout = True
-    assert [line for line in read()[1] if "Holdout" in line and line.endswith(": Cube")]
+    found, notes = read()
+    assert {m.name: m.hole for m in found.materials[1:]}["Red"]
+    assert notes == []
 
 
 def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: Any) -> None:
@@ -125,7 +127,7 @@ def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add
     scene.collection.objects.link(wanted.objects[0])
     here = add("Same", cube("Here"), location=(4, 0, 0), pass_index=7)
     assert here.name == wanted.objects[0].name
-    here.is_holdout = True
+    here.is_shadow_catcher = True
     found, notes = read()
     arrays = found.numbers.arrays(found.geometry.runs())
     assert sorted(arrays["object"]) == [3, 7]

@@ -31,6 +31,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "hidden_from",
         "receives",
         "blocks",
+        "hole",
         "outputs",
     ];
     list("materials", value, |dict, index| {
@@ -60,6 +61,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
                 receives: bits(&keys, "receives")?,
                 blocks: bits(&keys, "blocks")?,
             },
+            hole: keys.flag_or("hole", false)?,
             outputs: outputs(&keys)?,
         })
     })

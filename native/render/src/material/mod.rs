@@ -44,6 +44,8 @@ pub struct Material {
     outputs: Vec<(u8, Operand)>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
+    /// Whether it is a hole in the picture for camera rays, except where it is transparent.
+    pub hole: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
@@ -100,6 +102,7 @@ impl Material {
         let mut material = Self {
             visible: params.visible,
             sets: params.sets,
+            hole: params.hole,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),

@@ -37,6 +37,8 @@ pub struct MaterialParams {
     pub visible: Visibility,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
+    /// Whether it is a hole in the picture for camera rays, except where it is transparent.
+    pub hole: bool,
     /// Values for passes: the number of each and the operand.
     pub outputs: Vec<(u8, Operand)>,
 }
@@ -58,6 +60,7 @@ impl Default for MaterialParams {
             program: Vec::new(),
             visible: Visibility::ALL,
             sets: ObjectSets::ALL,
+            hole: false,
             outputs: Vec::new(),
         }
     }

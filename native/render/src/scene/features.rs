@@ -28,6 +28,8 @@ pub struct Features {
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
+    /// At least one material is a hole in the picture.
+    pub holes: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -58,6 +60,7 @@ impl Features {
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
+            holes: any(|m| m.hole),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             smooth_normals,
