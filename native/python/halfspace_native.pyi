@@ -829,6 +829,18 @@ class RenderStatistics(TypedDict):
     steps: int | None
     tests: int | None
 
+def evaluate_program(request: Mapping[str, Any]) -> npt.NDArray[np.float32]:
+    """The result of a shading program at points that no ray meets, (n, 4) float32: a colour and its alpha, a vector,
+    or a number three times.
+
+    request: a dictionary of "positions" and "normals" (unit vectors), (n, 3) float32; "program" and "result", as the
+    program and an argument of a material of RenderScene; and, as for RenderScene, "images", "layers", (n, 3, 2 to
+    4), of which the first corner of entry i belongs to point i, "objects", "object_index", (n,), and "origin". There
+    is no camera, and heights beside a point are those of the point.
+
+    Raises ShapeError, NonFiniteError and SpecError as RenderScene does. Releases the GIL while it computes.
+    """
+
 class RenderScene:
     """A scene to render: a structure with materials, lights and background, without the camera.
 
@@ -854,6 +866,8 @@ class RenderScene:
         "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
         principled. "hidden_from" names the kinds of rays
         that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
+        "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
+        "hole" (False): camera rays see a hole in the picture, except where it is transparent.
         "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
         "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
         with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"
@@ -869,7 +883,9 @@ class RenderScene:
         preserves unit length.
     lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
         (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
-        ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+        ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y", "spread" (π), "sphere" (False: points and
+        spots are discs that face the receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the
+        sets of objects that the light shines on and that shade it (0: all).
         A light shines along its -Z. Angles are full angles in radians. Brightness is that of
         Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those

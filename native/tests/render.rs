@@ -10,6 +10,7 @@ use halfspace::render::light::{LightKind, LightParams};
 use halfspace::render::material::MaterialParams;
 use halfspace::render::scene::{RenderScene, SceneParams};
 use halfspace::render::settings::{Pass, Settings};
+use halfspace::render::values::linking::LightSets;
 use halfspace::render::values::visibility::Visibility;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
@@ -78,8 +79,12 @@ fn scene_params(triangles: usize) -> SceneParams {
             kind: LightKind::Point { radius: 0.0 },
             to_world,
             power: [300.0; 3],
+            sphere: false,
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
+            sets: LightSets::default(),
+            sphere: true,
+            sets: LightSets::default(),
             group: 0,
         }],
         world: [0.2, 0.3, 0.5].into(),
@@ -171,6 +176,8 @@ fn polygons_render_sunny_pictures_of_orthographic_cameras() {
             power: [power; 3],
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
+            sphere: true,
+            sets: LightSets::default(),
             group: 0,
         }
     };

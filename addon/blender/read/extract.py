@@ -17,8 +17,10 @@ from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, Voxels, World
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
+from .displacement import applying
+from .linking import Linking, Sets
 from .media import grids
-from .object_values import DENSITY_SCALE, Instance, Value
+from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
 from .strands.collecting import Collector
 from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
@@ -33,7 +35,6 @@ ROUND_TYPES = {"CURVES", "POINTCLOUD"}
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 
-HOLDOUT = "Holdout is not supported yet, rendered as usual"
 THIN = 1e-6
 """Thickness of a collapsed axis relative to the width of the sheet."""
 
@@ -201,14 +202,14 @@ class _Reader:
         self._room = meshes.LayerRoom()
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
-        self._held: set[str] = set()
         self._unreadable: set[texture_layers.Key] = set()
         self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
         self._volumes: dict[tuple[str, int], grids.Grids] = {}
         self._grid_numbers: dict[tuple[str, int], dict[str, float]] = {}
         self.grids: list[Voxels] = []
         self._surfaces, self._strands = layer.use_solid, layer.use_strand
-        self._marks = view_layers.Marks(layer)
+        self._marks, self._linking = view_layers.Marks(layer), Linking(depsgraph, notes)
+        self._pictures: dict[frozenset[int], tuple[Image, ...]] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
@@ -239,9 +240,11 @@ class _Reader:
         elif kind == "LIGHT":
             light = lights.read_light(item, matrix, self.notes)
             if light is not None:
-                self._note_linking(item, item.name_full)
+                receivers, blockers = self._linking.of_light(item)
                 group = self._group_numbers.get(item.lightgroup, 0)
-                self.lights.append(replace(light, hidden_from=_hidden(item, parent), group=group))
+                hidden = _hidden(item, parent)
+                light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
+                self.lights.append(light)
         elif kind == "VOLUME":
             self._place_volume(item, matrix, parent, number)
 
@@ -249,12 +252,31 @@ class _Reader:
         """The placements, in order of appearance, those of hair and points last."""
         found = [
             meshes.Placement(
-                group.mesh, np.stack(group.matrices), tuple(group.names), group.materials, tuple(group.values)
+                self._displaced(group),
+                np.stack(group.matrices),
+                tuple(group.names),
+                group.materials,
+                tuple(group.values),
             )
             for (mesh, _), group in self._groups.items()
             if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
         return found + self.strands.placements()
+
+    def _displaced(self, group: _Group) -> meshes.MeshArrays:
+        """The mesh of a group, displaced by its materials where the first instance is, as in Cycles."""
+        slots = self.palette.displacements(group.materials.tolist())
+        if not any(slots):
+            return group.mesh
+        used = frozenset().union(*(one.images for one in slots if one is not None))
+        if used not in self._pictures:
+            self._pictures[used] = self.palette.gallery.read(set(used), self.notes)
+        keys = self.palette.layers.keys
+        around = applying.Surroundings(group.matrices[0], group.values[0], keys, self._pictures[used])
+        mesh, lost = applying.displaced(group.mesh, slots, around)
+        if lost:
+            self.notes.add("Not displaced, vertices that would leave the scene", group.names[0], lost)
+        return mesh
 
     def _regular(self, item: Any, matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
         """The transform of an instance, made invertible; None, with a note, if it is unusable."""
@@ -263,7 +285,7 @@ class _Reader:
         if not np.isfinite(matrix).all():
             self.notes.add("Dropped, the transform is not finite", name)
             return None
-        sheet = _as_sheet(matrix)
+        sheet = as_sheet(matrix)
         if sheet is None:
             self.notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
         return sheet
@@ -276,14 +298,18 @@ class _Reader:
         if sheet is None:
             return
         visit = self.strands.visit_hair if hair else self.strands.visit
-        visit(instance, sheet, self.palette.indices(item, item.data, hidden))
+        visit(
+            instance,
+            sheet,
+            self.palette.indices(item, item.data, hidden, self._sets(instance), hole=self._is_hole(instance)),
+        )
 
     def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
         item, sheet = instance.item, self._regular(instance.item, matrix)
         if sheet is None:
             return
-        mesh_key, mesh, used = self._mesh(item, hidden)
+        mesh_key, mesh, used = self._mesh(instance, hidden)
         if mesh is None or not len(mesh.triangles):
             return
         if mesh_key[0] == "mesh":  # other meshes may be dropped at the end
@@ -306,7 +332,7 @@ class _Reader:
             self._grid_numbers[key] = {grid: float(first + i) for i, grid in enumerate(self._volumes[key].voxels)}
             self.grids += self._volumes[key].voxels.values()
         box = self._volumes[key].box
-        if box is None or not np.isfinite(matrix).all() or not _is_regular(matrix):
+        if box is None or not np.isfinite(matrix).all() or not is_regular(matrix):
             self.notes.add("Skipped, the volume is empty or has no size", name)
             return
         used = self.palette.indices(item, data, self._seen(item, parent))
@@ -320,15 +346,27 @@ class _Reader:
         instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number, self._grid_numbers[key] | scale)
         group.values.append(instance.values(self.palette.layers.object_values))
 
-    def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
+    def _is_hole(self, instance: Instance) -> bool:
+        """Whether an instance is a holdout, as its instancer is, if any, or a collection of that."""
+        owner = instance.item if instance.parent is None else instance.parent
+        return bool(owner.is_holdout or self._marks.of(owner)[0])
+
+    def _sets(self, instance: Instance) -> Sets:
+        """The sets of linked lights that an object is in."""
+        return self._linking.of_object(instance.item, instance.parent)
+
+    def _mesh(
+        self, instance: Instance, hidden: Hidden
+    ) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
+        item, sets, hole = instance.item, self._sets(instance), self._is_hole(instance)
         # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
                 self._meshes[key] = self._read(data, item)
-            return key, self._meshes[key], self.palette.indices(item, data, hidden)
+            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, hole=hole)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
             # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
@@ -337,7 +375,7 @@ class _Reader:
                 return key, None, ()
             self._meshes[key] = self._read(data, item)
             item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
+        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, hole=hole)
 
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
         """A mesh with the layers that materials read."""
@@ -364,20 +402,15 @@ class _Reader:
         """The rays that ignore an instance, including the effect of its collections."""
         hidden = _hidden(item, parent)
         owner = item if parent is None else parent
-        holdout, indirect_only = self._marks.of(owner)
-        if holdout and owner.name_full not in self._held:
-            self._held.add(owner.name_full)
-            self.notes.add(HOLDOUT, owner.name_full)
+        _, indirect_only = self._marks.of(owner)
         if not indirect_only or "camera" in hidden:
             return hidden
         return ("camera", *hidden)
 
     def _note_linking(self, item: Any, name: str) -> None:
         linking = item.light_linking
-        if linking.receiver_collection is not None:
-            self.notes.add("Light linking is not supported yet, the light affects all objects", name)
-        if linking.blocker_collection is not None:
-            self.notes.add("Shadow linking is not supported yet, all objects cast shadows", name)
+        if linking.receiver_collection is not None or linking.blocker_collection is not None:
+            self.notes.add("Light linking is supported for lights only, not for glowing objects", name)
 
     def _check_once(self, item: Any, name: str) -> None:
         """Note an object's unsupported settings, once per object."""
@@ -389,9 +422,6 @@ class _Reader:
         self.matte_names[name] = item.name, _topmost(item).name
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
-        if item.is_holdout and name not in self._held:
-            self._held.add(name)
-            self.notes.add(HOLDOUT, name)
         if item.is_shadow_catcher:
             self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
         self._note_linking(item, name)
@@ -408,25 +438,3 @@ def _hidden(item: Any, parent: Any) -> Hidden:
     """The rays that ignore an object; those that its instancer ignores are included."""
     both = [item] if parent is None else [item, parent]
     return tuple(ray for ray, setting in RAYS.items() if not all(getattr(one, setting) for one in both))
-
-
-def _as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
-    """An invertible transform: one that collapses one axis becomes a thin sheet; None if it collapses two."""
-    if _is_regular(matrix):
-        return matrix
-    turned, lengths, axes = np.linalg.svd(matrix[:3, :3])
-    if lengths[1] <= THIN * lengths[0]:
-        return None
-    lengths[2] = THIN * lengths[1]
-    if np.linalg.det(turned) * np.linalg.det(axes) < 0:
-        turned[:, 2] *= -1  # keep the orientation of its faces
-    sheet = matrix.copy()
-    sheet[:3, :3] = turned * lengths @ axes
-    return sheet
-
-
-def _is_regular(matrix: np.ndarray[Any, Any]) -> bool:
-    """Whether a transform is invertible, judged by its determinant relative to the lengths of its columns."""
-    linear = matrix[:3, :3]
-    lengths = np.linalg.norm(linear, axis=0)
-    return bool(lengths.all()) and abs(np.linalg.det(linear / lengths)) > 1e-12

@@ -42,9 +42,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     # Add the shape of each type.
     match data.type:
         case "POINT" | "SPOT":
-            light = replace(light, radius=data.shadow_soft_size)
-            if data.shadow_soft_size > 0 and not data.use_soft_falloff:
-                notes.add("Lights without soft falloff are not supported yet, rendered with soft falloff", name)
+            light = replace(light, radius=data.shadow_soft_size, sphere=not data.use_soft_falloff)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
                 if not _is_flat(matrix) and np.ptp(scale) > EVEN * scale.max():
@@ -55,8 +53,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
             size_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
             shape = {"SQUARE": "RECTANGLE", "DISK": "ELLIPSE"}.get(data.shape, data.shape)
             light = replace(light, shape=shape, size=float(data.size * scale[0]), size_y=float(size_y * scale[1]))
-            if data.spread < math.pi - 1e-3:
-                notes.add("The spread of area lights is not supported yet, rendered in full", name)
+            light = replace(light, spread=min(max(data.spread, 0.0), math.pi))
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
     return light if any(light.power) else None

@@ -10,7 +10,9 @@ import bpy
 
 from ...core.base.notes import Notes
 from ...core.scene.scene import Closure, Hidden, Image, Material
+from .displacement import programs
 from .images import Gallery
+from .linking import ALL, Sets
 from .media.volumes import Volume
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
@@ -41,6 +43,7 @@ class _Read:
     material: Material
     remarks: tuple[str, ...]
     images: frozenset[int]
+    displacement: programs.Displacement | None = None
 
 
 class Palette:
@@ -65,8 +68,9 @@ class Palette:
         self.gallery = Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[tuple[int, Hidden], int] = {(0, ()): 0}
+        self._numbers: dict[tuple[int, Hidden, Sets, bool], int] = {(0, (), (ALL, ALL), False): 0}
         self._pass_indices = [0.0]
+        self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
         self._override = override
@@ -79,23 +83,30 @@ class Palette:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
 
-    def indices(self, item: Any, data: Any, hidden: Hidden = ()) -> tuple[int, ...]:
+    def indices(
+        self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL), *, hole: bool = False
+    ) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
         A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
-        ignore the object; in the scene, a material with other hidden rays is a separate one.
+        ignore the object; sets: those of linked lights; hole: whether it is a holdout. In the scene, a material with
+        others is a separate one.
         """
         own = data.materials
         slots = item.material_slots
         numbers = []
         for i in range(max(len(own), len(slots))):
             linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
-            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden))
-        return tuple(numbers) or (self._number(None, hidden),)
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, hole))
+        return tuple(numbers) or (self._number(None, hidden, sets, hole),)
 
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
         return tuple(self._materials)
+
+    def displacements(self, numbers: Sequence[int]) -> list[programs.Displacement | None]:
+        """The displacement of the materials of these numbers."""
+        return [self._displacements[number] for number in numbers]
 
     def readers(self) -> dict[tuple[str, str], list[str]]:
         """By layer the names of the materials met so far that read it."""
@@ -118,16 +129,18 @@ class Palette:
         """The name of each of these materials."""
         return tuple(self._names)
 
-    def _number(self, material: Any, hidden: Hidden) -> int:
-        """The number of a material, or of none, with these hidden rays; added with its notes if new."""
+    def _number(self, material: Any, hidden: Hidden, sets: Sets, hole: bool) -> int:
+        """The number of a material, or of none, with these hidden rays and sets; added with its notes if new."""
         material = material if self._override is None else self._override
-        key = (0 if material is None else material.original.as_pointer(), hidden)
+        key = (0 if material is None else material.original.as_pointer(), hidden, sets, hole)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
             self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
-            self._materials.append(replace(found.material, hidden_from=hidden))
+            own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole}
+            self._materials.append(replace(found.material, **own))
+            self._displacements.append(found.displacement)
             self._images |= found.images
             for remark in found.remarks:
                 self._notes.add(remark, found.material.name)
@@ -138,19 +151,33 @@ class Palette:
         key = material.original.as_pointer()
         if key not in self._read:
             remarks: dict[str, None] = {}
-            values = Values(
-                self.layers,
-                self.gallery,
-                lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"),
-            )
-            values.material_index, values.owners = float(material.pass_index), self._owners
-            converted = _material(material, values)
+            values = self._values(material, remarks)
+            surface = _material(material, values)
             tree = active_tree(material)
             if self._wanted and tree is not None:
                 written = outputs.read(tree, values, self._wanted)
-                converted = replace(converted, program=tuple(values.steps), outputs=written)
-            self._read[key] = _Read(converted, tuple(remarks), frozenset(values.images))
+                surface = replace(surface, program=tuple(values.steps), outputs=written)
+            displacement = self._displacement(material, remarks)
+            self._read[key] = _Read(surface, tuple(remarks), frozenset(values.images), displacement)
         return self._read[key]
+
+    def _values(self, material: Any, remarks: dict[str, None]) -> Values:
+        """The writer of a new program for a material, which adds to `remarks`."""
+        values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"))
+        values.material_index, values.owners = float(material.pass_index), self._owners
+        return values
+
+    def _displacement(self, material: Any, remarks: dict[str, None]) -> programs.Displacement | None:
+        """What moves the vertices of meshes with this material, if anything."""
+        tree = active_tree(material)
+        output = None if tree is None else output_node(tree)
+        if output is None or programs.method(material) == "BUMP":
+            return None
+        # Vertices are moved before shading: the frames of objects are not needed for that.
+        needed = self.layers.objects
+        found = programs.read(output, self._values(material, remarks))
+        self.layers.objects = needed
+        return found
 
 
 def _material(material: Any, values: Values) -> Material:
@@ -189,8 +216,8 @@ def _surface(material: Any, values: Values) -> Material:
     if output is None:
         return _black(name)
     # Note outputs that are not rendered, then read the surface.
-    if output.inputs["Displacement"].is_linked:
-        values.remark("Displacement")
+    if output.inputs["Displacement"].is_linked and programs.method(material) == "BOTH":
+        values.remark("Bump by displacement, in addition to true displacement,")
     surface = Surface(values, viewport.base_color)
     socket = Place(output.inputs["Surface"])
     try:
@@ -202,7 +229,10 @@ def _surface(material: Any, values: Values) -> Material:
         return viewport
     if not surface.closures:
         return _black(name)
-    return Material(name, closures=tuple(surface.closures), program=tuple(values.steps))
+    closures = surface.closures
+    if programs.method(material) == "BUMP":
+        closures = programs.bumped(closures, output, values)
+    return Material(name, closures=tuple(closures), program=tuple(values.steps))
 
 
 def _black(name: str) -> Material:

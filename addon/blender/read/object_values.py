@@ -115,3 +115,25 @@ def hashed(x: Any, y: int = 0) -> Any:
     a = ((a ^ c) - turned(c, 4)) & MASK
     b = ((b ^ a) - turned(a, 14)) & MASK
     return ((c ^ b) - turned(b, 24)) & MASK
+
+
+def as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
+    """An invertible transform: one that collapses one axis becomes a thin sheet; None if it collapses two."""
+    if is_regular(matrix):
+        return matrix
+    turned, lengths, axes = np.linalg.svd(matrix[:3, :3])
+    if lengths[1] <= THIN * lengths[0]:
+        return None
+    lengths[2] = THIN * lengths[1]
+    if np.linalg.det(turned) * np.linalg.det(axes) < 0:
+        turned[:, 2] *= -1  # keep the orientation of its faces
+    sheet = matrix.copy()
+    sheet[:3, :3] = turned * lengths @ axes
+    return sheet
+
+
+def is_regular(matrix: np.ndarray[Any, Any]) -> bool:
+    """Whether a transform is invertible, judged by its determinant relative to the lengths of its columns."""
+    linear = matrix[:3, :3]
+    lengths = np.linalg.norm(linear, axis=0)
+    return bool(lengths.all()) and abs(np.linalg.det(linear / lengths)) > 1e-12

@@ -191,6 +191,8 @@ class Native(Protocol):
         other_triangles: NDArray[np.int32],
     ) -> NDArray[np.int32]: ...
 
+    def evaluate_program(self, request: Mapping[str, Any]) -> NDArray[np.float32]: ...
+
     def render(
         self,
         scene: halfspace_native.RenderScene | Sequence[halfspace_native.RenderScene],

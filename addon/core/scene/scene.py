@@ -7,6 +7,7 @@ world's origin keep their precision when positions are rounded to f32.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
@@ -292,8 +293,9 @@ class Closure:
 class Material:
     """A surface: closures whose inputs are computed per point by a program.
 
-    Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. outputs:
-    numbers of passes "Output" and the values that they show.
+    Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
+    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
+    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show.
     """
 
     name: str
@@ -309,6 +311,9 @@ class Material:
     program: tuple[Step, ...] = ()
     volume: Volume | None = None
     hidden_from: Hidden = ()
+    receives: int = 0xFFFFFFFF
+    blocks: int = 0xFFFFFFFF
+    hole: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
 
     @property
@@ -327,7 +332,9 @@ class Light:
     """A lamp that shines along its -Z. name: its object's, for messages. group: light group, from 1; 0 is none.
 
     power: linear RGB in W (sun: W/m²), Blender's energy × colour. radius, size, size_y in scene units; angle, spot_size
-    (full cone) in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE.
+    (full cone) and spread in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE. sphere: whether point and
+    spot lights are spheres, otherwise discs that face the receiver. receivers, blockers: the sets of objects that the
+    light shines on and that shade it, 1 to 31; 0 is all.
     """
 
     kind: str
@@ -340,8 +347,12 @@ class Light:
     shape: str = "SQUARE"
     size: float = 0.0
     size_y: float = 0.0
+    spread: float = math.pi
+    sphere: bool = False
     casts_shadow: bool = True
     hidden_from: Hidden = ("camera",)
+    receivers: int = 0
+    blockers: int = 0
     group: int = 0
     # Excluded from comparison: a renamed lamp emits the same light.
     name: str = field(default="", compare=False)

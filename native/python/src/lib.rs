@@ -6,6 +6,7 @@ mod analysis;
 mod args;
 mod cases;
 mod errors;
+mod evaluation;
 mod float_mode;
 mod hits;
 mod inspection;
@@ -53,6 +54,7 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(free_memory, module)?)?;
     cases::register(module)?;
     errors::register(module)?;
+    evaluation::register(module)?;
     instances::register(module)?;
     monitor::register(module)?;
     proximity::register(module)?;

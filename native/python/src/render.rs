@@ -45,6 +45,8 @@ use std::time::Duration;
 ///     "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
 ///     principled. "hidden_from" names the kinds of rays
 ///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
+///     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
+///     "hole" (False): camera rays see a hole in the picture, except where it is transparent.
 ///     "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
 ///     "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
 ///     with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"
@@ -60,7 +62,9 @@ use std::time::Duration;
 ///     preserves unit length.
 /// lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
 ///     (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
-///     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+///     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y", "spread" (π), "sphere" (False: points and
+///     spots are discs that face the receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the
+///     sets of objects that the light shines on and that shade it (0: all).
 ///     A light shines along its -Z. Angles are full angles in radians. Brightness is that of
 ///     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
 ///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those

@@ -17,6 +17,7 @@ use halfspace::render::material::MaterialParams;
 use halfspace::render::scene::indices::Indices;
 use halfspace::render::scene::{RenderScene, SceneParams};
 use halfspace::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use halfspace::render::values::linking::LightSets;
 use halfspace::render::values::visibility::Visibility;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
@@ -234,12 +235,18 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
                 shape: shapes[usize::from(bytes.byte()) % 4],
                 size: a,
                 size_y: b,
+                spread: c,
             },
         },
         to_world: bytes.matrix(),
         power: bytes.numbers(),
+        sphere: bytes.byte().is_multiple_of(2),
         casts_shadow: bytes.byte().is_multiple_of(2),
         visible: Visibility::NOT_BY_CAMERA,
+        sets: LightSets {
+            receivers: bytes.byte() % 32,
+            blockers: bytes.byte() % 32,
+        },
         group: 1,
     }
 }

@@ -6,6 +6,7 @@ from __future__ import annotations
 from fault import Fault
 
 _LOBES = "bsdf::tests::lobes"
+_LINKED = "shadows::linked_lights_shine_on_their_receivers_and_are_shaded_by_their_blockers"
 
 SURFACES = (
     Fault(
@@ -119,5 +120,47 @@ PICTURES = (
         "group.is_some_and(|group| group != light.group)",
         "group.is_some_and(|_| false)",
         ("tests/blender/read/test_light_groups.py", "add_up"),
+    ),
+    Fault(
+        "a spread that dims what it narrows",
+        "native/render/src/light/shapes/spread.rs",
+        "(1.0 / (wide.tan() - wide)) as f32",
+        "(1.0 / wide.tan()) as f32",
+        ("lib", "light::shapes::spread::tests::every_spread_emits_the_same_power"),
+    ),
+    Fault(
+        "a sphere's cap of directions as from afar",
+        "native/render/src/light/shapes/sphere.rs",
+        "s / (1.0 + (1.0 - s).sqrt())",
+        "0.5 * s",
+        ("lib", "light::shapes::sphere::tests::the_density_covers_the_solid_angle"),
+    ),
+    Fault(
+        "half of what a spread shows of an area light",
+        "native/render/src/light/shapes/area.rs",
+        "(middle + reach).min(half)",
+        "middle.min(half)",
+        ("lib", "light::shapes::area::tests::samples_cover_what_lights_with_a_spread_emit"),
+    ),
+    Fault(
+        "all objects shade linked lights",
+        "native/render/src/path/shadow_rays.rs",
+        "surface.material.sets.shades(self.blockers)",
+        "true",
+        ("lib", _LINKED),
+    ),
+    Fault(
+        "linked lights shine on all objects",
+        "native/render/src/light/prepared.rs",
+        "contains(receiver.sets, self.sets.receivers)",
+        "true",
+        ("lib", _LINKED),
+    ),
+    Fault(
+        "references of evaluated programs not checked",
+        "native/render/src/values/evaluate.rs",
+        "usize::from(reference) < count",
+        "true",
+        ("lib", "values::evaluate::tests::wrong_arrays_and_references_are_named"),
     ),
 )

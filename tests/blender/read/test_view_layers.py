@@ -74,9 +74,11 @@ def test_a_collection_seen_only_indirectly_is_hidden_from_the_camera(layer: Any)
     assert notes == []
 
 
-def test_a_collection_that_is_a_holdout_is_reported(layer: Any) -> None:
+def test_a_collection_that_is_a_holdout_makes_holes_of_its_objects(layer: Any) -> None:
     apart(layer).holdout = True
-    assert [line for line in read()[1] if "Holdout" in line and line.endswith(": Cube")]
+    found, notes = read()
+    assert {m.name: m.hole for m in found.materials[1:]}["Red"]
+    assert notes == []
 
 
 def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: Any) -> None:
@@ -92,14 +94,9 @@ def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: 
     assert [m.hidden_from for m in read()[0].materials[1:]] == [("camera",)]
 
 
-def test_shadow_catchers_and_light_linking_are_reported(layer: Any, add: Any) -> None:
+def test_shadow_catchers_are_reported(layer: Any) -> None:
     bpy.data.objects["Bare"].is_shadow_catcher = True
-    lamp = add("Lamp", bpy.data.lights.new("Lamp", "SUN"))
-    lamp.light_linking.receiver_collection = lamp.light_linking.blocker_collection = bpy.data.collections["Apart"]
-    notes = read()[1]
-    assert [line for line in notes if line.startswith("Shadow catchers") and line.endswith(": Bare")]
-    assert [line for line in notes if line.startswith("Light linking") and line.endswith(": Lamp")]
-    assert [line for line in notes if line.startswith("Shadow linking") and line.endswith(": Lamp")]
+    assert [line for line in read()[1] if line.startswith("Shadow catchers") and line.endswith(": Bare")]
 
 
 def test_passes_that_are_not_rendered_are_reported(layer: Any, scene: Any, tmp_path: Path) -> None:
@@ -130,7 +127,7 @@ def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add
     scene.collection.objects.link(wanted.objects[0])
     here = add("Same", cube("Here"), location=(4, 0, 0), pass_index=7)
     assert here.name == wanted.objects[0].name
-    here.is_holdout = True
+    here.is_shadow_catcher = True
     found, notes = read()
     arrays = found.numbers.arrays(found.geometry.runs())
     assert sorted(arrays["object"]) == [3, 7]

@@ -300,6 +300,22 @@ def test_a_holdout_is_a_hole_in_the_picture_as_in_cycles(lit: Any) -> None:
     assert [round(float(ours[name][middle].mean()), 1) for name in family] == [0.0, 0.7, 1.0]
 
 
+@pytest.mark.parametrize("alpha", [1.0, 0.4])
+def test_an_object_that_is_a_holdout_is_a_hole_as_in_cycles(lit: Any, alpha: float) -> None:
+    family = {"held": shader("Principled", Alpha=alpha), "none": shader("Diffuse")}
+    atlas.sheet(lit, family, ball())
+    lit.objects["held"].is_holdout = True
+    lit.render.film_transparent = True
+    atlas.configure(lit, 256, BOUNCES)
+    ours, theirs = (atlas.rendered(lit, family, engine, channels=4) for engine in ("HALFSPACE", "CYCLES"))
+    for name in family:
+        apart = np.abs(ours[name].mean(axis=(0, 1)) - theirs[name].mean(axis=(0, 1)))
+        assert apart.max() < 0.01, f"{name}: {ours[name].mean(axis=(0, 1))} {theirs[name].mean(axis=(0, 1))}"
+    middle = (slice(8, 12), slice(8, 12), 3)
+    assert ours["held"][middle].mean() < 0.01
+    assert ours["none"][middle].mean() > 0.9
+
+
 def test_a_world_sees_the_depth_of_rays(scene: Any) -> None:
     scene.world = bpy.data.worlds.new("World")
     if scene.world.node_tree is None:

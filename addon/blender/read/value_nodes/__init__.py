@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from .coordinates import COORDINATES
+from .displacing import DISPLACING
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
@@ -28,6 +29,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **NUMBERS,
     **NORMALS,
     **STRANDS,
+    **DISPLACING,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),
 }

@@ -8,6 +8,7 @@ use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
 use halfspace_render::settings::Pass;
+use halfspace_render::values::linking::{LightSets, ObjectSets, SETS};
 use halfspace_render::values::program::Operand;
 use halfspace_render::values::visibility::{RayKind, Visibility};
 use pyo3::prelude::*;
@@ -29,6 +30,9 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "program",
         "volume",
         "hidden_from",
+        "receives",
+        "blocks",
+        "hole",
         "outputs",
     ];
     list("materials", value, |dict, index| {
@@ -55,9 +59,29 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             program: shader::program(&keys)?,
             volume: volume::volume(&keys)?,
             visible: visibility(&keys, default.visible)?,
+            sets: ObjectSets {
+                receives: bits(&keys, "receives")?,
+                blocks: bits(&keys, "blocks")?,
+            },
+            hole: keys.flag_or("hole", false)?,
             outputs: outputs(&keys)?,
         })
     })
+}
+
+/// Reads the number of a set of linked objects; 0 by default.
+fn set(keys: &Keys<'_, '_>, key: &str) -> Result<u8> {
+    let Some(value) = keys.find(key) else {
+        return Ok(0);
+    };
+    let number = keys.count(key)?;
+    let small = u8::try_from(number).ok().filter(|&set| set < SETS);
+    small.ok_or_else(|| keys.wrong(key, "a number from 0 to 31", &value))
+}
+
+/// Reads a bit for each set of linked objects; all by default.
+fn bits(keys: &Keys<'_, '_>, key: &str) -> Result<u32> {
+    keys.find(key).map_or(Ok(u32::MAX), |_| keys.count(key))
 }
 
 /// Reads the values for passes: pairs of a number and an operand.
@@ -132,8 +156,12 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "shape",
         "size",
         "size_y",
+        "spread",
+        "sphere",
         "casts_shadow",
         "hidden_from",
+        "receivers",
+        "blockers",
         "group",
     ];
     let kinds = [
@@ -168,6 +196,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
                     shape: keys.choice("shape", &shapes)?,
                     size,
                     size_y: keys.number_or("size_y", size)?,
+                    spread: keys.number_or("spread", std::f32::consts::PI)?,
                 }
             }
         };
@@ -175,8 +204,13 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
             kind,
             to_world: keys.matrix("to_world")?,
             power: keys.color("power")?,
+            sphere: keys.flag_or("sphere", false)?,
             casts_shadow: keys.flag_or("casts_shadow", true)?,
             visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
+            sets: LightSets {
+                receivers: set(&keys, "receivers")?,
+                blockers: set(&keys, "blockers")?,
+            },
             group: group(&keys)?,
         })
     })

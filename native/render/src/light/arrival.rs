@@ -19,6 +19,8 @@ pub struct Arrival {
     pub casts_shadow: bool,
     /// The lobes that the light illuminates.
     pub visible: Visibility,
+    /// The set of the objects that shade the light.
+    pub blockers: u8,
     /// The light group of a lamp; 0 = none.
     pub group: u8,
     /// The emitter. Unless it is a lamp, `radiance` still has to be multiplied by that of the emitter.
@@ -67,4 +69,6 @@ pub struct Receiver {
     pub point: Vec3,
     /// Geometric normal on the viewer's side; zero if light from behind counts too.
     pub normal: Vec3,
+    /// The sets of lights that shine on the point.
+    pub sets: u32,
 }

@@ -35,7 +35,8 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
             shape,
             size,
             size_y,
-        } => match light.area(shape, size, size_y)? {
+            spread,
+        } => match light.area(shape, [size, size_y], spread)? {
             Some(emission) => emission,
             // A light without area has no finite radiance.
             None => return Ok(None),
@@ -59,6 +60,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         brightness,
         casts_shadow: params.casts_shadow,
         visible: params.visible,
+        sets: params.sets,
         group: params.group,
     };
     Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))
@@ -147,8 +149,14 @@ impl Source<'_> {
     }
 
     /// An area light, or `None` if it has no area.
-    fn area(&self, outline: AreaShape, size: f32, size_y: f32) -> Result<Option<Emission>> {
+    fn area(
+        &self,
+        outline: AreaShape,
+        [size, size_y]: [f32; 2],
+        spread: f32,
+    ) -> Result<Option<Emission>> {
         self.check_size(size, "size")?;
+        self.check_angle(spread, "spread")?;
         // Squares and disks use one size for both extents.
         let size_y = match outline {
             AreaShape::Square | AreaShape::Disk => size,
@@ -158,6 +166,7 @@ impl Source<'_> {
         let round = matches!(outline, AreaShape::Disk | AreaShape::Ellipse);
         let [x, y, z] = [0, 1, 2].map(|k| matrix_column(&self.params.to_world, k));
         let area = Area::new(self.position(), x * size, y * size_y, -z, round);
+        let area = area.map(|area| area.with_spread(spread));
         Ok(area.map(|area| Emission {
             strength: self.power() * (1.0 / (PI * area.area())),
             shape: Shape::Area(area),
@@ -165,10 +174,10 @@ impl Source<'_> {
         }))
     }
 
-    /// A disc that faces the receiver, with the cone of a spot light.
+    /// A disc that faces the receiver, or a sphere, with the cone of a spot light.
     fn disc(&self, radius: f32, cone: Option<Cone>) -> Emission {
         Emission {
-            shape: Shape::Disc(Disc::new(self.position(), radius, cone)),
+            shape: Shape::Disc(Disc::new(self.position(), radius, cone, self.params.sphere)),
             strength: self.power() * disc_strength(radius),
             brightness: self.power().mean_abs() / (4.0 * PI),
         }

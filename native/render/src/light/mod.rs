@@ -22,6 +22,7 @@ use crate::light::many::Many;
 use crate::light::prepared::{Light, Shape};
 use crate::light::shapes::{LightRay, Triangle};
 use crate::math::vector::Vec3;
+use crate::values::linking::LightSets;
 use crate::values::visibility::{RayKind, Visibility};
 
 mod arrival;
@@ -90,6 +91,7 @@ impl Lights {
                     brightness,
                     casts_shadow: true,
                     visible: emissive.visible,
+                    sets: LightSets::default(),
                     group: 0,
                 });
             }
@@ -102,6 +104,7 @@ impl Lights {
                 brightness: map.mean * std::f32::consts::PI,
                 casts_shadow: true,
                 visible: map_visible,
+                sets: LightSets::default(),
                 group: 0,
             });
         }
@@ -132,6 +135,11 @@ impl Lights {
         self.any_hittable
     }
 
+    /// Whether only some objects shade a light.
+    pub fn any_blockers(&self) -> bool {
+        self.lights.iter().any(|light| light.sets.blockers != 0)
+    }
+
     /// Whether camera rays can hit a lamp.
     pub fn any_camera_visible(&self) -> bool {
         self.any_camera_visible
@@ -144,6 +152,9 @@ impl Lights {
         // Choose a light, then a point on it or a direction towards it.
         let (index, probability) = self.choose(receiver, choice)?;
         let light = &self.lights[index];
+        if !light.shines_on(receiver) {
+            return None;
+        }
         let ray = match &light.shape {
             Shape::Disc(disc) => disc.sample(receiver.point, u),
             Shape::Sun(sun) => sun.sample(u),
@@ -193,6 +204,7 @@ impl Lights {
             pdf,
             casts_shadow: light.casts_shadow,
             visible: light.visible,
+            blockers: light.sets.blockers,
             group: light.group,
             emitter,
         })
@@ -263,7 +275,8 @@ impl Lights {
         let mut add = |index: usize| {
             let light = &self.lights[index];
             let other = group.is_some_and(|group| group != light.group);
-            if !light.is_hittable() || !light.visible.to(kind) || other {
+            let lit = light.visible.to(kind) && light.shines_on(receiver);
+            if !light.is_hittable() || !lit || other {
                 return;
             }
             // Triangles and background are hit by the scene's rays, not here.

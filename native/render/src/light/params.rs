@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of lights.
 
+use crate::values::linking::LightSets;
 use crate::values::visibility::Visibility;
 
 /// Outline of an area light.
@@ -46,6 +47,8 @@ pub enum LightKind {
         size: f32,
         /// Extent along the light's Y before `to_world`.
         size_y: f32,
+        /// Full angle of the cone into which each point shines, radians; π is all of the half space.
+        spread: f32,
     },
 }
 
@@ -58,10 +61,14 @@ pub struct LightParams {
     pub to_world: [[f64; 4]; 4],
     /// Watts (sun: W/m²) per linear colour channel.
     pub power: [f32; 3],
+    /// Whether a point or spot light with a radius is a sphere; otherwise a disc that faces the receiver.
+    pub sphere: bool,
     /// Whether surfaces block the light.
     pub casts_shadow: bool,
     /// The kinds of rays that see the light.
     pub visible: Visibility,
+    /// The objects that it shines on, and those that shade it.
+    pub sets: LightSets,
     /// Light group, counted from 1; 0 = none.
     pub group: u8,
 }

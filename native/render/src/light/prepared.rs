@@ -5,6 +5,7 @@ use crate::light::Receiver;
 use crate::light::shapes::{Area, Disc, Sun, Triangle};
 use crate::light::tree::BoundingSphere;
 use crate::math::vector::Vec3;
+use crate::values::linking::{LightSets, contains};
 use crate::values::visibility::Visibility;
 
 /// The geometry of a light.
@@ -28,6 +29,7 @@ pub(super) struct Light {
     pub(super) brightness: f32,
     pub(super) casts_shadow: bool,
     pub(super) visible: Visibility,
+    pub(super) sets: LightSets,
     /// The light group of a lamp; 0 = none.
     pub(super) group: u8,
 }
@@ -63,13 +65,21 @@ impl Light {
         })
     }
 
-    /// Whether rays can hit the light.
+    /// Whether rays can hit the light. A ray would stop at objects that do not shade the light.
     pub(super) fn is_hittable(&self) -> bool {
-        self.has_size() && self.casts_shadow
+        self.has_size() && self.casts_shadow && self.sets.blockers == 0
+    }
+
+    /// Whether the light shines on a receiver.
+    pub(super) fn shines_on(&self, receiver: Receiver) -> bool {
+        contains(receiver.sets, self.sets.receivers)
     }
 
     /// Estimates the irradiance at a receiver; zero only where the light cannot arrive.
     pub(super) fn importance(&self, receiver: Receiver) -> f32 {
+        if !self.shines_on(receiver) {
+            return 0.0;
+        }
         // Zero is reserved for lights that cannot contribute, because they are never chosen.
         self.brightness
             * match &self.shape {

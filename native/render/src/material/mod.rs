@@ -9,6 +9,7 @@ use crate::material::closure::{
 use crate::math::vector::Vec3;
 use crate::medium::Volume;
 use crate::values::image::Image;
+use crate::values::linking::ObjectSets;
 use crate::values::program::{Op, Operand, Program, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::visibility::Visibility;
@@ -48,6 +49,10 @@ pub struct Material {
     pub volume: Option<Volume>,
     /// Whether the surface is nothing but the boundary of a volume, which rays pass unchanged.
     pub boundary: bool,
+    /// Whether it is a hole in the picture for camera rays, except where it is transparent.
+    pub hole: bool,
+    /// The lights that shine on it, and those that it shades.
+    pub sets: ObjectSets,
     /// Whether light can pass straight through.
     pub transparent: bool,
     /// Whether it can emit.
@@ -103,6 +108,8 @@ impl Material {
             visible: params.visible,
             volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
             boundary: false,
+            sets: params.sets,
+            hole: params.hole,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),

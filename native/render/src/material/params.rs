@@ -4,6 +4,7 @@
 use crate::check::{Result, finite, within};
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::medium::VolumeParams;
+use crate::values::linking::ObjectSets;
 use crate::values::program::{Operand, Step};
 use crate::values::visibility::Visibility;
 
@@ -37,6 +38,10 @@ pub struct MaterialParams {
     pub volume: VolumeParams,
     /// The kinds of rays that can hit the material; others pass through it.
     pub visible: Visibility,
+    /// The lights that shine on it, and those that it shades.
+    pub sets: ObjectSets,
+    /// Whether it is a hole in the picture for camera rays, except where it is transparent.
+    pub hole: bool,
     /// Values for passes: the number of each and the operand.
     pub outputs: Vec<(u8, Operand)>,
 }
@@ -58,6 +63,8 @@ impl Default for MaterialParams {
             program: Vec::new(),
             volume: VolumeParams::default(),
             visible: Visibility::ALL,
+            sets: ObjectSets::ALL,
+            hole: false,
             outputs: Vec::new(),
         }
     }

@@ -25,6 +25,8 @@ struct Light {
     history: History,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
+    /// The set of the objects that block the ray.
+    blockers: u8,
 }
 
 /// The samples that shadow rays add their light to.
@@ -125,15 +127,23 @@ impl ShadowRays {
     }
 
     /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample; `scattered`: for all
-    /// rays if light passes or light groups are filled, else for none.
+    /// rays if light passes or light groups are filled, else for none; `blockers`: the set of the objects that stop it.
     #[inline(always)]
-    pub fn push(&mut self, ray: Ray, path: &Path, value: Vec3, scattered: Option<Scattered>) {
+    pub fn push(
+        &mut self,
+        ray: Ray,
+        path: &Path,
+        value: Vec3,
+        scattered: Option<Scattered>,
+        blockers: u8,
+    ) {
         self.rays.push(ray);
         self.light.push(Light {
             slot: path.slot,
             value,
             history: path.shadow_history(),
             invisible: 0,
+            blockers,
         });
         if let Some(scattered) = scattered {
             self.scattered.push(scattered);
@@ -272,8 +282,9 @@ impl Light {
         if let Some(passing) = passing.filter(|_| visible) {
             passing.stack.cross(surface.medium_behind(), surface.inside);
         }
-        // Filter the light by the surface, unless shadow rays do not see it.
-        if visible && !(in_media && surface.material.boundary) {
+        // Filter the light by the surface, unless shadow rays do not see it or it is no blocker.
+        let blocks = visible && surface.material.sets.shades(self.blockers);
+        if blocks && !(in_media && surface.material.boundary) {
             let point = || {
                 let mut point = surface.shading_point(scene, d, RayKind::Shadow);
                 point.view = Some(context.camera.view());

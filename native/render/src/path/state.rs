@@ -59,6 +59,7 @@ impl Path {
             receiver: Receiver {
                 point: Vec3::from(o),
                 normal: Vec3::ZERO,
+                sets: u32::MAX,
             },
             passed: 0.0,
             sampler,

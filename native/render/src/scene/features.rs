@@ -23,10 +23,13 @@ pub struct Features {
     /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
     /// normals.
     pub lobes: bool,
-    /// At least one material is not opaque: rays pass through it, shadow rays accumulate its transmittance.
+    /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
+    /// its transmittance.
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
+    /// At least one material is a hole in the picture.
+    pub holes: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -56,8 +59,10 @@ impl Features {
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
-            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow)),
+            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+                || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
+            holes: any(|m| m.hole),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             media: false,

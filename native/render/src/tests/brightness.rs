@@ -122,6 +122,7 @@ fn area_lights() -> Vec<Reference> {
         shape,
         size,
         size_y,
+        spread: std::f32::consts::PI,
     };
     let square = area(AreaShape::Square, 1.0, 0.0);
     let above = at(0.0, 0.0, 2.0);
@@ -193,11 +194,13 @@ fn light_samples_and_scattered_rays_agree() {
             shape: AreaShape::Rectangle,
             size: 1.0,
             size_y: 2.0,
+            spread: std::f32::consts::PI,
         },
         LightKind::Area {
             shape: AreaShape::Ellipse,
             size: 1.0,
             size_y: 2.0,
+            spread: std::f32::consts::PI,
         },
     ];
     for roughness in [0.3, 0.9] {
@@ -209,6 +212,7 @@ fn light_samples_and_scattered_rays_agree() {
                 };
                 // The second light makes the probability of choosing a light part of the densities.
                 let other = LightParams {
+                    sphere: false,
                     casts_shadow,
                     ..self::light(LightKind::Point { radius: 0.2 }, at(1.0, 1.0, 1.0), 3.0)
                 };

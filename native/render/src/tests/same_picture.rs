@@ -63,6 +63,7 @@ fn rich() -> (Mesh, SceneParams) {
                     shape: AreaShape::Disk,
                     size: 1.0,
                     size_y: 1.0,
+                    spread: std::f32::consts::PI,
                 },
                 at(0.0, 0.0, 3.0),
                 50.0,

@@ -13,6 +13,7 @@ use crate::math::vector::{Vec3, vec3};
 use crate::scene::{RenderScene, SceneParams};
 use crate::settings::{Pass, Settings};
 use crate::tests::brute_force::BruteForce;
+use crate::values::linking::LightSets;
 use crate::values::visibility::Visibility;
 use halfspace_scene::Triangles;
 
@@ -158,8 +159,10 @@ pub fn light(kind: LightKind, to_world: [[f64; 4]; 4], power: f32) -> LightParam
         kind,
         to_world,
         power: [power; 3],
+        sphere: false,
         casts_shadow: true,
         visible: Visibility::NOT_BY_CAMERA,
+        sets: LightSets::default(),
         group: 0,
     }
 }

@@ -3,13 +3,14 @@
 
 use crate::camera::CameraParams;
 use crate::light::world::WorldParams;
-use crate::light::{AreaShape, LightKind};
+use crate::light::{AreaShape, LightKind, LightParams};
 use crate::material::MaterialParams;
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::math::vector::vec3;
 use crate::scene::SceneParams;
 use crate::settings::Settings;
 use crate::tests::setup::{Mesh, at, from_above, light, matte, mean, run, square};
+use crate::values::linking::{LightSets, ObjectSets};
 use crate::values::program::{Op, Operand, Step};
 use crate::values::visibility::RayKind;
 use crate::values::visibility::Visibility;
@@ -81,6 +82,7 @@ fn lights_are_visible_in_mirrors_but_not_to_the_camera() {
         shape: AreaShape::Square,
         size: 20.0,
         size_y: 0.0,
+        spread: std::f32::consts::PI,
     };
     let lights = vec![light(area, at(0.0, 0.0, 2.0), 100.0)];
     let scene = mesh.scene(SceneParams {
@@ -192,6 +194,45 @@ fn shadow_rays_pass_any_number_of_invisible_surfaces() {
         open > 0.0 && (behind / open - 1.0).abs() < 1e-5,
         "{behind} {open}"
     );
+}
+
+#[test]
+fn linked_lights_shine_on_their_receivers_and_are_shaded_by_their_blockers() {
+    // A lamp above a card above a floor: with sets of the lamp, and the sets that floor and card are in.
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    mesh.floor(9.0, 1.0, 1);
+    let picture = |receivers: u8, blockers: u8, floor: u32, card: u32| {
+        let lamp = LightParams {
+            sets: LightSets {
+                receivers,
+                blockers,
+            },
+            ..light(LightKind::Point { radius: 0.0 }, at(0.0, 0.0, 2.0), 100.0)
+        };
+        let linked = |receives: u32, blocks: u32| MaterialParams {
+            sets: ObjectSets { receives, blocks },
+            ..matte(0.8)
+        };
+        let card = MaterialParams {
+            visible: Visibility::ALL.without(RayKind::Camera),
+            ..linked(1, card)
+        };
+        let scene = mesh.scene(SceneParams {
+            materials: vec![linked(floor, 1), card],
+            lights: vec![lamp],
+            ..Default::default()
+        });
+        mean(&run(&scene, &from_above(1.0), square(8, 4, 0), 1).0)
+    };
+    // The card lets the light of lamps through whose blockers exclude it.
+    let lit = picture(0, 2, 1, 0b001);
+    assert!(lit > 0.0);
+    assert_eq!(picture(0, 2, 1, 0b101), 0.0);
+    assert_eq!(picture(0, 0, 1, 0b001), 0.0);
+    // The floor receives the light of the sets that it is in.
+    assert_eq!(picture(3, 2, 0b0001, 0b001), 0.0);
+    assert_eq!(picture(3, 2, 0b1001, 0b001), lit);
 }
 
 #[test]

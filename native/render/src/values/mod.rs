@@ -2,7 +2,9 @@
 //! Values that vary over a surface: shading programs, and the data and functions that their operations read.
 
 mod bump;
+pub mod evaluate;
 pub mod image;
+pub mod linking;
 pub mod math_nodes;
 pub mod normal_map;
 pub mod program;

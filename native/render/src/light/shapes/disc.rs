@@ -8,28 +8,34 @@ use crate::light::shapes::cone::Cone;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
 
-/// A point or spot light: a disc that always faces the receiver.
+/// A point or spot light: a disc that always faces the receiver, or a sphere.
 #[derive(Debug, Clone, Copy)]
 pub struct Disc {
-    centre: Vec3,
-    /// Radius of the disc; 0 for a point.
+    pub(super) centre: Vec3,
+    /// Radius; 0 for a point.
     pub radius: f32,
     cone: Option<Cone>,
+    /// Whether it is a sphere.
+    sphere: bool,
 }
 
 impl Disc {
-    /// A disc of this radius; `cone` makes it a spot light.
-    pub fn new(centre: Vec3, radius: f32, cone: Option<Cone>) -> Self {
+    /// A disc or sphere of this radius; `cone` makes it a spot light.
+    pub fn new(centre: Vec3, radius: f32, cone: Option<Cone>, sphere: bool) -> Self {
         Self {
             centre,
             radius,
             cone,
+            sphere: sphere && radius > 0.0,
         }
     }
 
-    /// Samples a point of the disc, uniform by area.
+    /// Samples a point of the disc, uniform by area, or of the sphere, uniform by solid angle.
     #[inline]
     pub fn sample(&self, from: Vec3, u: [f32; 2]) -> Option<LightRay> {
+        if self.sphere {
+            return self.sample_sphere(from, u);
+        }
         let axis = self.centre - from;
         // A point without size has one direction; a disc is sampled around it.
         let mut to = axis;
@@ -42,9 +48,12 @@ impl Disc {
         self.towards(axis, to)
     }
 
-    /// Intersects a ray with the disc that faces the ray's origin.
+    /// Intersects a ray with the disc that faces the ray's origin, or with the sphere.
     #[inline]
     pub fn intersect(&self, from: Vec3, direction: Vec3, t_max: f32) -> Option<LightRay> {
+        if self.sphere {
+            return self.intersect_sphere(from, direction, t_max);
+        }
         let axis = self.centre - from;
         // Intersect the disc's plane, then compare the distance from the centre.
         let normal = axis.normalized_or(Vec3::ZERO);
@@ -69,11 +78,7 @@ impl Disc {
         }
         let distance = d2.sqrt();
         let direction = to * (1.0 / distance);
-        // A spot attenuates by the direction from the sampled point.
-        let attenuation = self
-            .cone
-            .as_ref()
-            .map_or(1.0, |c| c.attenuation(-direction));
+        let attenuation = self.attenuation(direction);
         if attenuation <= 0.0 {
             return None;
         }
@@ -95,6 +100,13 @@ impl Disc {
             factor: attenuation,
             pdf,
         })
+    }
+
+    /// The attenuation of a spot for a ray in this direction: by the direction from the point that it meets.
+    #[inline]
+    pub(super) fn attenuation(&self, direction: Vec3) -> f32 {
+        let cone = self.cone.as_ref();
+        cone.map_or(1.0, |cone| cone.attenuation(-direction))
     }
 
     /// Returns the centre.

@@ -4,7 +4,9 @@
 mod area;
 mod cone;
 mod disc;
+mod sphere;
 mod spherical_rectangle;
+mod spread;
 mod sun;
 mod triangle;
 

@@ -82,7 +82,7 @@ impl<
             t_min: 0.0,
             t_max,
         };
-        out.cast(ray, path, value, scattered, Some(surface));
+        out.cast(ray, path, value, scattered, Some(surface), light.blockers);
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -114,7 +114,7 @@ impl<
         };
         let value = self.settings.clamped(value, path.bounce > 0);
         let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
-        out.cast(ray, path, value, scattered, Some(surface));
+        out.cast(ray, path, value, scattered, Some(surface), 0);
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -137,7 +137,7 @@ impl<
                 t_max: self.settings.ambient_distance,
             };
             let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
-            out.cast(ray, path, path.throughput, scattered, Some(surface));
+            out.cast(ray, path, path.throughput, scattered, Some(surface), 0);
         }
     }
 }

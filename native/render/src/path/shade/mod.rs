@@ -241,7 +241,11 @@ impl<
         // Add the emission of the surface.
         let material = surface.material;
         let unscattered = material.unscattered(out.registers);
-        if features.emission && !self.is(Integrator::Ambient) && unscattered.emission != Vec3::ZERO
+        let hole = features.holes && material.hole && path.camera;
+        if features.emission
+            && !hole
+            && !self.is(Integrator::Ambient)
+            && unscattered.emission != Vec3::ZERO
         {
             let cosine = || surface.cosine(d);
             let emission = material.coated_emission(unscattered.emission, out.registers, cosine);
@@ -257,11 +261,19 @@ impl<
 
         // Pass through with the probability of the transparent part; scatter with the remaining probability. Dividing
         // by the probability keeps both unbiased.
-        let pass = unscattered.pass_probability();
+        let pass = if hole {
+            unscattered.transparent.mean().min(1.0)
+        } else {
+            unscattered.pass_probability()
+        };
         if features.transparency && opacity < pass {
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
             out.cross(&surface);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
+        }
+        // A hole hides what lies behind and shows nothing.
+        if hole {
+            return None;
         }
         // The first surface that is not passed makes the pixel opaque, except for holes.
         if path.camera {

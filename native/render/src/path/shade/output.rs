@@ -38,7 +38,7 @@ pub(super) struct Output<'a, const EXTRA: bool> {
 
 impl<const EXTRA: bool> Output<'_, EXTRA> {
     /// Adds a shadow ray with its light. `scattered`: see [`Self::scattered`]; `surface`: from which it starts, to either
-    /// side.
+    /// side; `blockers`: see [`ShadowRays::push`].
     #[inline(always)]
     pub(super) fn cast(
         &mut self,
@@ -47,8 +47,9 @@ impl<const EXTRA: bool> Output<'_, EXTRA> {
         value: Vec3,
         scattered: Option<Scattered>,
         surface: Option<&Surface<'_>>,
+        blockers: u8,
     ) {
-        self.shadows.push(ray, path, value, scattered);
+        self.shadows.push(ray, path, value, scattered, blockers);
         if let Some(stack) = self.media {
             let mut passing = Passing::new(stack, self.seed);
             if let Some(surface) = surface.filter(|s| s.geometric.dot(Vec3::from(ray.d)) < 0.0) {

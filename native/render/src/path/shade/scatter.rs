@@ -74,6 +74,7 @@ impl<
         path.receiver = Receiver {
             point: surface.point,
             normal,
+            sets: surface.material.sets.receives,
         };
         // Sample a light, then the next direction.
         let framed = FramedBsdf {

@@ -16,6 +16,7 @@ use crate::path::wavefront::Context;
 use crate::scene::RenderScene;
 use crate::scene::media::MediumRay;
 use crate::settings::{LightPass, Pass};
+use crate::values::linking::ObjectSets;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
@@ -108,6 +109,8 @@ pub(super) fn cross<const EXTRA: bool>(
     path.receiver = Receiver {
         point: through.ray.origin + through.ray.direction * at,
         normal: Vec3::ZERO,
+        // All lights shine on media, also linked ones.
+        sets: ObjectSets::ALL.receives,
     };
     sample_light(
         context,
@@ -232,7 +235,7 @@ fn sample_light<const EXTRA: bool>(
         t_min: 0.0,
         t_max,
     };
-    out.cast(ray, path, value, scattered, None);
+    out.cast(ray, path, value, scattered, None, light.blockers);
 }
 
 /// Samples the direction after scattering. `d`: direction before.
