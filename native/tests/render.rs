@@ -83,8 +83,6 @@ fn scene_params(triangles: usize) -> SceneParams {
             casts_shadow: true,
             visible: Visibility::NOT_BY_CAMERA,
             sets: LightSets::default(),
-            sphere: true,
-            sets: LightSets::default(),
             group: 0,
         }],
         world: [0.2, 0.3, 0.5].into(),

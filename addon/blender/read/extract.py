@@ -35,9 +35,6 @@ ROUND_TYPES = {"CURVES", "POINTCLOUD"}
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 
-THIN = 1e-6
-"""Thickness of a collapsed axis relative to the width of the sheet."""
-
 RAYS = {
     "camera": "visible_camera",
     "shadow": "visible_shadow",

@@ -21,6 +21,9 @@ GRID, DENSITY_SCALE = "GRID", ""
 
 MASK = 0xFFFFFFFF
 
+THIN = 1e-6
+"""Thickness of a collapsed axis relative to the width of the sheet."""
+
 
 @dataclass(frozen=True)
 class Instance:
