@@ -45,7 +45,7 @@ and more where the tile has a pattern. They stand in `tests/blender`.
 """
 
 STRUCTURE = frozenset(
-    f"ShaderNode{name}" for name in ("AddShader", "Group", "MixShader", "OutputMaterial", "OutputWorld")
+    f"ShaderNode{name}" for name in ("AddShader", "Group", "MixShader", "OutputAOV", "OutputMaterial", "OutputWorld")
 )
 """Nodes that the reader of trees follows itself."""
 
@@ -66,6 +66,7 @@ IN_PART = frozenset(
         "BsdfRefraction",
         "Bump",
         "CameraData",
+        "HairInfo",
         "LightPath",
         "Mix",
         "NewGeometry",
@@ -74,6 +75,8 @@ IN_PART = frozenset(
         "TexCoord",
         "TexSky",
         "VectorTransform",
+        "VolumePrincipled",
+        "VolumeScatter",
     )
 )
 """Nodes with limits that docs/rendering.md lists."""
@@ -86,8 +89,9 @@ class PageError(RuntimeError):
 def rendered() -> frozenset[str]:
     """The types of the nodes that the engine reads."""
     from addon.blender.read import surfaces, value_nodes
+    from addon.blender.read.media import volumes
 
-    return STRUCTURE | frozenset(value_nodes.NODES) | frozenset(surfaces.SHADERS)
+    return STRUCTURE.union(value_nodes.NODES, surfaces.SHADERS, volumes.SHADERS)
 
 
 def offered() -> dict[str, str]:

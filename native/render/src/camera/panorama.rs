@@ -191,7 +191,7 @@ mod tests {
             },
             Panorama::Polynomial {
                 fov: PI,
-                coefficients: [0.0, -0.05, 0.0, 0.0, 0.0],
+                coefficients: [0.0, -0.1, 0.0, 0.0, 0.0],
                 sensor: SENSOR,
             },
             Panorama::MirrorBall,

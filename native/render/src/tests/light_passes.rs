@@ -132,7 +132,8 @@ fn light_passes_add_up_to_combined() {
             let seen = scattered.iter().flatten().any(|&v| v > 0.0);
             assert_eq!(
                 seen,
-                integrator != Integrator::Ambient || kind == LobeKind::Diffuse
+                integrator != Integrator::Ambient || kind == LobeKind::Diffuse,
+                "{integrator:?} {kind:?}"
             );
             for (i, sum) in sums.iter_mut().enumerate() {
                 *sum += (scattered[0][i] + scattered[1][i]) * color[i];

@@ -163,8 +163,8 @@ mod tests {
         let mean = noise.iter().sum::<f32>() / 800.0;
         let variance = noise.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 800.0;
         assert!((mean - 0.5).abs() < 0.02, "{mean}");
-        // The cut-off Gaussian has less than the variance of a whole one.
-        assert!((0.04..0.09).contains(&variance.sqrt()), "{variance}");
+        // Of the normalization to six deviations half is left, but windows of neighbours correlate.
+        assert!((0.07..0.13).contains(&variance.sqrt()), "{variance}");
     }
 
     #[test]
