@@ -84,7 +84,7 @@ PICTURES = (
         "native/render/src/path/shade/scatter.rs",
         "path.bounce == 0",
         "path.bounce < u16::MAX",
-        ("tests/blender/read/test_light_passes.py", "each_light_pass"),
+        ("tests/blender/passes/test_light_passes.py", "each_light_pass"),
     ),
     Fault(
         "each pass of mattes one rank below the last",
@@ -119,7 +119,7 @@ PICTURES = (
         "native/render/src/light/mod.rs",
         "group.is_some_and(|group| group != light.group)",
         "group.is_some_and(|_| false)",
-        ("tests/blender/read/test_light_groups.py", "add_up"),
+        ("tests/blender/passes/test_light_groups.py", "add_up"),
     ),
     Fault(
         "a spread that dims what it narrows",
