@@ -40,7 +40,8 @@ def active(engine: Any, depsgraph: Any, origin: F64, notes: Notes) -> Camera:
 def views(scene: Any) -> list[str]:
     """The names of the views that a scene renders; one without a name unless there are several."""
     render = scene.render
-    return [view.name for view in render.views if view.use] if render.use_multiview else [""]
+    used = [view.name for view in render.views if view.use] if render.use_multiview else []
+    return used or [""]
 
 
 def by_view(engine: Any, depsgraph: Any, origin: F64, notes: Notes) -> dict[str, Camera]:

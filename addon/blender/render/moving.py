@@ -47,7 +47,7 @@ def read(
                 "Motion blur with a shutter that never opens, rendered without motion", depsgraph.scene.name
             )
         return still.cameras, ()
-    frame = depsgraph.scene_eval.frame_current_final
+    frame = depsgraph.scene_eval.frame_float
     steps = depsgraph.scene_eval.halfspace.motion_steps
 
     def at(moment: float, what: Callable[[], Any]) -> Any:

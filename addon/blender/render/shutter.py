@@ -15,14 +15,14 @@ OPENS = {"START": 0.0, "CENTER": -0.5, "END": -1.0}
 
 
 def interval(scene: Any) -> tuple[float, float] | None:
-    """The frames at which the shutter opens and closes; None if the picture shows one moment."""
+    """The frames at which the shutter opens and closes, not stretched in time; None if the picture shows one moment."""
     render = scene.render
     if not render.use_motion_blur:
         return None
     length = float(render.motion_blur_shutter)
     if not (length > 0 and math.isfinite(length)):
         return None
-    start = scene.frame_current_final + OPENS[render.motion_blur_position] * length
+    start = scene.frame_float + OPENS[render.motion_blur_position] * length
     return start, start + length
 
 

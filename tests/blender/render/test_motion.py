@@ -13,7 +13,7 @@ import pytest
 from shapes import cube, material, with_nodes
 
 from addon.blender.measure import pictures
-from addon.blender.render import shutter
+from addon.blender.render import cameras, shutter
 from addon.blender.session import reports
 
 SIZE, SAMPLES = 48, 256
@@ -119,3 +119,18 @@ def test_a_shutter_that_never_opens_is_named(stage: Any) -> None:
     report = reports.last(stage)
     assert report is not None
     assert any("shutter" in warning for warning in report.warnings)
+
+
+def test_the_shutter_opens_in_frames_that_are_not_stretched(stage: Any) -> None:
+    stage.render.frame_map_old, stage.render.frame_map_new = 100, 50
+    stage.frame_set(10)
+    assert stage.frame_current_final == 20
+    assert shutter.interval(stage) == (9.5, 10.5)
+
+
+def test_without_a_view_that_is_used_the_camera_is_rendered(stage: Any) -> None:
+    stage.render.use_multiview = True
+    assert cameras.views(stage) == ["left", "right"]
+    for view in stage.render.views:
+        view.use = False
+    assert cameras.views(stage) == [""]
