@@ -204,7 +204,7 @@ class _Reader:
         self._volumes: dict[tuple[str, int], grids.Grids] = {}
         self._grid_numbers: dict[tuple[str, int], dict[str, float]] = {}
         self.grids: list[Voxels] = []
-        self._surfaces, self._strands = layer.use_solid, layer.use_strand
+        self._surfaces, self._strands, self._clouds = layer.use_solid, layer.use_strand, layer.use_volumes
         self._marks, self._linking = view_layers.Marks(layer), Linking(depsgraph, notes)
         self._pictures: dict[frozenset[int], tuple[Image, ...]] = {}
         self._given: set[int] = set()
@@ -242,14 +242,14 @@ class _Reader:
                 hidden = _hidden(item, parent)
                 light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
                 self.lights.append(light)
-        elif kind == "VOLUME":
+        elif kind == "VOLUME" and self._clouds:
             self._place_volume(item, matrix, parent, number)
 
     def placements(self) -> list[meshes.Placement]:
         """The placements, in order of appearance, those of hair and points last."""
         found = [
             meshes.Placement(
-                self._displaced(group),
+                group.mesh if mesh[0] == "volume" else self._displaced(group),
                 np.stack(group.matrices),
                 tuple(group.names),
                 group.materials,

@@ -20,10 +20,7 @@ ADDED = {
 
 UNREAD = {
     "DATA_PT_preview",
-    "DATA_PT_volume_render",
     "EEVEE_MATERIAL_PT_viewport_settings",
-    "OBJECT_PT_shading",
-    "PARTICLE_PT_render_path",
     "PARTICLE_PT_render_path_timing",
 }
 """Panels whose settings do not change a picture of this engine, or that are empty."""

@@ -13,8 +13,11 @@ from ..read.camera import COEFFICIENTS
 from ..read.nodes import active_tree, output_node
 from .panels import EnginePanel
 
-SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Kinds of objects with surfaces."""
+
+SEEN = SOLID | {"VOLUME", "LIGHT"}
+"""Kinds of objects that rays meet."""
 
 OF_PANORAMAS = {
     "EQUIRECTANGULAR": (
@@ -71,6 +74,7 @@ class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
         column.prop(context.view_layer, "use_sky", text="Environment")
         column.prop(context.view_layer, "use_solid", text="Surfaces")
         column.prop(context.view_layer, "use_strand", text="Curves")
+        column.prop(context.view_layer, "use_volumes", text="Volumes")
 
 
 class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
@@ -157,6 +161,8 @@ class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
         shown = column.column(heading="Show In")
         shown.prop(item, "hide_viewport", text="Viewports", invert_checkbox=True, toggle=False)
         shown.prop(item, "hide_render", text="Renders", invert_checkbox=True, toggle=False)
+        if item.type in SOLID:
+            column.column(heading="Mask").prop(item, "is_holdout")
 
 
 class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -171,7 +177,7 @@ class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         item = context.object
         if not super().poll(context) or item is None:
             return False
-        return item.type in SOLID | {"LIGHT"} or (item.instance_type == "COLLECTION" and item.instance_collection)
+        return item.type in SEEN or (item.instance_type == "COLLECTION" and item.instance_collection)
 
     def draw(self, context: Any) -> None:
         column = self.column()
@@ -201,13 +207,15 @@ class HALFSPACE_PT_material(_MaterialPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_material_settings(_MaterialPanel, bpy.types.Panel):
-    """The number of the material in its pass."""
+    """The number of the material in its pass, and how it displaces."""
 
     bl_label = "Settings"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
-        self.column().prop(context.material, "pass_index")
+        column = self.column()
+        column.prop(context.material, "pass_index")
+        column.prop(context.material, "displacement_method", text="Displacement")
 
 
 class _LightPanel(EnginePanel):
@@ -243,17 +251,20 @@ class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_light_beam_shape(_LightPanel, bpy.types.Panel):
-    """The cone of a spot light."""
+    """The cone of a spot light, or those of the points of an area light."""
 
     bl_label = "Beam Shape"
     bl_parent_id = "HALFSPACE_PT_light"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.light.type == "SPOT"
+        return super().poll(context) and context.light.type in ("SPOT", "AREA")
 
     def draw(self, context: Any) -> None:
         column = self.column()
+        if context.light.type == "AREA":
+            column.prop(context.light, "spread", text="Spread")
+            return
         column.prop(context.light, "spot_size", text="Angle")
         column.prop(context.light, "spot_blend", text="Blend", slider=True)
         column.prop(context.light, "show_cone")
@@ -274,6 +285,7 @@ def _shape(column: Any, light: Any) -> None:
     match light.type:
         case "POINT" | "SPOT":
             column.prop(light, "shadow_soft_size", text="Radius")
+            column.prop(light, "use_soft_falloff")
         case "SUN":
             column.prop(light, "angle")
         case "AREA":

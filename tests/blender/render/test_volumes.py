@@ -192,3 +192,5 @@ def test_volumes_without_a_file_or_a_shader_are_named(lit: Any, add: Any, fog: P
     _, notes = read()
     for name in ("Missing", "Plain", "Empty"):
         assert any(name in line for line in notes), notes
+    lit.view_layers[0].use_volumes = False
+    assert not read()[1]

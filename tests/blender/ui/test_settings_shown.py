@@ -35,23 +35,23 @@ READ = {
     "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_albedo use_pass_samples "
     "use_pass_steps use_pass_tests use_pass_depth",
     "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
-    "PointLight": "energy shadow_soft_size",
-    "SpotLight": "energy shadow_soft_size spot_size spot_blend",
+    "PointLight": "energy shadow_soft_size use_soft_falloff",
+    "SpotLight": "energy shadow_soft_size use_soft_falloff spot_size spot_blend",
     "SunLight": "energy angle",
-    "AreaLight": "energy shape size size_y",
-    "Material": "pass_index",
+    "AreaLight": "energy shape size size_y spread",
+    "Material": "pass_index displacement_method",
     "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow "
-    "visible_volume_scatter pass_index lightgroup",
+    "visible_volume_scatter is_holdout pass_index lightgroup",
     "World": "lightgroup",
     "RenderSettings": "use_motion_blur motion_blur_position motion_blur_shutter "
     "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
     "pixel_aspect_y",
-    "ViewLayer": "use_sky use_solid use_strand material_override world_override samples use_pass_z use_pass_mist "
-    "use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index use_pass_material_index "
-    "use_pass_diffuse_direct use_pass_diffuse_indirect use_pass_diffuse_color use_pass_glossy_direct "
-    "use_pass_glossy_indirect use_pass_glossy_color use_pass_transmission_direct use_pass_transmission_indirect "
-    "use_pass_transmission_color use_pass_emit use_pass_environment use_pass_cryptomatte_object "
-    "use_pass_cryptomatte_material use_pass_cryptomatte_asset pass_cryptomatte_depth",
+    "ViewLayer": "use_sky use_solid use_strand use_volumes material_override world_override samples use_pass_z "
+    "use_pass_mist use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index "
+    "use_pass_material_index use_pass_diffuse_direct use_pass_diffuse_indirect use_pass_diffuse_color "
+    "use_pass_glossy_direct use_pass_glossy_indirect use_pass_glossy_color use_pass_transmission_direct "
+    "use_pass_transmission_indirect use_pass_transmission_color use_pass_emit use_pass_environment "
+    "use_pass_cryptomatte_object use_pass_cryptomatte_material use_pass_cryptomatte_asset pass_cryptomatte_depth",
     "WorldMistSettings": "start depth falloff",
 }
 """What the sources of the extension read, by type of Blender's data."""
