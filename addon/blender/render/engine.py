@@ -188,6 +188,9 @@ class _Picture:
         tree = self._keep(read, built)
 
         later = [self._build_set(module, scene, settings, built.spec).session for scene in read.times]
+        # The next frame's structure is fitted to the last one of its triangles.
+        if later and self.scene.render.use_persistent_data:
+            _kept.extend(_structures(later[-1]))
         job = self._trace(settings, read, built, later)
         self._report(job, read, built, tree)
         self._warn()
@@ -246,8 +249,7 @@ class _Picture:
             if self.group.automatic and two_level:
                 built.reasons.append("as set: Choose for Me needs flattened instances, see Instances")
         session = built.session
-        meshes = session.building.meshes if session.building is not None else []
-        _kept[:] = [session.structure, *meshes] if self.scene.render.use_persistent_data else []
+        _kept[:] = _structures(session) if self.scene.render.use_persistent_data else []
         self._note_dropped(read.scene.geometry, session.structure.statistics)
         return built
 
@@ -435,6 +437,12 @@ class _Picture:
         for line in self.notes.lines():
             log.warning(line)
             self.engine.report({"WARNING"}, line)
+
+
+def _structures(session: Session) -> list[Any]:
+    """The structure of a session and those of its meshes."""
+    meshes = session.building.meshes if session.building is not None else []
+    return [session.structure, *meshes]
 
 
 def is_displayed() -> bool:
