@@ -59,11 +59,7 @@ IN_PART = frozenset(
     f"ShaderNode{name}"
     for name in (
         "Attribute",
-        "BsdfAnisotropic",
-        "BsdfGlass",
-        "BsdfMetallic",
         "BsdfPrincipled",
-        "BsdfRefraction",
         "Bump",
         "CameraData",
         "HairInfo",
@@ -75,6 +71,7 @@ IN_PART = frozenset(
         "TexCoord",
         "TexSky",
         "VectorTransform",
+        "VolumeCoefficients",
         "VolumePrincipled",
         "VolumeScatter",
     )

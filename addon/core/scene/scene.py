@@ -409,7 +409,10 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that a picture needs except the structure and the settings."""
+    """Everything that a picture needs except the structure and the settings.
+
+    motion: corners of the triangles a frame before and a frame after, (m, 3, 3) float32 each, for the vector pass.
+    """
 
     geometry: Geometry | InstancedGeometry
     materials: tuple[Material, ...]

@@ -95,7 +95,8 @@ impl Job {
     /// shutter is open, which the samples take in turn. `threads`: number of threads, 0 = one per core.
     ///
     /// # Errors
-    /// If there is no scene or too many, a setting or the camera is invalid, the film exceeds the memory, or no thread can be started.
+    /// If there is no scene or too many, a setting or the camera is invalid, the film exceeds the memory, or no thread
+    /// can be started.
     pub fn start(
         scenes: impl Into<Moments>,
         camera: &CameraParams,

@@ -5,7 +5,7 @@
 //! Light samples and scattered rays that hit lights are combined by multiple importance sampling (Veach and Guibas
 //! 1995), and paths end by Russian roulette: unbiased up to `max_bounces`, which truncates them. `clamp_indirect`,
 //! `clamp_direct`, `filter_glossy`, caustics that are switched off, and adaptive sampling are biased on purpose. The
-//! scene's features select one of the compiled variants of [`crate::path::shade`] once per render.
+//! scene's features select one of the compiled variants of [`crate::path::shade`] once per sample.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -30,7 +30,7 @@ use crate::settings::{Integrator, Pass, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Order as RayOrder, Ray, RayCounters};
 
-/// The inputs of rendering a tile, the same for all tiles of a render.
+/// The inputs of rendering a tile, the same for all tiles of a render but for what depends on the sample's time.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     /// Scene at the time of the current sample.
