@@ -144,6 +144,31 @@ fn absorption_follows_beer_and_lambert() {
 }
 
 #[test]
+fn a_transparent_film_is_as_opaque_as_media_absorb() {
+    let alpha = |materials| {
+        let film_transparent = true;
+        let image = cubes(
+            materials,
+            Settings {
+                film_transparent,
+                ..deep(4, 1)
+            },
+        );
+        image.chunks_exact(4).map(|p| f64::from(p[3])).sum::<f64>() / 16.0
+    };
+    // Two units of the medium before the background, and a quarter of a unit before a hole.
+    let fog = only(volume([0.0; 3], [0.5; 3], 0.0, 0.0));
+    let hole = MaterialParams {
+        hole: true,
+        ..Default::default()
+    };
+    for (materials, depth) in [(vec![fog.clone()], 1.0), (vec![fog, hole], 0.125)] {
+        let (found, expected) = (alpha(materials), 1.0 - f64::exp(-depth));
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+}
+
+#[test]
 fn emission_is_attenuated_by_its_own_medium() {
     let glowing = only(volume([0.0; 3], [0.5; 3], 3.0, 0.0));
     let brightness = mean(&cubes(vec![glowing], deep(4, 1)));

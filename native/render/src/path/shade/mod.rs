@@ -271,8 +271,11 @@ impl<
             out.cross(&surface);
             return path.pass(hit.t).then(|| surface.continued(ray, hit));
         }
-        // A hole hides what lies behind and shows nothing.
+        // A hole hides what lies behind and shows nothing but the media before it.
         if hole {
+            if out.media.is_some() {
+                out.sample.alpha = volume::opacity(path);
+            }
             return None;
         }
         // The first surface that is not passed makes the pixel opaque, except for holes.

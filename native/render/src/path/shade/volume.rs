@@ -60,6 +60,10 @@ pub(super) fn cross<const EXTRA: bool>(
     };
     add_lamps(context, &through, ray, hit, path, out);
     if stack.is_empty() {
+        // Media on the way here may have absorbed some light.
+        if path.camera && !hit.is_hit() {
+            out.sample.alpha = opacity(path);
+        }
         return Crossed::Reached;
     }
     // Sample the next event; paths beyond their limits are only attenuated.
@@ -93,7 +97,7 @@ pub(super) fn cross<const EXTRA: bool>(
     let Some(at) = event.distance else {
         // The film shows as much of what lies behind as the media transmit.
         if path.camera && !hit.is_hit() {
-            out.sample.alpha = 1.0 - path.throughput.mean().clamp(0.0, 1.0);
+            out.sample.alpha = opacity(path);
         }
         return Crossed::Reached;
     };
@@ -121,6 +125,11 @@ pub(super) fn cross<const EXTRA: bool>(
         out,
     );
     scatter(through.ray.direction, random, path, out)
+}
+
+/// Returns the opacity of the media that a camera ray has passed.
+pub(super) fn opacity(path: &Path) -> f32 {
+    1.0 - path.throughput.mean().clamp(0.0, 1.0)
 }
 
 /// Adds the light of lamps that the ray hits before the surface, dimmed by the media in front of them.
