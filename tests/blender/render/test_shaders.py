@@ -222,6 +222,8 @@ def lights(scene: Any, add: Any) -> Any:
 
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_shaders_are_those_of_cycles(lit: Any, family: dict[str, atlas.Maker]) -> None:
+    if family is FILMS and bpy.app.version < (5, 0):
+        pytest.skip("Cycles of Blender 4.5 has other films, and none on metals")
     # Highlights of suns on bent and stretched facets are noisier than matte surfaces.
     samples = 256 if family in (DIFFUSE, TRANSLUCENT, BUMPS) else 1024
     atlas.sheet(lit, family, ball())

@@ -177,7 +177,8 @@ def test_volume_objects_are_those_of_cycles(lit: Any, add: Any, fog: Path) -> No
         bpy.data.objects.remove(item)
     lit.halfspace.volume_bounces = lit.cycles.volume_bounces = 4
     ours, theirs = atlas.both(lit, family, samples=SAMPLES, bounces=BOUNCES)
-    assert not atlas.differences(ours, theirs, alike=0.95)
+    # Cycles of Blender 4.5 marches through grids in steps, with more noise.
+    assert not atlas.differences(ours, theirs, alike=0.95 if bpy.app.version >= (5, 0) else 0.9)
     report = reports.last(lit)
     assert report is not None
     assert not report.warnings
