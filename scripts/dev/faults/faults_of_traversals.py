@@ -313,13 +313,6 @@ TRAVERSALS = (
         _PARALLEL,
     ),
     Fault(
-        "parallel rays that end half way to a hit",
-        f"{_POLYGONS}/form.rs",
-        "self.interval(self.origin_of(rays, i), [far; 2])",
-        "self.interval(self.origin_of(rays, i), [0.5 * far; 2])",
-        _PARALLEL,
-    ),
-    Fault(
         "parallel rays that go on singly from another cell",
         f"{_POLYGONS}/form.rs",
         "(enter - self.origin_of(rays, i)) / self.scale",
