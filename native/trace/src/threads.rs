@@ -16,8 +16,8 @@ use std::thread::Builder;
 /// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
 pub const CHUNK: usize = STREAM;
 
-/// Number of chunks that many rays are cut into, if their kernel takes so many at once (chosen: enough for the threads of
-/// most machines; each part begins with beams of its own).
+/// Number of chunks of a large batch, for kernels that take a whole chunk at once (chosen: enough for the threads of most
+/// machines; each chunk begins with beams of its own).
 const PARTS: usize = 8;
 
 /// How many rays a worker takes at once, and how many workers there are.

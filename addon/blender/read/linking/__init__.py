@@ -16,7 +16,7 @@ ALL = 0xFFFFFFFF
 """The bits of all sets."""
 
 Sets = tuple[int, int]
-"""Of a light its set of receivers and its set of blockers; of an object a bit for each set that it is in."""
+"""A light has a set of receivers and a set of blockers, an object a bit for each set that contains it."""
 
 
 @dataclass(eq=False)

@@ -164,7 +164,7 @@ class Collector:
         return strands, sides, pieces
 
     def _spheres(self, group: _Round, matrices: F64) -> list[Placement]:
-        """The placements of points: one of a mesh of all spheres, or as many as points of one sphere."""
+        """The placements of points: one mesh of all spheres, or one sphere with an instance for each point."""
         assert group.points is not None
         centres, radii = group.points
         bound = float(UNBOUNDED)

@@ -81,7 +81,7 @@ impl Poses {
             let rotation = quaternion(matrix).ok_or_else(|| {
                 Error::Spec(format!("camera['poses'][{i}] has an axis of length zero"))
             })?;
-            // Of the two quaternions of a rotation, take the one nearer to the last pose.
+            // Two quaternions represent a rotation; take the one nearer to the last pose.
             let last = out.last().map_or(rotation, |pose| pose.rotation);
             let dot: f64 = (0..4).map(|k| last[k] * rotation[k]).sum();
             out.push(Pose {

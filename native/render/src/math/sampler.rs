@@ -40,7 +40,7 @@ impl PixelSampler {
     }
 }
 
-/// Independent random numbers of which nobody knows how many are needed, such as those of tracking a medium.
+/// A sequence of independent random numbers without a fixed length, for tracking through a medium.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Stream {
     seed: u32,

@@ -88,7 +88,7 @@ pub struct Passing {
 }
 
 impl Passing {
-    /// Of a ray that starts in these media. `seed`: of the ray's path.
+    /// Returns the state of a ray that starts in these media. `seed`: that of the ray's path.
     pub fn new(stack: Stack, seed: u32) -> Self {
         let stream = Stream::new(Stream::new(seed).fork(1));
         Self { stack, stream }

@@ -163,7 +163,7 @@ mod tests {
         let mean = noise.iter().sum::<f32>() / 800.0;
         let variance = noise.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 800.0;
         assert!((mean - 0.5).abs() < 0.02, "{mean}");
-        // Of the normalization to six deviations half is left, but windows of neighbours correlate.
+        // A value of one deviation is 1 / 12 = 0.083 from the mean.
         assert!((0.07..0.13).contains(&variance.sqrt()), "{variance}");
     }
 
