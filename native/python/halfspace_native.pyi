@@ -810,7 +810,8 @@ class RenderStatistics(TypedDict):
     """Statistics of a render so far; final once it has ended.
 
     seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued behind a
-    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface. beams:
+    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface;
+    rays_programs: rays of nodes such as Ambient Occlusion. beams:
     groups of secondary rays that came from one virtual eye and were traced in tiles, rays_beams: rays in them,
     beam_deviation: largest angle between a ray from a virtual eye and the direction of the single ray, radians; all
     0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes visited and
@@ -822,6 +823,7 @@ class RenderStatistics(TypedDict):
     rays_primary: int
     rays_shadow: int
     rays_secondary: int
+    rays_programs: int
     beams: int
     rays_beams: int
     beam_deviation: float

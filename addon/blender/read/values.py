@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 
 from .nodes import NUMBERS, Place, Remark, Unsupported, converted
@@ -24,17 +25,21 @@ if TYPE_CHECKING:
 DEEPEST = 100
 """Longest chain of nodes that is followed; a recursion reads each."""
 
+WHOLE = 10.0
+"""Distance of ambient occlusion without a world, Blender's default for worlds."""
+
 MOST_STEPS = 4096
 """Limit of the native module. Nested groups that use each other twice double the steps at each level."""
 
 
 class Layers:
-    """The numbered layers that all materials read."""
+    """The numbered layers that all materials read. apart: whether rays of programs need to tell objects apart."""
 
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
         self.media = False
+        self.apart = False
         self.grids = False
         self.object_values: list[Key] = []
 
@@ -133,14 +138,23 @@ class Values:
         return found(self.owners, name) or (0.0, 0.0, 0.0, 0.0)
 
     def object_space(self, item: Any) -> Operand:
-        """The position in the space of another object."""
-        if self.background:
-            raise Unsupported("Texture Coordinate: Object of another object in a world")
+        """The position in the space of another object; in worlds the direction is the position."""
         matrix = np.array(item.matrix_world, np.float64)
         if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-30:
             raise Unsupported("Texture Coordinate: Object of an object without size")
         rows = np.linalg.inv(matrix)[:3].tolist()
         return self.step("matrix", self.coordinate("position"), matrix=rows)
+
+    @property
+    def occlusion_distance(self) -> float:
+        """The distance of ambient occlusion that the world has."""
+        world = next((owner for owner in self.owners if isinstance(owner, bpy.types.World)), None)
+        return WHOLE if world is None else float(world.light_settings.distance)
+
+    @property
+    def shift(self) -> dict[str, Any]:
+        """Settings of steps that are computed beside the shading point."""
+        return self._shift
 
     @property
     def shifted(self) -> bool:
@@ -231,6 +245,11 @@ class Values:
         if want not in NUMBERS or have in NUMBERS:
             return operand
         return self.step("luminance" if have == "RGBA" else "mean", operand)
+
+    def once_of(self, node: Place, key: str, write: Callable[[], int]) -> int:
+        """Like `once`, for a step that several outputs of a node share."""
+        groups = tuple(group.as_pointer() for group in node.groups)
+        return self.once((groups, node.node.as_pointer(), key), write)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:
         """The number of the step that `write` appends, called once per key and shift."""

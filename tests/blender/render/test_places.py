@@ -172,6 +172,14 @@ def test_properties_of_paths_are_those_of_cycles(scene: Any) -> None:
         f"{output} {kind}": bowl(output, kind, **settings)
         for output in ("Ray Length", "Ray Depth", "Diffuse Depth", "Glossy Depth", "Transparent Depth")
         for kind, settings in (("Diffuse", {}), ("Glossy", {"Roughness": 0.0}), ("Transparent", {}))
+    } | {
+        f"{output} {kind}": bowl(output, kind, **settings)
+        for output in ("Is Diffuse Ray", "Is Glossy Ray", "Is Reflection Ray", "Is Transmission Ray")
+        for kind, settings in (("Diffuse", {}), ("Translucent", {}), ("Refraction", {"Roughness": 0.5}))
+    }
+    makers |= {
+        f"Is Singular Ray {roughness}": bowl("Is Singular Ray", "Glossy", Roughness=roughness)
+        for roughness in (0.0, 0.4)
     }
     atlas.sheet(scene, makers, ball())
     for item in scene.objects:

@@ -11,6 +11,7 @@ from .displacing import DISPLACING
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
+from .rays import RAYS
 from .sockets import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV, constant, is_constant
 from .strands import STRANDS
 from .textures import TEXTURES
@@ -29,6 +30,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **NUMBERS,
     **NORMALS,
     **STRANDS,
+    **RAYS,
     **DISPLACING,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),

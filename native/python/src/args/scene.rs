@@ -120,9 +120,11 @@ fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
         ("glossy", RayKind::Glossy),
         ("transmission", RayKind::Transmission),
         ("volume", RayKind::Volume),
+        ("raycast", RayKind::Plain),
     ];
     let wrong = || {
-        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission, volume";
+        let expected =
+            "a sequence of camera, shadow, diffuse, glossy, transmission, volume, raycast";
         keys.wrong("hidden_from", expected, &value)
     };
     let names: Vec<String> = value.extract().map_err(|_| wrong())?;

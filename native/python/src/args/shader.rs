@@ -271,7 +271,7 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
 }
 
 /// Reads where a value is computed: "shift" is an axis, "X" or "Y", and "width" a share of a pixel.
-fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
+pub fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
     type ByWidth = fn(f32) -> Shift;
     const AXES: &[(&str, ByWidth)] = &[("X", Shift::X), ("Y", Shift::Y)];
     match keys.find("shift") {

@@ -55,6 +55,8 @@ pub struct Material {
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
     pub transparent: bool,
+    /// Whether its program traces rays.
+    pub traces_rays: bool,
     /// Whether it can emit.
     pub emits: bool,
     /// Whether some emission passes through a coat and so depends on the direction.
@@ -104,6 +106,7 @@ impl Material {
 
         // Determine what the material can do from all closures.
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
+        let traces_rays = program.ops().any(Op::traces_rays);
         let mut material = Self {
             visible: params.visible,
             volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
@@ -111,6 +114,7 @@ impl Material {
             sets: params.sets,
             hole: params.hole,
             transparent: any(Closure::may_be_transparent),
+            traces_rays,
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
             reflects: any(|c| c.may_reflect() || c.may_be_rough()),

@@ -16,6 +16,8 @@ pub struct Features {
     pub lights_hittable: bool,
     /// At least one material varies over its surface: its program has to run.
     pub textures: bool,
+    /// At least one material's program traces rays.
+    pub program_rays: bool,
     /// At least one material has a lobe that reflects off facets, or a rough diffuse one.
     pub glossy: bool,
     /// At least one material has a lobe that refracts, or a translucent one.
@@ -56,6 +58,7 @@ impl Features {
             lights: !lights.is_empty(),
             lights_hittable: lights.any_hittable(),
             textures: any(|m| !m.program.is_empty()),
+            program_rays: any(|m| m.traces_rays),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
@@ -88,6 +91,10 @@ impl Features {
             (
                 self.textures,
                 "textures: no material varies over its surface",
+            ),
+            (
+                self.program_rays,
+                "rays of programs: no ambient occlusion, bevel or raycast",
             ),
             (
                 self.glossy,

@@ -91,7 +91,8 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
-        if materials.iter().any(|m| m.volume.is_some()) {
+        let apart = |m: &Material| m.volume.is_some() || m.traces_rays;
+        if materials.iter().any(apart) {
             attributes.set_objects(&varying.object_index);
         }
         // Prepare the background; whether it varies decides how it is sampled.

@@ -16,6 +16,7 @@ use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Settings};
 use halfspace_ray::{Hit, Ray};
 
+mod around;
 mod emission;
 mod light_samples;
 mod output;
@@ -317,7 +318,11 @@ impl<
         point.footprint = self.context.camera.pixel_width(path.passed + distance);
         point.view = Some(self.context.camera.view());
         point.history = path.history(distance);
-        material.program.run(&scene.images, &point, out.registers);
+        if self.features.program_rays && material.traces_rays {
+            around::run(self.context, self.sample, surface, point, path, out);
+        } else {
+            material.program.run(&scene.images, &point, out.registers);
+        }
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {
             surface.bend(normal, d);

@@ -17,6 +17,7 @@ use crate::scene::RenderScene;
 use crate::scene::media::MediumRay;
 use crate::settings::{LightPass, Pass};
 use crate::values::linking::ObjectSets;
+use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
@@ -272,7 +273,7 @@ fn scatter<const EXTRA: bool>(
     path.min_pdf = path.min_pdf.min(pdf);
     path.passed = 0.0;
     path.camera = false;
-    path.scatter(RayKind::Volume);
+    path.scatter(RayKind::Volume, Turn::default());
     Crossed::Scattered(Ray {
         o: path.receiver.point.array(),
         d: direction.array(),
