@@ -5,9 +5,8 @@ Blender's data.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from .displacement import applying
 from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
-from .object_values import DENSITY_SCALE, Instance, Key, Value, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
 from .strands.collecting import Collector
 from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
@@ -149,14 +148,7 @@ def find(
     # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if space is None or instance.object.visible_in_viewport_get(space):
-            reader.visit(
-                instance.object,
-                instance.matrix_world,
-                instance.parent if instance.is_instance else None,
-                instance.random_id,
-                (instance.show_self, instance.show_particles),
-                reader.instancing.of(instance),
-            )
+            reader.visit(instance)
     placements = reader.placements()
     reader.note_layers()
     # Read the world after the materials, because both share the gallery of images.
@@ -168,6 +160,7 @@ def find(
         reader.palette.gallery,
         wait=sky == WAIT,
         keep_going=keep_going,
+        wanted=wanted.outputs,
     )
     group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
     return Found(
@@ -176,7 +169,7 @@ def find(
         lights=(*reader.lights, *(replace(sun, group=group) for sun in suns)),
         world=replace(background, group=group),
         numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
-        images=reader.palette.images(shown),
+        images=reader.palette.images(shown | reader.light_images),
         layers=tuple(reader.palette.layers.keys),
         objects=reader.palette.layers.objects,
         made=tuple(reader.strands.made),
@@ -198,6 +191,7 @@ class _Reader:
         self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
         self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
         self.lights: list[Light] = []
+        self.light_images: set[int] = set()
         self.object_numbers: dict[str, float] = {}
         self.object_groups: dict[str, int] = {}
         self._group_numbers = wanted.groups
@@ -217,22 +211,13 @@ class _Reader:
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
-    def visit(
-        self,
-        item: Any,
-        matrix_world: Any,
-        parent: Any = None,
-        number: int = 0,
-        shown: tuple[bool, bool] = (True, True),
-        given: Mapping[Key, Value] = MappingProxyType({}),
-    ) -> None:
-        """Read one object at one place; `parent` is its instancer, if any, and `number` random for each instance.
-
-        shown: whether the object itself is visible, and its particles. given: see `Instance`.
-        """
-        kind = item.type
-        matrix = np.array(matrix_world, np.float64)
-        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number, given=given)
+    def visit(self, placed: Any) -> None:
+        """Read one instance of the depsgraph: an object at one place."""
+        item, parent = placed.object, placed.parent if placed.is_instance else None
+        shown, kind = (placed.show_self, placed.show_particles), item.type
+        matrix = np.array(placed.matrix_world, np.float64)
+        given = self.instancing.of(placed)
+        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id, given=given)
         if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
             self._place_round(instance, matrix, self._seen(item, parent), hair=True)
         if not shown[0]:
@@ -246,8 +231,9 @@ class _Reader:
             if self._surfaces:
                 self._place(instance, matrix, self._seen(item, parent))
         elif kind == "LIGHT":
-            light = lights.read_light(item, matrix, self.notes)
+            light, used = lights.read_light(instance, matrix, self.notes, self.palette.gallery)
             if light is not None:
+                self.light_images |= used
                 receivers, blockers = self._linking.of_light(item)
                 group = self._group_numbers.get(item.lightgroup, 0)
                 hidden = _hidden(item, parent)

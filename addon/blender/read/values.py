@@ -75,7 +75,7 @@ class Values:
 
         sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
         program. material_index: that of the material. owners: data blocks whose properties are attributes of the view
-        layer.
+        layer. lamp: for a light. far: for one at an infinite distance.
         """
         self.steps: list[Step] = []
         self.images: set[int] = set()
@@ -83,6 +83,7 @@ class Values:
         self.wait, self.keep_going = wait, keep_going
         self.material_index = 0.0
         self.volume = False
+        self.lamp = self.far = False
         self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
@@ -105,6 +106,8 @@ class Values:
 
     def coordinate(self, kind: str) -> int:
         """The step for a property of the shading point, such as its position."""
+        if self.lamp and kind in ("camera", "window", "view_vector", "view_depth", "view_distance"):
+            raise Unsupported("A coordinate of the camera in a light")
         if (
             kind in ("object", "generated", "object_normal", "tangent_x", "tangent_y", "tangent_z")
             and not self.background
@@ -116,6 +119,8 @@ class Values:
         """The step for the value of a layer at the shading point; in volumes that of a grid."""
         if self.volume:
             return self.grid(name, 0.0)
+        if self.lamp:
+            return self.coordinate("parametric") if kind == UV else (0.0, 0.0, 0.0, 0.0)
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number, **self._shift))
 

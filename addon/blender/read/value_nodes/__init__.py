@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .coordinates import COORDINATES
 from .displacing import DISPLACING
+from .lamps import LAMPS
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
@@ -31,6 +32,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **NORMALS,
     **STRANDS,
     **RAYS,
+    **LAMPS,
     **DISPLACING,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),

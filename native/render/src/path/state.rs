@@ -167,6 +167,15 @@ impl Path {
         self.invisible < MAX_INVISIBLE
     }
 
+    /// Goes through a portal, behind which light samples find nothing. Returns whether the path may continue.
+    pub fn go_through(&mut self) -> bool {
+        self.portals = self.portals.saturating_add(1);
+        self.pdf = f32::INFINITY;
+        let goes_on = self.pass(0.0);
+        self.passed = 0.0;
+        goes_on
+    }
+
     /// Passes a transparent surface at this distance. Returns whether the path may continue.
     #[inline(always)]
     pub fn pass(&mut self, distance: f32) -> bool {

@@ -32,6 +32,8 @@ pub struct Features {
     pub hidden: bool,
     /// At least one material is a hole in the picture.
     pub holes: bool,
+    /// At least one material has a portal.
+    pub portals: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -63,9 +65,11 @@ impl Features {
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+                || any(|m| !m.portals.is_empty())
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
             holes: any(|m| m.hole),
+            portals: any(|m| !m.portals.is_empty()),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             media: false,
@@ -113,6 +117,7 @@ impl Features {
                 self.hidden,
                 "ray visibility: every surface is there for all rays",
             ),
+            (self.portals, "portals: no material is one"),
             (self.emission, "emission: no material emits"),
             (
                 self.world,

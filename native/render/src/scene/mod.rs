@@ -122,6 +122,7 @@ impl RenderScene {
             &probe.emissive_triangles(),
             world.take_map(),
             world.visible,
+            (&params.images, &varying),
         )?;
         let media = Media::new(world_volume(&params.world)?);
         let features = Features {

@@ -2,7 +2,7 @@
 //! Paths through media: lamps seen through them, emission, and scattering with a light sample.
 
 use crate::film::Shares;
-use crate::light::{Emitter, Reach, Receiver, power_heuristic};
+use crate::light::{Emitter, Lit, Reach, Receiver, power_heuristic};
 use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
@@ -155,9 +155,15 @@ fn add_lamps<const EXTRA: bool>(
         span,
     };
     let (seed, lights) = (out.seed, &scene.lights);
-    let scratch = &mut *out.scratch;
+    let (scratch, registers) = (&mut *out.scratch, &mut *out.light_registers);
     let mut lamps = |group| {
-        let light = lights.radiance_through(reach, path.pdf, path.kind, group, |distance| {
+        let lit = &mut Lit {
+            images: &scene.images,
+            varying: &scene.varying,
+            history: path.history(0.0),
+            registers: &mut *registers,
+        };
+        let light = lights.radiance_through(reach, path.pdf, path.kind, group, lit, |distance| {
             // Each lamp starts the stream anew, so that the light of the groups adds up to that of all lamps.
             scratch.stream = Stream::new(Stream::new(seed).fork(3));
             // Lamps are measured from the last scattering point, media from the ray's origin.

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .object_values import INSTANCER, MASK, PARTICLE, PLACE, Key, Value, as_value, found, hashed
+from ..object_values import INSTANCER, MASK, PARTICLE, PLACE, Key, Value, as_value, found, hashed
 
 END = 0x7FFFFFFF
 """Marks the unused entries of Blender's identifiers of instances."""

@@ -115,6 +115,24 @@ def test_rays_of_nodes_are_those_of_cycles(scene: Any, family: Callable[[], Iter
     assert not report.warnings
 
 
+def test_rays_of_nodes_do_not_depend_on_the_structure(scene: Any) -> None:
+    makers = {"AO": made("AmbientOcclusion", "AO", samples=3, only_local=True)}
+    makers["bevel"] = made("Bevel", "Normal", samples=3, Radius=0.2)
+    if bpy.app.version >= (5, 0):
+        makers["cast"] = made("Raycast", "Hit Distance", normal="Direction", Length=2.0)
+    stage(scene, makers)
+    atlas.configure(scene, 2, 0)
+    found = []
+    for structure, threads in (("brute", 1), ("bvh-sah", 2)):
+        scene.halfspace.structure = structure
+        scene.render.threads_mode, scene.render.threads = "FIXED", threads
+        found.append(atlas.rendered(scene, makers, "HALFSPACE"))
+    assert all(np.array_equal(found[0][name], found[1][name]) for name in makers)
+    report = reports.last(scene)
+    assert report is not None
+    assert not any(line.startswith("rays of programs") for line in report.left_out)
+
+
 def test_absurd_rays_give_a_picture(scene: Any) -> None:
     makers: dict[str, atlas.Maker] = {}
     for value in (math.nan, math.inf, -math.inf, 3e38, -3e38, 0.0):
