@@ -70,7 +70,6 @@ IN_PART = frozenset(
     for name in (
         "Attribute",
         "BsdfPrincipled",
-        "Bump",
         "CameraData",
         "NewGeometry",
         "NormalMap",

@@ -175,6 +175,15 @@ class Values:
         finally:
             self._shift = {}
 
+    @contextmanager
+    def here(self) -> Iterator[None]:
+        """Compute values at the shading point meanwhile."""
+        shift, self._shift = self._shift, {}
+        try:
+            yield
+        finally:
+            self._shift = shift
+
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
         """The value of a node's input; `absent` if this version of Blender has no such input."""
         if isinstance(name, int):
@@ -196,7 +205,7 @@ class Values:
         try:
             source = place.source()
             is_constant = not source.socket.is_output
-            operand = self._finite(constant(source.socket), place) if is_constant else self._output(source)
+            operand = self._finite(constant(source.socket), place) if is_constant else self.output(source)
             have = source.socket.type
             for want in (*source.through, place.socket.type):
                 operand, have = self._converted(operand, have, want), want
@@ -212,7 +221,7 @@ class Values:
         self.remark(f"A value that is not finite, in {place.socket.name},")
         return 0.0
 
-    def _output(self, source: Place) -> Operand:
+    def output(self, source: Place) -> Operand:
         """The operand for an output of a node, whose steps are written once. Raises Unsupported."""
         node, socket = source.node, source.socket
         groups = tuple(group.as_pointer() for group in source.groups)
