@@ -41,6 +41,7 @@ class Surface:
     viewport: tuple[float, ...]
     closures: list[Closure] = field(default_factory=list)
     followed: int = 0
+    portals: list[tuple[Operand, Operand, Operand]] = field(default_factory=list)
 
     def remark(self, what: str) -> None:
         """Note an unsupported feature."""
@@ -62,12 +63,25 @@ class Surface:
             case "ShaderNodeAddShader":
                 for socket in source.node.inputs[:2]:
                     self.read(source.beside(socket), weight, depth + 1)
+            case "ShaderNodeBsdfRayPortal":
+                self._portal(source, weight)
             case kind if kind in SHADERS:
                 # Check this before reading its inputs, which may be long chains.
                 if self._has_room(principled=kind in PRINCIPLED):
                     SHADERS[kind](self, source, weight)
             case kind:
                 self._unknown(kind, source, weight)
+
+    def _portal(self, node: Place, weight: Operand) -> None:
+        """Read a Ray Portal BSDF: its colour multiplied by the weight, position and direction."""
+        if len(self.portals) >= MOST_CLOSURES:
+            self.remark(f"More than {MOST_CLOSURES} portals")
+            return
+        place = node.input("Position")
+        elsewhere = place is not None and place.source() != place
+        position = self.values.input(node, "Position") if elsewhere else self.values.coordinate("position")
+        direction = self.values.input(node, "Direction")
+        self.portals.append((self.emitted(self.color(node), weight), position, direction))
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
@@ -113,6 +127,26 @@ class Surface:
         if isinstance(color, tuple) and isinstance(strength, float):
             return tuple(c * strength for c in color[:3])
         return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
+
+    def total(self) -> Any:
+        """The sum of what all shaders emit, as a colour or a step; None without any. Raises Unsupported.
+
+        Background and emission are equivalent here; shaders that scatter have no meaning for worlds and lights.
+        """
+        total: Any = None
+        for closure in self.closures:
+            if closure.kind != "emission":
+                self.remark(f"A {closure.kind} shader")
+                continue
+            part = self.emitted(closure.inputs["emission"], closure.inputs["weight"])
+            part = (part,) * 3 if isinstance(part, float) else part
+            if total is None:
+                total = part
+            elif isinstance(total, tuple) and isinstance(part, tuple):
+                total = tuple(a + b for a, b in zip(total, part, strict=False))
+            else:
+                total = self.values.step("vector_math", total, part, 0.0, kind="ADD")
+        return total
 
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
         """Append a closure. Needs a preceding `_has_room`."""

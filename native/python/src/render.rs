@@ -262,6 +262,7 @@ impl RenderJob {
         dict.set_item("rays_primary", work.rays_primary)?;
         dict.set_item("rays_shadow", work.rays_shadow)?;
         dict.set_item("rays_secondary", work.rays_secondary)?;
+        dict.set_item("rays_programs", work.rays_programs)?;
         dict.set_item("beams", work.beams)?;
         dict.set_item("rays_beams", work.rays_beams)?;
         dict.set_item("beam_deviation", work.beam_deviation)?;

@@ -271,7 +271,7 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
 }
 
 /// Reads where a value is computed: "shift" is an axis, "X" or "Y", and "width" a share of a pixel.
-fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
+pub fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
     type ByWidth = fn(f32) -> Shift;
     const AXES: &[(&str, ByWidth)] = &[("X", Shift::X), ("Y", Shift::Y)];
     match keys.find("shift") {
@@ -374,19 +374,12 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
     Ok(out)
 }
 
-/// Reads layers, objects (dictionaries of `to_object`, (3, 4), and `generated`, (2, 3): offset and factor), the
-/// object of each triangle and the origin.
-pub fn varying(
-    layer_arrays: Option<&Bound<'_, PyAny>>,
-    objects: Option<&Bound<'_, PyAny>>,
-    object_index: Option<&Bound<'_, PyAny>>,
-    origin: Option<[f64; 3]>,
-) -> Result<Varying> {
-    // Read the objects with their texture spaces.
-    let frames = list("objects", objects, |dict, index| {
+/// Reads objects with their texture spaces. `name`: for messages.
+pub fn frames(name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Vec<ObjectFrame>> {
+    list(name, value, |dict, index| {
         let keys = Keys::new(
             dict,
-            format!("objects[{index}]"),
+            format!("{name}[{index}]"),
             &["to_object", "generated", "values"],
         )?;
         let generated = keys.numbers("generated", &[2, 3])?;
@@ -397,7 +390,18 @@ pub fn varying(
             generated,
             values: object_values(&keys)?,
         })
-    })?;
+    })
+}
+
+/// Reads layers, objects (dictionaries of `to_object`, (3, 4), and `generated`, (2, 3): offset and factor), the
+/// object of each triangle and the origin.
+pub fn varying(
+    layer_arrays: Option<&Bound<'_, PyAny>>,
+    objects: Option<&Bound<'_, PyAny>>,
+    object_index: Option<&Bound<'_, PyAny>>,
+    origin: Option<[f64; 3]>,
+) -> Result<Varying> {
+    let frames = frames("objects", objects)?;
     let object_index = match object_index.filter(|v| !v.is_none()) {
         None => Vec::new(),
         Some(value) => {

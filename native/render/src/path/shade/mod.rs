@@ -16,9 +16,11 @@ use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Settings};
 use halfspace_ray::{Hit, Ray};
 
+mod around;
 mod emission;
 mod light_samples;
 mod output;
+mod portal;
 mod scatter;
 mod volume;
 
@@ -253,12 +255,18 @@ impl<
         }
         // Draw the random numbers of this vertex.
         let random = path.next_vertex(self.sample);
-        let [roulette, opacity] = if path.bounce > 0 || features.transparency {
+        let [roulette, mut opacity] = if path.bounce > 0 || features.transparency {
             random.survival()
         } else {
             [0.0; 2]
         };
 
+        if features.portals && !hole && !material.portals.is_empty() {
+            match portal::pass(scene, &surface, &unscattered, d, opacity, path, out) {
+                Ok(rest) => opacity = rest,
+                Err(next) => return next,
+            }
+        }
         // Pass through with the probability of the transparent part; scatter with the remaining probability. Dividing
         // by the probability keeps both unbiased.
         let pass = if hole {
@@ -282,11 +290,7 @@ impl<
         if path.camera {
             self.write_first_surface(hit, &surface, out);
             out.sample.alpha = unscattered.opacity();
-            // A hole behind media is as deep as they transmit.
-            if out.media.is_some() {
-                let transmitted = path.throughput.mean().clamp(0.0, 1.0);
-                out.sample.alpha = 1.0 - (1.0 - out.sample.alpha) * transmitted;
-            }
+            out.dim_holes(path);
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -317,7 +321,11 @@ impl<
         point.footprint = self.context.camera.pixel_width(path.passed + distance);
         point.view = Some(self.context.camera.view());
         point.history = path.history(distance);
-        material.program.run(&scene.images, &point, out.registers);
+        if self.features.program_rays && material.traces_rays {
+            around::run(self.context, self.sample, surface, point, path, out);
+        } else {
+            material.program.run(&scene.images, &point, out.registers);
+        }
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {
             surface.bend(normal, d);

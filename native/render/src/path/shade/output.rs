@@ -59,6 +59,15 @@ impl<const EXTRA: bool> Output<'_, EXTRA> {
         }
     }
 
+    /// Makes a hole behind media as deep as they transmit.
+    #[inline(always)]
+    pub(super) fn dim_holes(&mut self, path: &Path) {
+        if self.media.is_some() {
+            let transmitted = path.throughput.mean().clamp(0.0, 1.0);
+            self.sample.alpha = 1.0 - (1.0 - self.sample.alpha) * transmitted;
+        }
+    }
+
     /// Crosses a surface into or out of its object.
     #[inline(always)]
     pub(super) fn cross(&mut self, surface: &Surface<'_>) {

@@ -11,6 +11,7 @@ use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Pass};
+use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
@@ -159,7 +160,11 @@ impl<
         path.min_pdf = path.min_pdf.min(scatter.pdf);
         path.passed = 0.0;
         path.camera = false;
-        path.scatter(scatter.kind);
+        let last = Turn {
+            through: scatter.through,
+            singular: !scatter.pdf.is_finite(),
+        };
+        path.scatter(scatter.kind, last);
         if scatter.through {
             out.cross(surface);
         }
