@@ -23,6 +23,8 @@ pub struct Features {
     /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
     /// normals.
     pub lobes: bool,
+    /// At least one material scatters light below its surface.
+    pub subsurface: bool,
     /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
     /// its transmittance.
     pub transparency: bool,
@@ -59,6 +61,7 @@ impl Features {
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
+            subsurface: any(|m| m.subsurface),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
@@ -97,6 +100,10 @@ impl Features {
             (
                 self.lobes,
                 "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
+            ),
+            (
+                self.subsurface,
+                "walks below surfaces: no material has subsurface scattering",
             ),
             (
                 self.transparency,

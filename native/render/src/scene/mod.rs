@@ -91,7 +91,7 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
-        if materials.iter().any(|m| m.volume.is_some()) {
+        if materials.iter().any(|m| m.volume.is_some() || m.subsurface) {
             attributes.set_objects(&varying.object_index);
         }
         // Prepare the background; whether it varies decides how it is sampled.

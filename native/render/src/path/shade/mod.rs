@@ -20,6 +20,7 @@ mod emission;
 mod light_samples;
 mod output;
 mod scatter;
+mod subsurface;
 mod volume;
 
 /// Shades all hits of a wavefront for the sample with this index.
@@ -89,6 +90,7 @@ fn shade<
         media,
         scratch,
         shares,
+        walks,
         shadows,
         registers,
         light_registers,
@@ -118,6 +120,7 @@ fn shade<
             source: sources.get(i).copied().unwrap_or(Source::None),
             next: Source::None,
             media: media.get(i).copied(),
+            walk: walks.get(i).copied().flatten(),
             scratch: &mut *scratch,
             seed: 0,
         };
@@ -135,6 +138,9 @@ fn shade<
             if let Some(stack) = out.media {
                 media[kept] = stack;
             }
+            if !walks.is_empty() {
+                walks[kept] = out.walk;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -144,6 +150,7 @@ fn shade<
     sources.truncate(kept);
     shares.truncate(kept);
     media.truncate(kept);
+    walks.truncate(kept);
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -206,6 +213,12 @@ impl<
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
+        // Rays below a surface see nothing but their object.
+        if LOBES > 0
+            && let Some(walk) = out.walk
+        {
+            return self.walk(walk, ray, hit, path, out);
+        }
         // The direction has unit length.
         let d = Vec3::from(ray.d);
         // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
