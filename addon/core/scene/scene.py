@@ -260,9 +260,10 @@ class Closure:
     """A shader node with its share of a material.
 
     kind: principled, diffuse, translucent, glossy, glass, refraction, conductor, sheen, velvet, toon_diffuse,
-    toon_glossy, transparent, emission or holdout. inputs: operands by name, including "weight"; missing ones have
-    Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
-    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley.
+    toon_glossy, subsurface, transparent, emission or holdout. inputs: operands by name, including "weight"; missing
+    ones have Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
+    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley. method: of subsurface
+    scattering: random_walk, random_walk_skin or random_walk_legacy.
     """
 
     kind: str
@@ -270,6 +271,7 @@ class Closure:
     normal: Operand | None = None
     multiscatter: bool = True
     distribution: str = "ggx"
+    method: str = "random_walk"
 
     @property
     def glows(self) -> bool:
@@ -286,6 +288,7 @@ class Closure:
             "normal": self.normal,
             "multiscatter": self.multiscatter,
             "distribution": self.distribution,
+            "method": self.method,
         }
 
 

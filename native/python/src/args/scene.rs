@@ -2,7 +2,7 @@
 //! Conversion of the dictionaries of materials, lights and background, with checks. Every message names the key.
 
 use crate::args::keys::{Keys, list};
-use crate::args::{shader, volume};
+use crate::args::{closures, shader, volume};
 use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
 use halfspace_render::light::{AreaShape, LampProgram, LightKind, LightParams};
@@ -56,7 +56,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             specular: keys.number_or("specular", default.specular)?,
             emission: color("emission", default.emission)?,
             alpha: keys.number_or("alpha", default.alpha)?,
-            closures: shader::closures(&keys)?,
+            closures: closures::closures(&keys)?,
             program: shader::program(&keys)?,
             volume: volume::volume(&keys)?,
             visible: visibility(&keys, default.visible)?,

@@ -71,6 +71,8 @@ pub struct Material {
     pub refracts: bool,
     /// Whether a closure needs lobes with frames or shapes of their own.
     pub lobes: bool,
+    /// Whether light can scatter below the surface.
+    pub subsurface: bool,
 }
 
 impl Material {
@@ -127,6 +129,7 @@ impl Material {
             reflects: any(|c| c.may_reflect() || c.may_be_rough()),
             refracts: any(|c| c.may_refract() || c.is_translucent()),
             lobes: any(Closure::needs_lobes),
+            subsurface: any(Closure::may_walk),
             closures: compiled,
             program,
             reduced_program,
@@ -206,6 +209,11 @@ impl Material {
         } else {
             emission
         }
+    }
+
+    /// Whether the material computes a shading normal.
+    pub fn maps_normal(&self) -> bool {
+        self.normal.is_some()
     }
 
     /// Returns the shading normal, if the material computes one, for registers that its program has filled.

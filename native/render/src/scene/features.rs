@@ -25,6 +25,8 @@ pub struct Features {
     /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
     /// normals.
     pub lobes: bool,
+    /// At least one material scatters light below its surface.
+    pub subsurface: bool,
     /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
     /// its transmittance.
     pub transparency: bool,
@@ -64,6 +66,7 @@ impl Features {
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
+            subsurface: any(|m| m.subsurface),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
                 || any(|m| !m.portals.is_empty())
                 || lights.any_blockers(),
@@ -108,6 +111,10 @@ impl Features {
             (
                 self.lobes,
                 "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
+            ),
+            (
+                self.subsurface,
+                "walks below surfaces: no material has subsurface scattering",
             ),
             (
                 self.transparency,

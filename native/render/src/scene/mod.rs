@@ -91,7 +91,7 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
-        let apart = |m: &Material| m.volume.is_some() || m.traces_rays;
+        let apart = |m: &Material| m.volume.is_some() || m.subsurface || m.traces_rays;
         if materials.iter().any(apart) {
             attributes.set_objects(&varying.object_index);
         }

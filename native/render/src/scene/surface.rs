@@ -163,6 +163,11 @@ impl<'a> Surface<'a> {
         self.triangle as u32
     }
 
+    /// Returns the number of the object.
+    pub fn object(&self) -> u32 {
+        self.at.object()
+    }
+
     /// Returns the medium inside the object, if the material has a volume.
     pub fn medium_behind(&self) -> Option<Inside> {
         self.material.volume.as_ref()?;

@@ -22,6 +22,7 @@ mod light_samples;
 mod output;
 mod portal;
 mod scatter;
+mod subsurface;
 mod volume;
 
 /// Shades all hits of a wavefront for the sample with this index.
@@ -91,6 +92,7 @@ fn shade<
         media,
         scratch,
         shares,
+        walks,
         shadows,
         registers,
         light_registers,
@@ -120,6 +122,7 @@ fn shade<
             source: sources.get(i).copied().unwrap_or(Source::None),
             next: Source::None,
             media: media.get(i).copied(),
+            walk: walks.get(i).copied().flatten(),
             scratch: &mut *scratch,
             seed: 0,
         };
@@ -137,6 +140,9 @@ fn shade<
             if let Some(stack) = out.media {
                 media[kept] = stack;
             }
+            if !walks.is_empty() {
+                walks[kept] = out.walk;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -146,6 +152,7 @@ fn shade<
     sources.truncate(kept);
     shares.truncate(kept);
     media.truncate(kept);
+    walks.truncate(kept);
 }
 
 /// Shading of one sample, compiled for a set of features.
@@ -208,6 +215,12 @@ impl<
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
+        // Rays below a surface see nothing but their object.
+        if LOBES > 0
+            && let Some(walk) = out.walk
+        {
+            return self.walk(walk, ray, hit, path, out);
+        }
         // The direction has unit length.
         let d = Vec3::from(ray.d);
         // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.

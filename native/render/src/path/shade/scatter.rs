@@ -77,13 +77,25 @@ impl<
             normal,
             sets: surface.material.sets.receives,
         };
-        // Sample a light, then the next direction.
         let framed = FramedBsdf {
             frame: &frame,
             bsdf: &bsdf,
         };
+        self.sample(surface, framed, random, path, out)
+    }
+
+    /// Samples a light, then the next direction.
+    #[inline(always)]
+    pub(super) fn sample(
+        &self,
+        surface: &Surface<'_>,
+        framed: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
+        random: VertexSamples,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Option<Ray> {
         let [choose_light, choose_lobe] = random.choices();
-        if LIGHTS && bsdf.has_density() {
+        if LIGHTS && framed.bsdf.has_density() {
             let selection = Selection {
                 choice: choose_light,
                 u: random.light(),
@@ -107,6 +119,7 @@ impl<
             min_width: settings.min_width(path.min_pdf),
             reflections: settings.caustics_reflective || !scattered,
             refractions: settings.caustics_refractive || !scattered,
+            walks: self.is(Integrator::Path),
         }
     }
 
@@ -120,6 +133,13 @@ impl<
         path: &mut Path,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
+        // Light that enters the surface walks below it.
+        if LOBES > 0
+            && self.features.subsurface
+            && let Some(entrance) = bsdf.entrance(choice)
+        {
+            return self.enter(surface, frame, entrance, u, path, out);
+        }
         // The expected weight of a sampled direction is the albedo.
         if path.camera
             && self.context.film.fills(Pass::Albedo)
