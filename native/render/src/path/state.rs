@@ -7,6 +7,7 @@ use crate::math::vector::Vec3;
 use crate::path::random::VertexSamples;
 use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
+use halfspace_ray::Ray;
 
 /// Largest number of transparent surfaces that a path, or a shadow ray, passes.
 pub const MAX_TRANSPARENT: u16 = 64;
@@ -28,6 +29,8 @@ pub struct Path {
     pub receiver: Receiver,
     /// Distance from there to the origin of the current ray, which starts anew at each surface passed.
     pub passed: f32,
+    /// Length of the camera ray in front of the near clipping plane, which programs do not count; 0 after a bounce.
+    pub clipped: f32,
     sampler: PixelSampler,
     /// Index of the path's pixel sample in the tile's batch.
     pub slot: u32,
@@ -53,18 +56,19 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path of a camera ray with origin `o`.
-    pub fn from_camera(o: [f32; 3], sampler: PixelSampler, slot: u32) -> Self {
+    /// The path of a camera ray.
+    pub fn from_camera(ray: &Ray, sampler: PixelSampler, slot: u32) -> Self {
         Self {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
             min_pdf: f32::INFINITY,
             receiver: Receiver {
-                point: Vec3::from(o),
+                point: Vec3::from(ray.o),
                 normal: Vec3::ZERO,
                 sets: u32::MAX,
             },
             passed: 0.0,
+            clipped: ray.t_min,
             sampler,
             slot,
             bounce: 0,
@@ -85,6 +89,7 @@ impl Path {
     pub fn scatter(&mut self, kind: RayKind, last: Turn) {
         self.kind = kind;
         self.last = last;
+        self.clipped = 0.0;
         self.bounce += 1;
         // Count the bounce by its kind.
         let Bounces {
@@ -132,7 +137,7 @@ impl Path {
     #[inline(always)]
     pub fn history(&self, distance: f32) -> History {
         History {
-            length: self.passed + distance,
+            length: self.passed + distance - self.clipped,
             transparent: self.transparent,
             portals: self.portals,
             last: self.last,
@@ -172,7 +177,7 @@ impl Path {
         self.portals = self.portals.saturating_add(1);
         self.pdf = f32::INFINITY;
         let goes_on = self.pass(0.0);
-        self.passed = 0.0;
+        (self.passed, self.clipped) = (0.0, 0.0);
         goes_on
     }
 

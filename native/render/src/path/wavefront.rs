@@ -218,7 +218,7 @@ impl Wavefront {
             }
             self.rays.push(ray);
             self.paths
-                .push(Path::from_camera(ray.o, sampler, slot as u32));
+                .push(Path::from_camera(&ray, sampler, slot as u32));
         }
         self.work.rays_primary += self.rays.len() as u64;
         self.shares.clear();

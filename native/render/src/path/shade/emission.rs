@@ -41,7 +41,7 @@ impl<
             let lit = &mut Lit {
                 images: &scene.images,
                 varying: &scene.varying,
-                history: path.history(0.0),
+                history: path.history(-path.passed),
                 registers,
             };
             let lights = &scene.lights;

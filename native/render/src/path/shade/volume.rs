@@ -160,7 +160,7 @@ fn add_lamps<const EXTRA: bool>(
         let lit = &mut Lit {
             images: &scene.images,
             varying: &scene.varying,
-            history: path.history(0.0),
+            history: path.history(-path.passed),
             registers: &mut *registers,
         };
         let light = lights.radiance_through(reach, path.pdf, path.kind, group, lit, |distance| {
