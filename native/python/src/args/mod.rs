@@ -6,6 +6,7 @@ pub mod arrays;
 pub mod camera_settings;
 pub mod integers;
 pub mod keys;
+pub mod points;
 pub mod rays;
 pub mod scene;
 pub mod shader;

@@ -33,6 +33,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "receives",
         "blocks",
         "hole",
+        "catcher",
         "outputs",
     ];
     list("materials", value, |dict, index| {
@@ -64,6 +65,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
                 blocks: bits(&keys, "blocks")?,
             },
             hole: keys.flag_or("hole", false)?,
+            catcher: keys.flag_or("catcher", false)?,
             outputs: outputs(&keys)?,
         })
     })

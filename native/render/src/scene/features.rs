@@ -23,13 +23,15 @@ pub struct Features {
     /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
     /// normals.
     pub lobes: bool,
-    /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
-    /// its transmittance.
+    /// At least one material is not opaque, does not shade all lights, or is that of shadow catchers: rays pass through
+    /// surfaces, shadow rays accumulate their transmittance.
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
     /// At least one material is a hole in the picture.
     pub holes: bool,
+    /// At least one material is that of shadow catchers.
+    pub catchers: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -59,10 +61,11 @@ impl Features {
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
-            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+            transparency: any(|m| m.transparent || m.catcher || !m.visible.to(RayKind::Shadow))
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
             holes: any(|m| m.hole),
+            catchers: any(|m| m.catcher),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             media: false,

@@ -13,5 +13,6 @@ mod passes;
 mod same_picture;
 mod secondary_beams;
 pub(crate) mod setup;
+mod shadow_catchers;
 mod shadows;
 mod volumes;
