@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The state of a path between two vertices.
 
+use crate::film::catcher::Catch;
 use crate::light::Receiver;
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
@@ -44,6 +45,8 @@ pub struct Path {
     invisible: u16,
     /// Whether the current ray still is the camera ray.
     pub camera: bool,
+    /// Whether the path began at a shadow catcher.
+    pub catch: Catch,
     /// How the path scattered last.
     pub kind: RayKind,
     last: Turn,
@@ -76,12 +79,30 @@ impl Path {
             transparent: 0,
             invisible: 0,
             camera: true,
+            catch: Catch::None,
             kind: RayKind::Camera,
             last: Turn::default(),
             portals: 0,
             bounces: Bounces::default(),
             volume_bounces: 0,
         }
+    }
+
+    /// Splits the path of a camera ray at a shadow catcher: it goes on in the whole scene. Returns the path that goes
+    /// on among catchers alone, with the same random numbers.
+    pub fn split(&mut self) -> Self {
+        self.catch = Catch::Whole;
+        Self {
+            catch: Catch::Alone,
+            ..*self
+        }
+    }
+
+    /// Returns the path as which lamps that it meets are seen: before any catcher, if its ray is the camera ray.
+    #[inline(always)]
+    pub fn before_catcher(&self) -> Self {
+        let catch = if self.camera { Catch::None } else { self.catch };
+        Self { catch, ..*self }
     }
 
     /// Scatters with a ray of this kind.

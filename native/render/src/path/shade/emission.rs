@@ -29,6 +29,7 @@ impl<
         {
             return;
         }
+        let path = &path.before_catcher();
         out.work.lights_tested += 1;
         // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
         // The virtual origin of a beam lies behind that point.

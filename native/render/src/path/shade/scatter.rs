@@ -65,6 +65,9 @@ impl<
         out.work.shaded_glass += u64::from(bsdf.transmits());
         if path.camera {
             out.add_colors(path.throughput, || bsdf.colors());
+            if EXTRA && self.context.film.fills(Pass::Roughness) {
+                out.sample.roughness = bsdf.roughness();
+            }
         }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {

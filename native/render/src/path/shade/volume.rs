@@ -143,7 +143,10 @@ fn add_lamps<const EXTRA: bool>(
     out: &mut Output<'_, EXTRA>,
 ) {
     let (scene, settings) = (context.scene, context.settings);
-    let hidden = !scene.lights.any_camera_visible() || (settings.film_transparent && !hit.is_hit());
+    let path = &path.before_catcher();
+    let hidden = !scene.lights.any_camera_visible()
+        || context.points.is_some()
+        || (settings.film_transparent && !hit.is_hit());
     if !scene.features().lights_hittable || (path.camera && hidden) {
         return;
     }
