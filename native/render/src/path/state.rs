@@ -29,6 +29,8 @@ pub struct Path {
     /// Distance from there to the origin of the current ray, which starts anew at each surface passed.
     pub passed: f32,
     sampler: PixelSampler,
+    /// Index of the pixel's sample.
+    sample: u32,
     /// Index of the path's pixel sample in the tile's batch.
     pub slot: u32,
     /// Number of times the path has scattered.
@@ -50,8 +52,8 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path of a camera ray with origin `o`.
-    pub fn from_camera(o: [f32; 3], sampler: PixelSampler, slot: u32) -> Self {
+    /// The path of a camera ray with origin `o`, of sample number `sample` of its pixel.
+    pub fn from_camera(o: [f32; 3], sampler: PixelSampler, sample: u32, slot: u32) -> Self {
         Self {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
@@ -63,6 +65,7 @@ impl Path {
             },
             passed: 0.0,
             sampler,
+            sample,
             slot,
             bounce: 0,
             vertex: 0,
@@ -132,18 +135,18 @@ impl Path {
         }
     }
 
-    /// Returns the random numbers of the next vertex of sample `sample`.
+    /// Returns the random numbers of the next vertex.
     #[inline(always)]
-    pub fn next_vertex(&mut self, sample: u32) -> VertexSamples {
+    pub fn next_vertex(&mut self) -> VertexSamples {
         // Each vertex has its own dimensions, whether the path scatters there or passes.
-        let samples = VertexSamples::new(self.sampler, sample, self.vertex);
+        let samples = VertexSamples::new(self.sampler, self.sample, self.vertex);
         self.vertex += 1;
         samples
     }
 
-    /// Returns the seed of a stream of random numbers for the current ray of sample `sample`.
-    pub fn stream(&self, sample: u32) -> u32 {
-        self.sampler.stream(sample, u32::from(self.vertex))
+    /// Returns the seed of a stream of random numbers for the current ray.
+    pub fn stream(&self) -> u32 {
+        self.sampler.stream(self.sample, u32::from(self.vertex))
     }
 
     /// Passes a surface at this distance that is invisible to the ray. Returns whether the path may continue.

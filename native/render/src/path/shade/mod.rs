@@ -6,6 +6,7 @@ use crate::film::Shares;
 use crate::material::bsdf::MAX_LOBES;
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
+use crate::path::calls::Cancelled;
 use crate::path::shade::output::{Extra, Output, part};
 use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
@@ -15,6 +16,7 @@ use crate::scene::features::Features;
 use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Settings};
 use halfspace_ray::{Hit, Ray};
+use std::sync::atomic::Ordering;
 
 mod emission;
 mod light_samples;
@@ -22,8 +24,11 @@ mod output;
 mod scatter;
 mod volume;
 
-/// Shades all hits of a wavefront for the sample with this index.
-pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
+/// Shades all hits of a wavefront; fails only if the render is cancelled.
+pub type Shade = fn(&mut Wavefront, &Context<'_>) -> Result<(), Cancelled>;
+
+/// Number of hits between two checks whether the render is cancelled.
+const CHECKED: usize = 512;
 
 /// Returns the variant of [`shade`] compiled for exactly these features. `extra`: whether a pass is filled for which
 /// [`crate::film::Batch`] has an array of its own.
@@ -67,6 +72,9 @@ pub fn choose(features: Features, extra: bool) -> Shade {
 
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
 /// that continue keep their order.
+///
+/// # Errors
+/// [`Cancelled`] if the render is cancelled.
 fn shade<
     const LIGHTS: bool,
     const GLOSSY: bool,
@@ -77,9 +85,8 @@ fn shade<
 >(
     wave: &mut Wavefront,
     context: &Context<'_>,
-    sample: u32,
-) {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context, sample);
+) -> Result<(), Cancelled> {
+    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context);
     let Wavefront {
         rays,
         hits,
@@ -98,6 +105,9 @@ fn shade<
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let mut kept = 0;
     for i in 0..rays.len() {
+        if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
+            return Err(Cancelled);
+        }
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let slot = path.slot as usize;
@@ -144,9 +154,10 @@ fn shade<
     sources.truncate(kept);
     shares.truncate(kept);
     media.truncate(kept);
+    Ok(())
 }
 
-/// Shading of one sample, compiled for a set of features.
+/// Shading, compiled for a set of features.
 struct Shader<
     'a,
     const LIGHTS: bool,
@@ -160,7 +171,6 @@ struct Shader<
     scene: &'a RenderScene,
     settings: &'a Settings,
     features: Features,
-    sample: u32,
     /// Whether camera rays can see lamps.
     camera_sees_lamps: bool,
     /// Whether the ray after the last bounce can still find light.
@@ -178,7 +188,7 @@ impl<
 > Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Computes the values that are the same for all hits.
-    fn new(context: &'a Context<'a>, sample: u32) -> Self {
+    fn new(context: &'a Context<'a>) -> Self {
         let Context {
             scene, settings, ..
         } = *context;
@@ -188,7 +198,6 @@ impl<
             scene,
             settings,
             features,
-            sample,
             camera_sees_lamps: scene.lights.any_camera_visible(),
             last_ray_counts: features.lights_hittable
                 || features.emission
@@ -210,7 +219,7 @@ impl<
         let d = Vec3::from(ray.d);
         // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
         if out.media.is_some() {
-            match volume::cross(self.context, self.sample, ray, hit, path, out) {
+            match volume::cross(self.context, ray, hit, path, out) {
                 Crossed::Reached => {}
                 Crossed::Scattered(next) => return Some(next),
                 Crossed::Ended => return None,
@@ -252,7 +261,7 @@ impl<
             self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
         }
         // Draw the random numbers of this vertex.
-        let random = path.next_vertex(self.sample);
+        let random = path.next_vertex();
         let [roulette, opacity] = if path.bounce > 0 || features.transparency {
             random.survival()
         } else {
