@@ -2,7 +2,7 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
-use crate::material::bsdf::lobe::Lobe;
+use crate::material::bsdf::lobe::{Lobe, UP};
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
     Boundary, Bsdf, Facets, Interface, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals, Seat,
@@ -67,11 +67,20 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         filter: LobeFilter,
         frame: &Frame,
     ) -> Self {
-        // Start with empty lobes in arrays of fixed size: the path allocates nothing.
-        let mut out = Self {
-            wi,
-            normals,
-            filter,
+        let mut out = Self::empty();
+        out.assemble(closures, registers, wi, normals, inside, filter, frame);
+        out
+    }
+
+    /// A BSDF without lobes, whose memory [`Self::assemble`] uses again and again: the path allocates nothing.
+    pub fn empty() -> Self {
+        Self {
+            wi: UP,
+            normals: Normals {
+                geometric: UP,
+                mapped: None,
+            },
+            filter: LobeFilter::NONE,
             facets: [NO_FACETS; MAX_FACETS],
             facet_count: 0,
             boundaries: [NO_BOUNDARY; MAX_BOUNDARIES],
@@ -85,18 +94,43 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             lobes: [Lobe::NONE; LOBES],
             lobe_count: 0,
             energy: 0.0,
-        };
+        }
+    }
+
+    /// Replaces the lobes by those of [`Self::new`]. The arrays keep what lies beyond the new counts.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "those of `new`")]
+    pub fn assemble(
+        &mut self,
+        closures: &[Closure],
+        registers: &[Value],
+        wi: Vec3,
+        normals: Normals,
+        inside: bool,
+        filter: LobeFilter,
+        frame: &Frame,
+    ) {
+        (self.wi, self.normals, self.filter) = (wi, normals, filter);
+        (self.facet_count, self.boundary_count) = (0, 0);
+        (self.rough_count, self.lobe_count) = (0, 0);
+        (self.diffuse, self.translucent) = (Vec3::ZERO, Vec3::ZERO);
         for closure in closures {
-            let lobes = closure.lobes(registers);
+            let computed;
+            let lobes = match closure.fixed_lobes() {
+                Some(lobes) => lobes,
+                None => {
+                    computed = closure.lobes(registers);
+                    &computed
+                }
+            };
             if LOBES > 0 && closure.needs_lobes() {
                 let vantage = Vantage { frame, inside };
-                out.add_special(&lobes, closure, registers, vantage);
+                self.add_special(lobes, closure, registers, vantage);
             } else {
-                out.add(&lobes, closure, inside);
+                self.add(lobes, closure, inside);
             }
         }
-        out.share_samples();
-        out
+        self.share_samples();
     }
 
     /// Adds the lobes of one closure, from the coat down to the base. Each layer passes on what it does not

@@ -193,6 +193,12 @@ impl Closure {
         }
     }
 
+    /// The lobes, if all inputs are constant.
+    #[inline(always)]
+    pub fn fixed_lobes(&self) -> Option<&Lobes> {
+        self.fixed.as_ref()
+    }
+
     /// Whether the closure emits below a coat or sheen, so that its emission depends on the direction.
     pub fn dims_emission(&self) -> bool {
         self.kind == ClosureKind::Principled

@@ -3,7 +3,7 @@
 //! bounce.
 
 use crate::film::Shares;
-use crate::material::bsdf::MAX_LOBES;
+use crate::material::bsdf::{Bsdf, MAX_LOBES};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
 use crate::path::calls::Cancelled;
@@ -14,7 +14,7 @@ use crate::path::wavefront::{Context, Wavefront};
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Settings};
+use crate::settings::{Integrator, Pass, Settings};
 use halfspace_ray::{Hit, Ray};
 use std::sync::atomic::Ordering;
 
@@ -104,6 +104,7 @@ fn shade<
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let mut kept = 0;
+    let mut bsdf = Bsdf::empty();
     for i in 0..rays.len() {
         if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
             return Err(Cancelled);
@@ -131,7 +132,7 @@ fn shade<
             scratch: &mut *scratch,
             seed: 0,
         };
-        if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut out) {
+        if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut bsdf, &mut out) {
             rays[kept] = next;
             if !sources.is_empty() {
                 sources[kept] = out.next;
@@ -173,6 +174,8 @@ struct Shader<
     features: Features,
     /// Whether camera rays can see lamps.
     camera_sees_lamps: bool,
+    /// Whether the pass of the albedo is filled.
+    albedo: bool,
     /// Whether the ray after the last bounce can still find light.
     last_ray_counts: bool,
 }
@@ -199,6 +202,7 @@ impl<
             settings,
             features,
             camera_sees_lamps: scene.lights.any_camera_visible(),
+            albedo: context.film.fills(Pass::Albedo),
             last_ray_counts: features.lights_hittable
                 || features.emission
                 || !scene.world.is_black(),
@@ -212,6 +216,7 @@ impl<
         ray: &Ray,
         hit: &Hit,
         path: &mut Path,
+        bsdf: &mut Bsdf<GLOSSY, GLASS, LOBES>,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
@@ -304,7 +309,7 @@ impl<
         if u32::from(path.bounce) > self.settings.max_bounces || !path.survives(roulette) {
             return None;
         }
-        self.scatter(&surface, d, random, path, out)
+        self.scatter(&surface, d, random, path, bsdf, out)
     }
 
     /// Runs the program of the surface's material, which may also give a normal. `distance`: length of the ray.

@@ -10,7 +10,7 @@ use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Pass};
+use crate::settings::Integrator;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
@@ -39,6 +39,7 @@ impl<
         d: Vec3,
         random: VertexSamples,
         path: &mut Path,
+        bsdf: &mut Bsdf<GLOSSY, GLASS, LOBES>,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let frame = surface.frame();
@@ -47,11 +48,11 @@ impl<
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
-        // Assemble the BSDF in the shading frame.
+        // Assemble the BSDF in the shading frame, in the memory of the last one.
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
         let normals = surface.normals(&frame);
-        let bsdf = Bsdf::new(
+        bsdf.assemble(
             &surface.material.closures,
             out.registers,
             wi,
@@ -79,7 +80,7 @@ impl<
         // Sample a light, then the next direction.
         let framed = FramedBsdf {
             frame: &frame,
-            bsdf: &bsdf,
+            bsdf,
         };
         let [choose_light, choose_lobe] = random.choices();
         if LIGHTS && bsdf.has_density() {
@@ -119,19 +120,21 @@ impl<
         path: &mut Path,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
-        // The expected weight of a sampled direction is the albedo.
-        if path.camera
-            && self.context.film.fills(Pass::Albedo)
-            && let Some(scatter) = bsdf.sample(choice, u)
-        {
-            out.sample.albedo = scatter.weight.array();
-        }
         // Without light to be found, the ray after the last bounce is not needed.
-        if u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts {
+        let last = u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts;
+        let shows_albedo = path.camera && self.albedo;
+        if last && !shows_albedo {
             return None;
         }
-        // Sample the BSDF and transform to scene space.
+        // Sample the BSDF. The expected weight of a sampled direction is the albedo.
         let scatter = bsdf.sample(choice, u)?;
+        if shows_albedo {
+            out.sample.albedo = scatter.weight.array();
+            if last {
+                return None;
+            }
+        }
+        // Transform to scene space.
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         // Drop directions where shading and geometric normal disagree about the side.
         let across = direction.dot(surface.geometric) < 0.0;
