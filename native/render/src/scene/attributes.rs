@@ -8,6 +8,7 @@ use crate::check::{Error, Result};
 use halfspace_geom::vec3::{cross, sub, widen};
 use halfspace_ray::Tracer;
 use halfspace_structure::instances::Instances;
+use prefetch_index::prefetch_index;
 
 /// Attributes of the triangles of a mesh, in mesh space, or of a whole flattened scene, in scene space.
 #[derive(Debug, Clone, Default)]
@@ -175,6 +176,21 @@ impl Attributes {
             }
         }
         Some(found)
+    }
+
+    /// Prefetches the attributes of a triangle of a flattened scene.
+    #[inline(always)]
+    pub fn prefetch(&self, triangle: u32) {
+        let MeshAttributes {
+            material_index,
+            corner_normals,
+        } = &self.meshes[0];
+        if let Some(index) = material_index {
+            prefetch_index(index, triangle as usize);
+        }
+        if let Some(normals) = corner_normals {
+            prefetch_index(normals, triangle as usize);
+        }
     }
 
     /// Returns the attributes of a triangle by its index in the scene.

@@ -12,6 +12,7 @@ use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::scene::RenderScene;
+use crate::scene::ahead::Ahead;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
 use crate::settings::{Integrator, Pass, Settings};
@@ -103,12 +104,14 @@ fn shade<
         ..
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
+    let ahead = Ahead::new(context.scene);
     let mut kept = 0;
     let mut bsdf = Bsdf::empty();
     for i in 0..rays.len() {
         if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
             return Err(Cancelled);
         }
+        ahead.fetch(hits, i);
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let slot = path.slot as usize;
