@@ -58,6 +58,7 @@ DIFFERENT = 1
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
 
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
@@ -78,16 +79,22 @@ def parser() -> argparse.ArgumentParser:
         "--most", type=float, metavar="R", help="with --whole and --equal-error: the largest ratio of times that holds"
     )
     made.add_argument(
-        "--lights", metavar="LIST", help="with an .npz: some of sun, lamp, point, area, sky, panorama, separated by commas"
+        "--lights",
+        metavar="LIST",
+        help="with an .npz: some of sun, lamp, point, area, sky, panorama, separated by commas",
     )
-    made.add_argument("--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080, with --equal-error 240x135)")
+    made.add_argument(
+        "--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080, with --equal-error 240x135)"
+    )
     made.add_argument(
         "--samples",
         type=int,
         help="samples per pixel, all runs together (default: 64; with --whole one per run; with --equal-error the "
         "most of a picture, 32)",
     )
-    made.add_argument("--runs", type=int, help="independent pictures per engine (default: 4; with --whole 7, with --equal-error 3)")
+    made.add_argument(
+        "--runs", type=int, help="independent pictures per engine (default: 4; --whole: 7; --equal-error: 3)"
+    )
     made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
     made.add_argument("--threads", type=int, default=0, help="threads of both engines, 0 = all (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
@@ -260,7 +267,7 @@ def time_to_equal_error(asked: argparse.Namespace) -> bool:
         for line in result.lines():
             print(f"  {line}", flush=True)
     here = results.machine(native.load())
-    print(f"\n{here['processor']}, {here['level']}: Halfspace over Cycles at the error of {counts[-1]} samples of Cycles\n")
+    print(f"\n{here['processor']}, {here['level']}: Halfspace over Cycles at the error of its {counts[-1]} samples\n")
     print(equal_error.HEAD)
     for result in measured:
         print(result.row())

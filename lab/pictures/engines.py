@@ -63,7 +63,7 @@ DEFAULT = Sampling(
 
 
 class EngineError(RuntimeError):
-    """This Blender lacks an engine."""
+    """Raised if Blender lacks an engine."""
 
 
 def configure_halfspace(scene: Any, structure: str, samples: int, bounces: int, sampling: Sampling = EXACT) -> None:

@@ -104,13 +104,12 @@ class Result:
 
     def lines(self) -> list[str]:
         """The numbers as lines of text."""
-        found = []
-        for engine in ENGINES:
-            for p in self.points[engine]:
-                found.append(
-                    f"{engine}: {p.samples} samples, {p.clock:.3f} s by the clock, {p.processor:.3f} s of the "
-                    f"processor, RMSE {math.sqrt(p.error):.5f}, {p.fireflies:.0f} fireflies per million pixels"
-                )
+        found = [
+            f"{engine}: {p.samples} samples, {p.clock:.3f} s by the clock, {p.processor:.3f} s of the processor, "
+            f"RMSE {math.sqrt(p.error):.5f}, {p.fireflies:.0f} fireflies per million pixels"
+            for engine in ENGINES
+            for p in self.points[engine]
+        ]
         means = " ".join(f"{100 * (mean - 1):+.2f}" for mean in self.means)
         found.append(f"means differ by {means} %" + ("" if self.same else ": NOT the same"))
         for clock in ("clock", "processor"):
@@ -127,7 +126,8 @@ class Result:
         clock = self.ratios("clock")[0]
         fireflies = " / ".join(f"{self.points[engine][-1].fireflies:.0f}" for engine in ENGINES)
         means = max((abs(mean - 1) for mean in self.means), default=0.0)
-        return f"| {self.name} | {clock:.2f} | {whole:.2f} | {traced:.2f} | {samples:.2f} | {fireflies} | {100 * means:.2f} |"
+        numbers = " | ".join(f"{ratio:.2f}" for ratio in (clock, whole, traced, samples))
+        return f"| {self.name} | {numbers} | {fireflies} | {100 * means:.2f} |"
 
 
 HEAD = (
@@ -157,7 +157,7 @@ def measure(
     """
     # Render the converged pictures with seeds of their own; they also warm both engines up.
     exact = {engine: render(engine, converged, 1000 + number) for number, engine in enumerate(ENGINES)}
-    reference = sum(exact.values()) / len(exact)
+    reference: F64 = np.mean(list(exact.values()), axis=0)
     limit = FIREFLY * (reference + reference.mean())
     ratio = exact["HALFSPACE"].mean(axis=(0, 1)) / np.maximum(exact["CYCLES"].mean(axis=(0, 1)), 1e-30)
     points: dict[str, list[Point]] = {engine: [] for engine in ENGINES}
