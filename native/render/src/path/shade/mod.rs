@@ -31,29 +31,18 @@ pub type Shade = fn(&mut Wavefront, &Context<'_>) -> Result<(), Cancelled>;
 /// Number of hits between two checks whether the render is cancelled.
 const CHECKED: usize = 512;
 
-/// Returns the variant of [`shade`] compiled for exactly these features. `extra`: whether a pass is filled for which
+/// Returns the variant of [`shade`] compiled for these features. `extra`: whether a pass is filled for which
 /// [`crate::film::Batch`] has an array of its own.
 pub fn choose(features: Features, extra: bool) -> Shade {
-    let Features {
-        lights,
-        smooth_normals,
-        ..
-    } = features;
-    // Passes that are rarely filled have two variants, for all other features.
-    if extra {
-        return if smooth_normals {
-            shade::<true, true, true, true, MAX_LOBES, true>
-        } else {
-            shade::<true, true, true, false, MAX_LOBES, true>
-        };
-    }
-    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
-    if features.lobes {
-        return match (lights, smooth_normals) {
-            (false, false) => shade::<false, true, true, false, MAX_LOBES, false>,
-            (false, true) => shade::<false, true, true, true, MAX_LOBES, false>,
-            (true, false) => shade::<true, true, true, false, MAX_LOBES, false>,
-            (true, true) => shade::<true, true, true, true, MAX_LOBES, false>,
+    let Features { smooth_normals, .. } = features;
+    // Passes that are rarely filled, and lobes with frames of their own, come with all other features: rare scenes need
+    // no code for each subset.
+    if extra || features.lobes {
+        return match (smooth_normals, extra) {
+            (false, false) => shade::<true, true, false, MAX_LOBES, false>,
+            (true, false) => shade::<true, true, true, MAX_LOBES, false>,
+            (false, true) => shade::<true, true, false, MAX_LOBES, true>,
+            (true, true) => shade::<true, true, true, MAX_LOBES, true>,
         };
     }
     // Expand the flags, one by one, to the constant parameters of `shade`.
@@ -68,7 +57,7 @@ pub fn choose(features: Features, extra: bool) -> Shade {
             }
         };
     }
-    variant!(lights, features.glossy, features.glass, smooth_normals;)
+    variant!(features.glossy, features.glass, smooth_normals;)
 }
 
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
@@ -77,7 +66,6 @@ pub fn choose(features: Features, extra: bool) -> Shade {
 /// # Errors
 /// [`Cancelled`] if the render is cancelled.
 fn shade<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
@@ -87,7 +75,7 @@ fn shade<
     wave: &mut Wavefront,
     context: &Context<'_>,
 ) -> Result<(), Cancelled> {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context);
+    let shader = Shader::<GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context);
     let Wavefront {
         rays,
         hits,
@@ -164,7 +152,6 @@ fn shade<
 /// Shading, compiled for a set of features.
 struct Shader<
     'a,
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
@@ -185,13 +172,12 @@ struct Shader<
 
 impl<
     'a,
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'a, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Computes the values that are the same for all hits.
     fn new(context: &'a Context<'a>) -> Self {
@@ -232,7 +218,7 @@ impl<
                 Crossed::Scattered(next) => return Some(next),
                 Crossed::Ended => return None,
             }
-        } else if LIGHTS && features.lights_hittable {
+        } else if features.lights_hittable {
             self.add_lamps(d, hit, path, out);
         }
         if !hit.is_hit() {

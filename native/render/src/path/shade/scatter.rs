@@ -22,13 +22,12 @@ pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool, const LO
 }
 
 impl<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -83,7 +82,7 @@ impl<
             bsdf,
         };
         let [choose_light, choose_lobe] = random.choices();
-        if LIGHTS && bsdf.has_density() {
+        if self.features.lights && bsdf.has_density() {
             let selection = Selection {
                 choice: choose_light,
                 u: random.light(),
