@@ -12,7 +12,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 VERSION = 1
 """Version of the measurements: increment when a row measures anything else; older rows are then not reused."""
 
+MOST_SEEDS, MOST_REPEATS, LONGEST = 100, 1000, 1 << 14
+"""Largest numbers of seeds, timed passes and pixels along a side (chosen)."""
+
 FIGURES = {
     "kd": (BASE, 3),
     "rbsp": (as_published("rbsp:k=7"), 7),
@@ -53,6 +56,10 @@ def parser() -> argparse.ArgumentParser:
     add("scenes", nargs="*", metavar="SCENE", help=f"which scenes (default: {', '.join(plan.SCENES)})")
     add("--quick", action="store_true", help="one seed, few K, a small picture")
     add("--structures", metavar="ID[,ID...]", help="only these structures")
+    add("--seeds", type=int, metavar="N", help="number of seeds (default: 7, quick: 1); more seeds keep finished rows")
+    add("--size", metavar="WxH", help="pixels of the view (default: 512x512, quick: 128x128)")
+    add("--repeats", type=int, metavar="N", help="timed passes of a row (default: 5, quick: 3)")
+    add("--tried", choices=("all", "128"), help="triangles of a node whose planes Ize's trees try (quick: 128)")
     add("--no-figures", action="store_true", help="without table 2.1 and figures 2.1 and 3.1")
     add(
         "--published", type=Path, metavar="FILE", help=f"published results (default: {published.FILE.name}, if present)"
@@ -69,7 +76,7 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Measure row by row. Returns the exit status. Raises the errors that `main` reports in one line."""
     module = native.load()
-    effort = plan.QUICK if asked.quick else plan.FULL
+    effort = read_effort(asked)
     known = read_published(asked)
     chosen = read_structures(asked, effort)
     scenes = read_scenes(asked)
@@ -102,7 +109,7 @@ class Bench:
         self.effort = effort
         self.journal = journal
         self.machine = results.machine(module)
-        self._fixed = (VERSION, module.__version__, results.native_fingerprint(module), asdict(effort))
+        self._fixed = (VERSION, module.__version__, results.native_fingerprint(module), effort.of_row)
         self._model: measure.Model | None = None
 
     def row(self, scene: workload.Workload, tree: plan.Tree, place: int) -> dict[str, Any]:
@@ -180,8 +187,27 @@ def about(effort: plan.Effort) -> str:
         f"has the kd-tree ({BASE}) that they are compared with. Rays of {effort.size[0]} x {effort.size[1]} pixels, "
         "their shadow rays and one bounce, one thread, processor time, the median of "
         f"{effort.repeats} passes in turn with the kd-tree's; {len(effort.seeds)} seeds. Ize's trees try the planes of "
-        f"{'all' if effort is plan.FULL else '128'} triangles of a node."
+        f"{'all' if effort.all_tried else '128'} triangles of a node."
     )
+
+
+def read_effort(asked: argparse.Namespace) -> plan.Effort:
+    """How much is measured. Raises UsageError."""
+    effort = plan.QUICK if asked.quick else plan.FULL
+    if asked.seeds is not None:
+        if not 1 <= asked.seeds <= MOST_SEEDS:
+            raise UsageError(f"--seeds: expected 1 to {MOST_SEEDS}, got {asked.seeds}")
+        effort = replace(effort, seeds=tuple(range(1, asked.seeds + 1)))
+    if asked.size is not None:
+        width, _, height = asked.size.partition("x")
+        if not (width.isdecimal() and height.isdecimal() and 1 <= int(width) <= LONGEST and 1 <= int(height) <= LONGEST):
+            raise UsageError(f"--size: expected WIDTHxHEIGHT up to {LONGEST}, got {asked.size!r}")
+        effort = replace(effort, size=(int(width), int(height)))
+    if asked.repeats is not None:
+        if not 1 <= asked.repeats <= MOST_REPEATS:
+            raise UsageError(f"--repeats: expected 1 to {MOST_REPEATS}, got {asked.repeats}")
+        effort = replace(effort, repeats=asked.repeats)
+    return effort if asked.tried is None else replace(effort, all_tried=asked.tried == "all")
 
 
 def read_published(asked: argparse.Namespace) -> published.Published:

@@ -18,7 +18,7 @@ RBSP_K = 13
 SCENES = ("killeroo-feet", "sponza-dabrovic", "conference")
 SETS = ("primary", "shadow", "diffuse")
 ALL_TRIED = "tried=1000000"
-"""Ize's trees try the planes of all triangles of a node, in a full run; in a quick one those of 128."""
+"""More triangles than any node has."""
 
 CHEAP = "-plus-kd"
 """End of the names of trees with the axes as cheap nodes."""
@@ -29,7 +29,7 @@ class Effort:
     """How much is measured. k: of trees with cheap axis nodes, of other swept trees. size: of the view in pixels.
 
     repeats: timed passes, in turn with the kd-tree's, after one to warm up. checked: rays per set compared with brute
-    force.
+    force. all_tried: whether Ize's trees try the planes of all triangles of a node, else those of 128.
     """
 
     k: tuple[tuple[int, ...], tuple[int, ...]]
@@ -37,9 +37,15 @@ class Effort:
     size: tuple[int, int]
     repeats: int
     checked: int
+    all_tried: bool = False
+
+    @property
+    def of_row(self) -> tuple[int, ...]:
+        """What a row depends on; more seeds add rows and change none."""
+        return (*self.size, self.repeats, self.checked)
 
 
-FULL = Effort((tuple(range(3, 11)), tuple(range(2, 11))), tuple(range(1, 8)), (512, 512), 5, 20_000)
+FULL = Effort((tuple(range(3, 11)), tuple(range(2, 11))), tuple(range(1, 8)), (512, 512), 5, 20_000, all_tried=True)
 QUICK = Effort(((4, 6), (6,)), (1,), (128, 128), 3, 2_000)
 
 
@@ -62,16 +68,19 @@ def trees(effort: Effort) -> Iterator[Tree]:
     """All trees, those of most interest first: with cheap axis nodes, of other authors, the others."""
     cheap = [name for name in TABLES if name.endswith(CHEAP)]
     for seed in effort.seeds:
+        first = seed == effort.seeds[0]
         for name in cheap:
-            yield from (_swept(name, k, seed) for k in effort.k[0])
-        if seed == effort.seeds[0]:
+            yield from (_swept(name, k, seed) for k in effort.k[0] if first or k != AXES)
+        if first:
             for name in ("rbsp-kd", "rbsp"):
                 yield Tree(name, 0, 0, as_published(f"{name}:k={RBSP_K}"))
             for name in ("bsp-ize-kd", "bsp-ize"):
-                yield Tree(name, 0, 0, as_published(f"{name}:{ALL_TRIED}" if effort is FULL else name))
+                yield Tree(name, 0, 0, as_published(f"{name}:{ALL_TRIED}" if effort.all_tried else name))
         for name in (name for name in TABLES if name not in cheap):
             least = AXES if name.endswith("-plus") else 1
-            yield from (_swept(name, k, seed) for k in effort.k[1] if k >= least)
+            # Trees of the axes alone draw nothing, and are the same for all seeds.
+            same = name.endswith("-plus")
+            yield from (_swept(name, k, seed) for k in effort.k[1] if k >= least and (first or not same or k != AXES))
 
 
 def _swept(name: str, k: int, seed: int) -> Tree:

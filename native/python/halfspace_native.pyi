@@ -810,7 +810,8 @@ class RenderStatistics(TypedDict):
     """Statistics of a render so far; final once it has ended.
 
     seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued behind a
-    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface. beams:
+    transparent surface count again; rays_secondary: rays after a bounce or through a transparent surface;
+    rays_programs: rays of nodes such as Ambient Occlusion. beams:
     groups of secondary rays that came from one virtual eye and were traced in tiles, rays_beams: rays in them,
     beam_deviation: largest angle between a ray from a virtual eye and the direction of the single ray, radians; all
     0 without "secondary_beams". mrays_s: all rays per second, in millions. steps, tests: inner nodes visited and
@@ -822,6 +823,7 @@ class RenderStatistics(TypedDict):
     rays_primary: int
     rays_shadow: int
     rays_secondary: int
+    rays_programs: int
     beams: int
     rays_beams: int
     beam_deviation: float
@@ -891,7 +893,8 @@ class RenderScene:
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
         in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
         such rays. Negative power darkens. Lights without power are left out.
-        "group" (0): the light group, from 1 to 64, 0 = none.
+        "group" (0): the light group, from 1 to 64, 0 = none. With "program" and "radiance", an argument as in a
+        material, the power is multiplied by the result; "frame" is a list of one object, the light's own space.
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
         an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must not
         vary, as for materials. "group" as for lights.

@@ -4,8 +4,9 @@
 `prepare SYSTEM` installs what the others need, from Debian's packages and with rustup. `wheel SYSTEM` builds the wheel
 into the folder after --out. `test SYSTEM` runs the tests of all crates for that system, under Wine or QEMU.
 `answers SYSTEM` runs `native/examples/answers.rs` for that system and for this one, and compares what the two print.
-`agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction sets may differ; rays, hits,
-bytes of the tree and the hash of all bits of all answers must not.
+`module SYSTEM` does the same with the wheel: a Python of that system imports it and runs `answers.py`, and so does the
+Python that runs this script. `agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction
+sets may differ; rays, hits, bytes of the tree and the hash of all bits of all answers must not.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import package
+import pythons
 import targets
 from targets import TARGETS, Target
 
@@ -31,8 +33,14 @@ from lab.base.usage import Parser, output
 
 ROOT = Path(__file__).resolve().parents[2]
 
-CARGO = ["--manifest-path", str(ROOT / "native" / "Cargo.toml"), "--release"]
-"""Options of cargo. With the profile of the wheels, their compiled crates serve the tests, too."""
+CARGO = ["--manifest-path", str(ROOT / "native" / "Cargo.toml")]
+"""Options of cargo for tests and answers, which share the compiled crates.
+
+A wheel's differ from them in features of libraries: those that PyO3 and NumPy need, and those of proptest.
+"""
+
+FEATURES = ["--features", "halfspace_geom/strategies"]
+"""The feature of a crate that is on in tests, for the example program."""
 
 NOT_TESTED = ("halfspace_python", "halfspace_benches")
 """Crates without tests of their own, as in `scripts/test.py`."""
@@ -76,16 +84,31 @@ def prepare(target: Target) -> None:
 
 def test(target: Target, filters: Sequence[str]) -> None:
     """Run the tests of all crates for a system, those whose names contain a filter. Raises CrossError, TargetError."""
-    words = ["cargo", "test", *CARGO, "--workspace", "--target", target.triple, "--tests", "--no-fail-fast"]
+    words = ["cargo", "test", *CARGO, "--release", "--workspace", "--target", target.triple, "--tests"]
+    words += ["--no-fail-fast"]
     words += [word for name in NOT_TESTED for word in ("--exclude", name)]
     run([*words, "--", *filters], targets.variables(target, run=True))
 
 
 def answers(target: Target, rays: int) -> list[str]:
     """The lines of the example program for a system. Raises CrossError or TargetError."""
-    where = [] if target.is_here else ["--target", target.triple]
-    words = ["cargo", "run", *CARGO, *where, "--example", "answers", "--", str(rays)]
+    # On this system the tests have the profile of development.
+    where = [] if target.is_here else ["--release", "--target", target.triple]
+    words = ["cargo", "run", *CARGO, *FEATURES, *where, "--example", "answers", "--", str(rays)]
     return run(words, targets.variables(target, run=True), captured=True).splitlines()
+
+
+def module(target: Target, rays: int) -> dict[str, list[str]]:
+    """What `answers.py` prints in this Python, and in one of another system with its wheel, by name of the system.
+
+    Raises CrossError, and the errors of `package.portable_wheel` and `pythons.make`.
+    """
+    words = [str(ROOT / "scripts" / "systems" / "answers.py"), "--rays", str(rays)]
+    theirs = pythons.make(target)
+    pythons.add(target, package.portable_wheel(target.name))
+    found = {targets.here(): run([sys.executable, *words], {}, captured=True).splitlines()}
+    found[target.name] = run([*theirs, *words], target.variables, captured=True).splitlines()
+    return found
 
 
 def table(lines: Sequence[str]) -> dict[str, list[str]]:
@@ -129,6 +152,7 @@ def main(arguments: Sequence[str]) -> int:
         ("wheel", "build the wheel"),
         ("test", "run the tests"),
         ("answers", "compare"),
+        ("module", "compare what the wheel answers"),
     ):
         one = commands.add_parser(name, help=text)
         one.add_argument("system", choices=list(TARGETS))
@@ -136,7 +160,7 @@ def main(arguments: Sequence[str]) -> int:
             one.add_argument("--out", type=output, default=ROOT / "build" / "wheels", help="default: build/wheels")
         if name == "test":
             one.add_argument("filters", nargs="*", help="run only tests whose names contain one of these")
-        if name == "answers":
+        if name in ("answers", "module"):
             one.add_argument("--rays", type=int, default=1_000_000, help="number of rays (default: 1000000)")
     files = commands.add_parser("agree", help="compare files")
     files.add_argument("files", type=Path, nargs="+")
@@ -157,6 +181,8 @@ def chosen(asked: argparse.Namespace) -> int:
         print(shutil.copy2(package.portable_wheel(target.name), asked.out))
     elif asked.command == "test":
         test(target, asked.filters)
+    elif asked.command == "module":
+        return agree(module(target, asked.rays))
     else:
         here = TARGETS[targets.here()]
         return agree({one.name: answers(one, asked.rays) for one in (here, target)})

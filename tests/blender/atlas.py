@@ -101,11 +101,17 @@ _compared: list[str] = []
 """Types of the nodes of the pictures that `both` made last."""
 
 
+def remember_nodes() -> None:
+    """Keep the types of the nodes of all materials and lights in use, for the record of the next comparison."""
+    blocks = [*bpy.data.materials, *bpy.data.lights]
+    trees = [block.node_tree for block in blocks if block.users and block.node_tree]
+    _compared[:] = sorted({node.bl_idname for tree in trees for node in tree.nodes})
+
+
 def both(scene: Any, makers: Mapping[str, Maker], *, samples: int, bounces: int) -> tuple[Tiles, Tiles]:
     """The tiles of this engine and of Cycles."""
     configure(scene, samples, bounces)
-    trees = [material.node_tree for material in bpy.data.materials if material.users and material.node_tree]
-    _compared[:] = sorted({node.bl_idname for tree in trees for node in tree.nodes})
+    remember_nodes()
     return rendered(scene, makers, ENGINE), rendered(scene, makers, "CYCLES")
 
 

@@ -45,7 +45,17 @@ and more where the tile has a pattern. They stand in `tests/blender`.
 """
 
 STRUCTURE = frozenset(
-    f"ShaderNode{name}" for name in ("AddShader", "Group", "MixShader", "OutputAOV", "OutputMaterial", "OutputWorld")
+    f"ShaderNode{name}"
+    for name in (
+        "AddShader",
+        "BsdfRayPortal",
+        "Group",
+        "MixShader",
+        "OutputAOV",
+        "OutputLight",
+        "OutputMaterial",
+        "OutputWorld",
+    )
 )
 """Nodes that the reader of trees follows itself."""
 
@@ -60,14 +70,11 @@ IN_PART = frozenset(
     for name in (
         "Attribute",
         "BsdfPrincipled",
-        "Bump",
         "CameraData",
-        "HairInfo",
-        "LightPath",
-        "Mix",
         "NewGeometry",
         "NormalMap",
         "ObjectInfo",
+        "Raycast",
         "TexCoord",
         "TexSky",
         "VectorTransform",

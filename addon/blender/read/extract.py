@@ -18,6 +18,7 @@ from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, 
 from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
 from .displacement import applying
+from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
 from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
@@ -42,8 +43,9 @@ RAYS = {
     "glossy": "visible_glossy",
     "transmission": "visible_transmission",
     "volume": "visible_volume_scatter",
+    "raycast": "visible_raycast",
 }
-"""The kinds of rays that an object can be hidden from, with Blender's settings."""
+"""The kinds of rays that an object can be hidden from, with Blender's settings; before 5.1 without the last."""
 
 
 @dataclass
@@ -73,6 +75,7 @@ class Found:
     """Lines on hair and points: what was made into how many triangles."""
     mattes: Mattes | None = None
     media: bool = False
+    apart: bool = False
     grids: tuple[Voxels, ...] = ()
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
@@ -95,8 +98,8 @@ class Found:
 
     def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
-        # Media are told apart by their objects.
-        objects = self.objects or self.media
+        # Media, and surfaces that rays of programs meet, are told apart by their objects.
+        objects = self.objects or self.media or self.apart
         return self._scene(
             meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin)
         )
@@ -145,13 +148,7 @@ def find(
     # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if space is None or instance.object.visible_in_viewport_get(space):
-            reader.visit(
-                instance.object,
-                instance.matrix_world,
-                instance.parent if instance.is_instance else None,
-                instance.random_id,
-                (instance.show_self, instance.show_particles),
-            )
+            reader.visit(instance)
     placements = reader.placements()
     reader.note_layers()
     # Read the world after the materials, because both share the gallery of images.
@@ -163,6 +160,7 @@ def find(
         reader.palette.gallery,
         wait=sky == WAIT,
         keep_going=keep_going,
+        wanted=wanted.outputs,
     )
     group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
     return Found(
@@ -171,12 +169,13 @@ def find(
         lights=(*reader.lights, *(replace(sun, group=group) for sun in suns)),
         world=replace(background, group=group),
         numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
-        images=reader.palette.images(shown),
+        images=reader.palette.images(shown | reader.light_images),
         layers=tuple(reader.palette.layers.keys),
         objects=reader.palette.layers.objects,
         made=tuple(reader.strands.made),
         mattes=Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
         media=reader.palette.layers.media,
+        apart=reader.palette.layers.apart,
         grids=tuple(reader.grids),
     )
 
@@ -190,7 +189,9 @@ class _Reader:
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
         owners = (layer, scene, scene.world)
         self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
+        self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
         self.lights: list[Light] = []
+        self.light_images: set[int] = set()
         self.object_numbers: dict[str, float] = {}
         self.object_groups: dict[str, int] = {}
         self._group_numbers = wanted.groups
@@ -210,40 +211,36 @@ class _Reader:
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
-    def visit(
-        self, item: Any, matrix_world: Any, parent: Any = None, number: int = 0, shown: tuple[bool, bool] = (True, True)
-    ) -> None:
-        """Read one object at one place; `parent` is its instancer, if any, and `number` random for each instance.
-
-        shown: whether the object itself is visible, and its particles.
-        """
-        kind = item.type
-        matrix = np.array(matrix_world, np.float64)
+    def visit(self, placed: Any) -> None:
+        """Read one instance of the depsgraph: an object at one place."""
+        item, parent = placed.object, placed.parent if placed.is_instance else None
+        shown, kind = (placed.show_self, placed.show_particles), item.type
+        matrix = np.array(placed.matrix_world, np.float64)
+        given = self.instancing.of(placed)
+        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id, given=given)
         if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
-            instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
             self._place_round(instance, matrix, self._seen(item, parent), hair=True)
         if not shown[0]:
             return
         if kind in ROUND_TYPES:
             if self._strands or kind != "CURVES":
-                instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
                 self._place_round(instance, matrix, self._seen(item, parent))
         elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
             if self._surfaces:
-                instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number)
                 self._place(instance, matrix, self._seen(item, parent))
         elif kind == "LIGHT":
-            light = lights.read_light(item, matrix, self.notes)
+            light, used = lights.read_light(instance, matrix, self.notes, self.palette.gallery)
             if light is not None:
+                self.light_images |= used
                 receivers, blockers = self._linking.of_light(item)
                 group = self._group_numbers.get(item.lightgroup, 0)
                 hidden = _hidden(item, parent)
                 light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
                 self.lights.append(light)
         elif kind == "VOLUME" and self._clouds:
-            self._place_volume(item, matrix, parent, number)
+            self._place_volume(instance, matrix)
 
     def placements(self) -> list[meshes.Placement]:
         """The placements, in order of appearance, those of hair and points last."""
@@ -318,8 +315,9 @@ class _Reader:
         group.names.append(item.name_full)
         group.values.append(instance.values(self.palette.layers.object_values))
 
-    def _place_volume(self, item: Any, matrix: np.ndarray[Any, Any], parent: Any, number: int) -> None:
+    def _place_volume(self, instance: Instance, matrix: np.ndarray[Any, Any]) -> None:
         """Add the box around the grids of a volume object."""
+        item, parent = instance.item, instance.parent
         data, name = item.data, item.name_full
         self._check_once(item, name)
         key = ("volume", data.as_pointer())
@@ -340,8 +338,8 @@ class _Reader:
         group.matrices.append(matrix)
         group.names.append(name)
         scale = {DENSITY_SCALE: grids.density_scale(matrix, data)}
-        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), number, self._grid_numbers[key] | scale)
-        group.values.append(instance.values(self.palette.layers.object_values))
+        values = replace(instance, grids=self._grid_numbers[key] | scale)
+        group.values.append(values.values(self.palette.layers.object_values))
 
     def _is_hole(self, instance: Instance) -> bool:
         """Whether an instance is a holdout, as its instancer is, if any, or a collection of that."""
@@ -434,4 +432,4 @@ def _topmost(item: Any) -> Any:
 def _hidden(item: Any, parent: Any) -> Hidden:
     """The rays that ignore an object; those that its instancer ignores are included."""
     both = [item] if parent is None else [item, parent]
-    return tuple(ray for ray, setting in RAYS.items() if not all(getattr(one, setting) for one in both))
+    return tuple(ray for ray, setting in RAYS.items() if not all(getattr(one, setting, True) for one in both))

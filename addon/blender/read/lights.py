@@ -4,17 +4,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.scene.scene import RGB, Light
-from .nodes import Place, Unsupported, active_tree, color, number, output_node, scaled
+from ...core.scene.scene import RGB, Light, ObjectFrame
+from .images import Gallery
+from .nodes import Place, Unsupported, active_tree, output_node, scaled
+from .object_values import is_regular
+from .surfaces import Surface
+from .values import Layers, Values
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
+    from .object_values import Instance
 
 
 EVEN = 1e-6
@@ -24,21 +29,25 @@ FLAT = 1e-12
 """Determinant below which axes of at most unit length are treated as coplanar."""
 
 
-def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
-    """A light object at one place in the world; None if it emits no light."""
-    data, name = item.data, item.name_full
+def read_light(
+    instance: Instance, matrix: F64, notes: Notes, gallery: Gallery | None = None
+) -> tuple[Light | None, frozenset[int]]:
+    """A light object at one place in the world, None if it emits no light, and the numbers of the images it uses."""
+    nothing: tuple[None, frozenset[int]] = (None, frozenset())
+    data, name = instance.item.data, instance.item.name_full
     if data.type == "AREA" and getattr(getattr(data, "cycles", None), "is_portal", False):
-        return None  # a portal only guides Cycles's sampling of the world
+        return nothing  # a portal only guides Cycles's sampling of the world
     if not np.isfinite(matrix).all():
         notes.add("Dropped, the transform is not finite", name)
-        return None
+        return nothing
     # Combine colour, energy, exposure, temperature and nodes to the power.
     to_world, scale = _without_scale(matrix)
     power = scaled(tuple(data.color), data.energy * 2.0**data.exposure)
     if data.use_temperature:
         power = _times(power, tuple(data.temperature_color))
-    power = _times(power, _node_strength(data, name, notes))
-    light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name)
+    factor, program, images = _shaded(instance, matrix, notes, gallery or Gallery())
+    power = _times(power, factor)
+    light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name, **program)
     # Add the shape of each type.
     match data.type:
         case "POINT" | "SPOT":
@@ -56,14 +65,20 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
             light = replace(light, spread=min(max(data.spread, 0.0), math.pi))
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
-    return light if any(light.power) else None
+    return (light, images) if any(light.power) else nothing
 
 
 def moved(light: Light, origin: F64) -> Light:
     """The light in the frame with this origin."""
     to_world = light.to_world.copy()
     to_world[:3, 3] -= origin
-    return replace(light, to_world=to_world)
+    frames = tuple({**frame, "to_object": _shifted(frame["to_object"], origin)} for frame in light.frame)
+    return replace(light, to_world=to_world, frame=frames)
+
+
+def _shifted(rows: tuple[tuple[float, ...], ...], origin: F64) -> tuple[tuple[float, ...], ...]:
+    """A transform from the world, (3, 4), as one from the frame with this origin."""
+    return tuple((*row[:3], row[3] + float(np.dot(row[:3], origin))) for row in rows)
 
 
 def _extent(light: Light) -> float:
@@ -97,31 +112,43 @@ def _is_flat(matrix: F64) -> bool:
     return bool(abs(np.linalg.det(axes)) < FLAT)
 
 
-def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
-    """The factor of the light's own nodes: an Emission node with constants, or 1."""
-    white = (1.0, 1.0, 1.0)
+def _shaded(
+    instance: Instance, matrix: F64, notes: Notes, gallery: Gallery
+) -> tuple[RGB, dict[str, Any], frozenset[int]]:
+    """The factor of the light's own nodes, their program if it varies, as fields of `Light`, and its images."""
+    data, name = instance.item.data, instance.item.name_full
+    white, black = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
     tree = active_tree(data)
     if tree is None:
-        return white
+        return white, {}, frozenset()
+    output = output_node(tree)
+    if output is None:
+        return black, {}, frozenset()
 
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in light", name)
 
-    # Follow the output's surface to an Emission node.
-    output = output_node(tree)
-    if output is None:
-        return (0.0, 0.0, 0.0)
+    # Read the surface; everything unsupported leaves the light as it is without nodes.
+    values = Values(Layers(), gallery, remark)
+    values.lamp, values.far = True, data.type == "SUN"
+    surface = Surface(values, white)
     try:
-        emission = Place(output.inputs["Surface"]).source()
+        surface.read(Place(output.inputs["Surface"]))
+        total = surface.total()
     except Unsupported as unsupported:
         remark(str(unsupported))
-        return white
-    if not emission.socket.is_output:
-        return (0.0, 0.0, 0.0)
-    if emission.node.bl_idname != "ShaderNodeEmission":
-        remark(emission.node.bl_label)
-        return white
-    return scaled(color(emission.input("Color"), remark), number(emission.input("Strength"), remark))
+        return white, {}, frozenset()
+    if total is None:
+        return black if not surface.closures else white, {}, frozenset()
+    if not isinstance(total, int):
+        r, g, b = total[:3]
+        return (float(r), float(g), float(b)), {}, frozenset()
+    # The light's own space includes its scale, unless that is 0.
+    own = matrix if is_regular(matrix) else _without_scale(matrix)[0]
+    rows = tuple(tuple(float(x) for x in row) for row in np.linalg.inv(own)[:3])
+    frame = ObjectFrame(rows, ((0.0,) * 3, (1.0,) * 3), instance.values(values.layers.object_values))
+    program = {"program": tuple(values.steps), "radiance": total, "frame": (asdict(frame),)}
+    return white, program, frozenset(values.images)
 
 
 def _times(a: RGB, b: RGB) -> RGB:

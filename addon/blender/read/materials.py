@@ -32,6 +32,9 @@ UNSUPPORTED = "is not supported yet in material"
 CLEAR = (Closure("transparent", {"weight": 1.0, "color": (1.0, 1.0, 1.0)}),)
 """The surface of a material that has only a volume: light passes it unchanged."""
 
+NOTHING = (Closure("transparent", {"weight": 0.0}),)
+"""A surface that neither scatters nor emits, such as that around a portal."""
+
 BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
 """A material without a surface shader: absorbs everything, emits nothing."""
 
@@ -227,12 +230,13 @@ def _surface(material: Any, values: Values) -> Material:
     except Unsupported as unsupported:
         values.remark(str(unsupported))
         return viewport
-    if not surface.closures:
+    if not surface.closures and not surface.portals:
         return _black(name)
-    closures = surface.closures
+    closures = surface.closures or list(NOTHING)
     if programs.method(material) == "BUMP":
         closures = programs.bumped(closures, output, values)
-    return Material(name, closures=tuple(closures), program=tuple(values.steps))
+    portals = tuple(surface.portals)
+    return Material(name, closures=tuple(closures), program=tuple(values.steps), portals=portals)
 
 
 def _black(name: str) -> Material:

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 Key = tuple[str, str]
-"""The kind of a value, INFO, OBJECT, INSTANCER or GRID, and its name."""
+"""The kind of a value, INFO, OBJECT, INSTANCER, PARTICLE, PLACE or GRID, and its name."""
 
 Value = tuple[float, float, float, float]
 
 INFO, OBJECT, INSTANCER = "INFO", "OBJECT", "INSTANCER"
+
+PARTICLE, PLACE = "PARTICLE", "PLACE"
+"""Values of the particle at whose place an instance stands, and of that place on the instancer."""
 
 GRID, DENSITY_SCALE = "GRID", ""
 """The number of a grid by its name, counted from 1, and the factor on the coefficients of volumes."""
@@ -28,7 +31,7 @@ THIN = 1e-6
 @dataclass(frozen=True)
 class Instance:
     """An evaluated object at one place. parent: its instancer, if any. number: the instance's random number.
-    grids: values of the kind GRID.
+    grids: values of the kind GRID. given: those of `instancing.Instancing`.
     """
 
     item: Any
@@ -36,6 +39,7 @@ class Instance:
     location: tuple[float, ...]
     number: int = 0
     grids: Mapping[str, float] = field(default_factory=lambda: {DENSITY_SCALE: 1.0})
+    given: Mapping[Key, Value] = field(default_factory=dict)
 
     def values(self, keys: Sequence[Key]) -> tuple[Value, ...]:
         """The values of these keys; 0 where there is none."""
@@ -43,6 +47,11 @@ class Instance:
 
     def _value(self, kind: str, name: str) -> Value | None:
         item = self.item
+        if (kind, name) in self.given:
+            return self.given[kind, name]
+        if kind in (PARTICLE, PLACE):
+            # Objects without a particle have the number 0, which has a random number, too.
+            return as_value(hashed(0) / MASK) if (kind, name) == (PARTICLE, "Random") else None
         if kind == GRID:
             return as_value(self.grids.get(name, 0.0))
         if kind == INFO:
@@ -54,8 +63,8 @@ class Instance:
                 case "Object Index":
                     return as_value(item.pass_index)
             return as_value(self._random())
-        owner = self.parent if kind == INSTANCER and self.parent is not None else item
-        return found([owner, owner.data], name)
+        parents = [self.parent, self.parent.data] if kind == INSTANCER and self.parent is not None else []
+        return found([*parents, item, item.data], name)
 
     def _random(self) -> float:
         """The random number that Cycles gives an object: by its name, or by the number of an instance."""

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import bpy
+
 from ...core.scene.hair import absorption_of_melanin, colour_of_absorption
 from ...core.scene.scene import Closure
 from .nodes import Place, Unsupported
@@ -16,8 +18,11 @@ from .values import Values
 if TYPE_CHECKING:
     from ...core.scene.scene import Operand
 
-IGNORED_LAYERS = {"Subsurface Weight": 0.0}
-"""Inputs of the Principled BSDF that are not rendered, with the value at which they have no effect."""
+WALKS = {"RANDOM_WALK_SKIN": "random_walk_skin", "RANDOM_WALK_LEGACY": "random_walk_legacy", "BURLEY": "random_walk_legacy"}
+"""Methods of subsurface scattering other than Random Walk, by Blender's names. Random walks took the radius of Burley's
+diffusion profile before Blender 5.2, which has a method for that."""
+
+METHODS_OF_BLENDER = bpy.types.ShaderNodeSubsurfaceScattering.bl_rna.properties["falloff"].enum_items.keys()
 
 DISTRIBUTIONS = {"BECKMANN": "beckmann", "ASHIKHMIN_SHIRLEY": "ashikhmin_shirley"}
 """Distributions of facets other than GGX, by Blender's names."""
@@ -41,6 +46,7 @@ class Surface:
     viewport: tuple[float, ...]
     closures: list[Closure] = field(default_factory=list)
     followed: int = 0
+    portals: list[tuple[Operand, Operand, Operand]] = field(default_factory=list)
 
     def remark(self, what: str) -> None:
         """Note an unsupported feature."""
@@ -62,12 +68,25 @@ class Surface:
             case "ShaderNodeAddShader":
                 for socket in source.node.inputs[:2]:
                     self.read(source.beside(socket), weight, depth + 1)
+            case "ShaderNodeBsdfRayPortal":
+                self._portal(source, weight)
             case kind if kind in SHADERS:
                 # Check this before reading its inputs, which may be long chains.
                 if self._has_room(principled=kind in PRINCIPLED):
                     SHADERS[kind](self, source, weight)
             case kind:
                 self._unknown(kind, source, weight)
+
+    def _portal(self, node: Place, weight: Operand) -> None:
+        """Read a Ray Portal BSDF: its colour multiplied by the weight, position and direction."""
+        if len(self.portals) >= MOST_CLOSURES:
+            self.remark(f"More than {MOST_CLOSURES} portals")
+            return
+        place = node.input("Position")
+        elsewhere = place is not None and place.source() != place
+        position = self.values.input(node, "Position") if elsewhere else self.values.coordinate("position")
+        direction = self.values.input(node, "Direction")
+        self.portals.append((self.emitted(self.color(node), weight), position, direction))
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
@@ -114,10 +133,39 @@ class Surface:
             return tuple(c * strength for c in color[:3])
         return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
 
+    def total(self) -> Any:
+        """The sum of what all shaders emit, as a colour or a step; None without any. Raises Unsupported.
+
+        Background and emission are equivalent here; shaders that scatter have no meaning for worlds and lights.
+        """
+        total: Any = None
+        for closure in self.closures:
+            if closure.kind != "emission":
+                self.remark(f"A {closure.kind} shader")
+                continue
+            part = self.emitted(closure.inputs["emission"], closure.inputs["weight"])
+            part = (part,) * 3 if isinstance(part, float) else part
+            if total is None:
+                total = part
+            elif isinstance(total, tuple) and isinstance(part, tuple):
+                total = tuple(a + b for a, b in zip(total, part, strict=False))
+            else:
+                total = self.values.step("vector_math", total, part, 0.0, kind="ADD")
+        return total
+
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
         """Append a closure. Needs a preceding `_has_room`."""
         normal = self.vector(node, "Normal")
         self.closures.append(Closure(kind, {"weight": weight, **inputs}, normal, multiscatter))
+
+    def walks(self, node: Place, method: str) -> None:
+        """Let light scatter below the last closure by this method of the node."""
+        if method == "BURLEY":
+            self.remark(f"{node.node.bl_label}: Christensen-Burley (rendered as a random walk)")
+        older = "RANDOM_WALK_LEGACY" not in METHODS_OF_BLENDER
+        usual = "random_walk_legacy" if older else "random_walk"
+        self.closures[-1] = replace(self.closures[-1], method=WALKS.get(method, usual))
+        self.values.layers.media = True
 
     def add_facets(self, kind: str, weight: Operand, node: Place, **inputs: Operand) -> None:
         """Append a closure with the node's distribution of facets. Needs a preceding `_has_room`."""
@@ -180,11 +228,6 @@ def _pigments(node: Any) -> tuple[float, ...] | None:
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
-    # Note layers that are not rendered, where they have an effect.
-    for name, idle in IGNORED_LAYERS.items():
-        layer = node.input(name)
-        if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
-            surface.remark(f"Principled BSDF: {name}")
     thin = node.input("Thin Wall")
     if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
         surface.remark("Principled BSDF: Thin Wall")
@@ -201,6 +244,11 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         more["sheen_weight"] = sheen
         more["sheen_roughness"] = values.input(node, "Sheen Roughness", 0.5)
         more["sheen_tint"] = values.input(node, "Sheen Tint", (1.0, 1.0, 1.0))
+    below = values.input(node, "Subsurface Weight")
+    if not is_constant(below, 0.0):
+        more["subsurface_weight"] = below
+        for key in ("Radius", "Scale", "IOR", "Anisotropy"):
+            more[f"subsurface_{key.lower()}"] = values.input(node, f"Subsurface {key}")
     surface.add(
         "principled",
         weight,
@@ -222,6 +270,24 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         diffuse_roughness=values.input(node, "Diffuse Roughness"),
         **more,
     )
+    if "subsurface_weight" in more:
+        surface.walks(node, node.node.subsurface_method)
+
+
+def _subsurface(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    surface.add(
+        "subsurface",
+        weight,
+        node,
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness", 1.0),
+        subsurface_radius=values.input(node, "Radius"),
+        subsurface_scale=values.input(node, "Scale"),
+        subsurface_ior=values.input(node, "IOR"),
+        subsurface_anisotropy=values.input(node, "Anisotropy"),
+    )
+    surface.walks(node, node.node.falloff)
 
 
 def _diffuse(surface: Surface, node: Place, weight: Operand) -> None:
@@ -321,6 +387,7 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfRefraction": _refraction,
     "ShaderNodeBsdfSheen": _sheen,
     "ShaderNodeBsdfToon": _toon,
+    "ShaderNodeSubsurfaceScattering": _subsurface,
     "ShaderNodeHoldout": _holdout,
     "ShaderNodeEmission": _emission,
     "ShaderNodeBackground": _emission,

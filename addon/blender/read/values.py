@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 
 from .nodes import NUMBERS, Place, Remark, Unsupported, converted
@@ -24,17 +25,21 @@ if TYPE_CHECKING:
 DEEPEST = 100
 """Longest chain of nodes that is followed; a recursion reads each."""
 
+WHOLE = 10.0
+"""Distance of ambient occlusion without a world, Blender's default for worlds."""
+
 MOST_STEPS = 4096
 """Limit of the native module. Nested groups that use each other twice double the steps at each level."""
 
 
 class Layers:
-    """The numbered layers that all materials read."""
+    """The numbered layers that all materials read. apart: whether rays of programs need to tell objects apart."""
 
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
         self.media = False
+        self.apart = False
         self.grids = False
         self.object_values: list[Key] = []
 
@@ -70,7 +75,7 @@ class Values:
 
         sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
         program. material_index: that of the material. owners: data blocks whose properties are attributes of the view
-        layer.
+        layer. lamp: for a light. far: for one at an infinite distance.
         """
         self.steps: list[Step] = []
         self.images: set[int] = set()
@@ -78,6 +83,7 @@ class Values:
         self.wait, self.keep_going = wait, keep_going
         self.material_index = 0.0
         self.volume = False
+        self.lamp = self.far = False
         self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
@@ -100,6 +106,8 @@ class Values:
 
     def coordinate(self, kind: str) -> int:
         """The step for a property of the shading point, such as its position."""
+        if self.lamp and kind in ("camera", "window", "view_vector", "view_depth", "view_distance"):
+            raise Unsupported("A coordinate of the camera in a light")
         if (
             kind in ("object", "generated", "object_normal", "tangent_x", "tangent_y", "tangent_z")
             and not self.background
@@ -111,6 +119,8 @@ class Values:
         """The step for the value of a layer at the shading point; in volumes that of a grid."""
         if self.volume:
             return self.grid(name, 0.0)
+        if self.lamp:
+            return self.coordinate("parametric") if kind == UV else (0.0, 0.0, 0.0, 0.0)
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number, **self._shift))
 
@@ -133,14 +143,23 @@ class Values:
         return found(self.owners, name) or (0.0, 0.0, 0.0, 0.0)
 
     def object_space(self, item: Any) -> Operand:
-        """The position in the space of another object."""
-        if self.background:
-            raise Unsupported("Texture Coordinate: Object of another object in a world")
+        """The position in the space of another object; in worlds the direction is the position."""
         matrix = np.array(item.matrix_world, np.float64)
         if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-30:
             raise Unsupported("Texture Coordinate: Object of an object without size")
         rows = np.linalg.inv(matrix)[:3].tolist()
         return self.step("matrix", self.coordinate("position"), matrix=rows)
+
+    @property
+    def occlusion_distance(self) -> float:
+        """The distance of ambient occlusion that the world has."""
+        world = next((owner for owner in self.owners if isinstance(owner, bpy.types.World)), None)
+        return WHOLE if world is None else float(world.light_settings.distance)
+
+    @property
+    def shift(self) -> dict[str, Any]:
+        """Settings of steps that are computed beside the shading point."""
+        return self._shift
 
     @property
     def shifted(self) -> bool:
@@ -155,6 +174,15 @@ class Values:
             yield
         finally:
             self._shift = {}
+
+    @contextmanager
+    def here(self) -> Iterator[None]:
+        """Compute values at the shading point meanwhile."""
+        shift, self._shift = self._shift, {}
+        try:
+            yield
+        finally:
+            self._shift = shift
 
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
         """The value of a node's input; `absent` if this version of Blender has no such input."""
@@ -177,7 +205,7 @@ class Values:
         try:
             source = place.source()
             is_constant = not source.socket.is_output
-            operand = self._finite(constant(source.socket), place) if is_constant else self._output(source)
+            operand = self._finite(constant(source.socket), place) if is_constant else self.output(source)
             have = source.socket.type
             for want in (*source.through, place.socket.type):
                 operand, have = self._converted(operand, have, want), want
@@ -193,7 +221,7 @@ class Values:
         self.remark(f"A value that is not finite, in {place.socket.name},")
         return 0.0
 
-    def _output(self, source: Place) -> Operand:
+    def output(self, source: Place) -> Operand:
         """The operand for an output of a node, whose steps are written once. Raises Unsupported."""
         node, socket = source.node, source.socket
         groups = tuple(group.as_pointer() for group in source.groups)
@@ -231,6 +259,11 @@ class Values:
         if want not in NUMBERS or have in NUMBERS:
             return operand
         return self.step("luminance" if have == "RGBA" else "mean", operand)
+
+    def once_of(self, node: Place, key: str, write: Callable[[], int]) -> int:
+        """Like `once`, for a step that several outputs of a node share."""
+        groups = tuple(group.as_pointer() for group in node.groups)
+        return self.once((groups, node.node.as_pointer(), key), write)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:
         """The number of the step that `write` appends, called once per key and shift."""

@@ -12,6 +12,7 @@ from .images import Gallery
 from .media.volumes import Volume, varies
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
+from .value_nodes import outputs
 from .values import Layers, Values
 
 if TYPE_CHECKING:
@@ -35,14 +36,16 @@ def read_world(
     *,
     wait: bool = True,
     keep_going: Callable[[], bool] | None = None,
+    wanted: outputs.Outputs | None = None,
 ) -> tuple[World, set[int], list[Light]]:
     """The background, the numbers of the images it uses, and those of its suns that are lights.
 
     wait: whether to wait for a Sky Texture. keep_going: polled meanwhile; if it returns False, raises Cancelled.
+    wanted: the passes that worlds write.
 
     Unsupported nodes are noted in `notes` and replaced by their defaults.
     """
-    found, images, suns = _read(world, notes, gallery, wait, keep_going)
+    found, images, suns = _read(world, notes, gallery, wait, keep_going, wanted or {})
     # Cycles stores these with the world, if it is enabled.
     flags = getattr(world, "cycles_visibility", None)
     hidden = tuple(ray for ray, flag in RAYS.items() if not getattr(flags, flag, True))
@@ -50,7 +53,12 @@ def read_world(
 
 
 def _read(
-    world: Any, notes: Notes, gallery: Gallery | None, wait: bool, keep_going: Callable[[], bool] | None
+    world: Any,
+    notes: Notes,
+    gallery: Gallery | None,
+    wait: bool,
+    keep_going: Callable[[], bool] | None,
+    wanted: outputs.Outputs,
 ) -> tuple[World, set[int], list[Light]]:
     nothing: tuple[set[int], list[Light]] = (set(), [])
     if world is None:
@@ -73,16 +81,19 @@ def _read(
     values.sun_strength = _sky_strength(output)
     try:
         surface.read(Place(output.inputs["Surface"]))
-        total = _total(surface)
+        total = surface.total()
     except Unsupported as unsupported:
         remark(str(unsupported))
         return replace(plain, volume=volume), *nothing
     # Turn a constant sum into a colour, and keep a program otherwise.
-    if total is None:
-        return World(volume=volume), *nothing
-    if isinstance(total, tuple):
-        return World(_rgb(total), volume=volume), *nothing
-    return World((0.0, 0.0, 0.0), tuple(values.steps), total, volume=volume), values.images, values.suns
+    written = outputs.read(tree, values, wanted) if wanted else ()
+    program = tuple(values.steps) if written or isinstance(total, int) else ()
+    shown = World(program=program, outputs=written, volume=volume)
+    if isinstance(total, int):
+        shown = replace(shown, radiance=total)
+    elif total is not None:
+        shown = replace(shown, color=_rgb(total))
+    return shown, values.images, values.suns
 
 
 def _volume(output: Any, values: Values) -> Any:
@@ -98,24 +109,6 @@ def _volume(output: Any, values: Values) -> Any:
         values.remark(str(unsupported))
         return None
     return volume.as_dict()
-
-
-def _total(surface: Surface) -> Any:
-    """The sum of all shaders of a world, a colour or a step; None without any. Raises Unsupported."""
-    # Background and emission are equivalent here; other shaders have no meaning.
-    total: Any = None
-    for closure in surface.closures:
-        if closure.kind != "emission":
-            surface.remark(f"A {closure.kind} shader")
-            continue
-        part = surface.emitted(closure.inputs["emission"], closure.inputs["weight"])
-        if total is None:
-            total = part
-        elif isinstance(total, tuple) and isinstance(part, tuple):
-            total = tuple(a + b for a, b in zip(total, part, strict=False))
-        else:
-            total = surface.values.step("vector_math", total, part, 0.0, kind="ADD")
-    return total
 
 
 def _sky_strength(output: Any) -> float | None:

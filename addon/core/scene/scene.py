@@ -260,9 +260,10 @@ class Closure:
     """A shader node with its share of a material.
 
     kind: principled, diffuse, translucent, glossy, glass, refraction, conductor, sheen, velvet, toon_diffuse,
-    toon_glossy, transparent, emission or holdout. inputs: operands by name, including "weight"; missing ones have
-    Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
-    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley.
+    toon_glossy, subsurface, transparent, emission or holdout. inputs: operands by name, including "weight"; missing
+    ones have Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
+    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley. method: of subsurface
+    scattering: random_walk, random_walk_skin or random_walk_legacy.
     """
 
     kind: str
@@ -270,6 +271,7 @@ class Closure:
     normal: Operand | None = None
     multiscatter: bool = True
     distribution: str = "ggx"
+    method: str = "random_walk"
 
     @property
     def glows(self) -> bool:
@@ -286,6 +288,7 @@ class Closure:
             "normal": self.normal,
             "multiscatter": self.multiscatter,
             "distribution": self.distribution,
+            "method": self.method,
         }
 
 
@@ -295,7 +298,8 @@ class Material:
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
     blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
-    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show.
+    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show. portals:
+    colour, position and direction of each.
     """
 
     name: str
@@ -315,6 +319,7 @@ class Material:
     blocks: int = 0xFFFFFFFF
     hole: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
+    portals: tuple[tuple[Operand, Operand, Operand], ...] = ()
 
     @property
     def glows(self) -> bool:
@@ -334,7 +339,8 @@ class Light:
     power: linear RGB in W (sun: W/m²), Blender's energy × colour. radius, size, size_y in scene units; angle, spot_size
     (full cone) and spread in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE. sphere: whether point and
     spot lights are spheres, otherwise discs that face the receiver. receivers, blockers: the sets of objects that the
-    light shines on and that shade it, 1 to 31; 0 is all.
+    light shines on and that shade it, 1 to 31; 0 is all. If the light varies, `program` computes a factor on the power,
+    `radiance` is the operand with the result, and `frame` holds the fields of one ObjectFrame, the light's own space.
     """
 
     kind: str
@@ -354,6 +360,9 @@ class Light:
     receivers: int = 0
     blockers: int = 0
     group: int = 0
+    program: tuple[Step, ...] = ()
+    radiance: Operand | None = None
+    frame: tuple[Mapping[str, Any], ...] = ()
     # Excluded from comparison: a renamed lamp emits the same light.
     name: str = field(default="", compare=False)
 
@@ -369,7 +378,7 @@ class World:
     """The background; `color` is linear RGB and includes its strength.
 
     If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. group: as
-    of a light. volume: the medium everywhere outside, which does not vary.
+    of a light. volume: the medium everywhere outside, which does not vary. outputs: as of a material.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
@@ -378,6 +387,7 @@ class World:
     hidden_from: Hidden = ()
     group: int = 0
     volume: Volume | None = None
+    outputs: tuple[tuple[int, Operand], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,34 @@ fn orthographic_cameras_and_suns_see_what_brute_force_sees() {
     assert!(hits > 20_000, "{hits} hits");
 }
 
+/// Rays that cross a large wall at a small angle pass small triangles on the way, in later cells than the first in
+/// which the hit with the wall is found: a ray must go on up to that hit.
+#[test]
+fn rays_pass_all_cells_before_a_hit_far_behind_the_first() {
+    let mut random = Random(31);
+    let wall = [[-2.0, -1.5, -0.05], [2.0, -1.5, -0.05], [0.0, 4.0, 0.1]];
+    let mut corners: Vec<_> = wall.to_vec();
+    for _ in 0..250 {
+        let centre = random.point(-0.9, 0.9);
+        for _ in 0..3 {
+            let aside = random.point(-0.06, 0.06);
+            corners.push([0, 1, 2].map(|k| [1.0, 1.0, 0.15][k] * centre[k] + aside[k]));
+        }
+    }
+    let scene = soup(corners);
+    let brute = build(&scene, "brute");
+    for structure in structures(&scene) {
+        // Half of the distance to a hit lies before the scene, or well before the hit.
+        for (far, slope) in [(1.0, 0.1), (1.5, 0.06), (40.0, 0.15), (1.2, -0.1)] {
+            let rays = window([0.02, 1.0, slope], [80, 60], 0.8, far);
+            let name = format!("slope {slope} from {far}");
+            let [hits, nearest, _] = compare(&structure, &brute, &rays, &name);
+            assert!(hits > 300, "{name}: {hits} hits");
+            assert!(nearest < rays.len() as u64, "{name}: all rays went singly");
+        }
+    }
+}
+
 #[test]
 fn directions_along_axes_and_walls_answer_like_brute_force() {
     let scene = soup(grid(3, 0.2));

@@ -248,6 +248,7 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
             blockers: bytes.byte() % 32,
         },
         group: 1,
+        program: None,
     }
 }
 

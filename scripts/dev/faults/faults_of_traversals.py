@@ -313,6 +313,13 @@ TRAVERSALS = (
         _PARALLEL,
     ),
     Fault(
+        "parallel rays that end half way to a hit",
+        f"{_POLYGONS}/form.rs",
+        "self.interval(self.origin_of(rays, i), [far; 2])",
+        "self.interval(self.origin_of(rays, i), [0.5 * far; 2])",
+        ("beams", "parallel::rays_pass_all_cells_before_a_hit_far_behind_the_first"),
+    ),
+    Fault(
         "parallel rays that go on singly from another cell",
         f"{_POLYGONS}/form.rs",
         "(enter - self.origin_of(rays, i)) / self.scale",

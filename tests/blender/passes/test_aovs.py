@@ -14,7 +14,7 @@ import pytest
 from atlas import add as node
 from atlas import tile_material
 from exr_files import exr
-from shapes import cube, grid
+from shapes import cube, grid, with_nodes
 
 from addon.blender.render.engine import ENGINE
 
@@ -83,6 +83,30 @@ def test_materials_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -
         assert np.abs(ours[name] - theirs[name]).mean() < 0.01, name
         assert abs(ours[name].mean() - theirs[name].mean()) < 0.01 * np.abs(theirs[name]).mean(), name
     assert not ours["Unwritten.R"].any()
+
+
+def test_worlds_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -> None:
+    world = stage.world = bpy.data.worlds.new("World")
+    with_nodes(world)
+    tree = world.node_tree
+    color = node(tree, "OutputAOV")
+    color.aov_name = "Waves"
+    other = bpy.data.objects.new("Other", None)
+    other.location, other.rotation_euler, other.scale = (0.3, 0.2, -0.4), (0.4, 0.5, 0.6), (1.5, 2.0, 0.7)
+    stage.collection.objects.link(other)
+    tree.links.new(node(tree, "TexCoord", object=other).outputs["Object"], color.inputs["Color"])
+    number = node(tree, "OutputAOV")
+    number.aov_name, number.inputs["Value"].default_value = "Fade", 0.6
+    stage.camera.rotation_euler = (1.4, 0, 0)
+    atlas.configure(stage, 64, 1)
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        stage.render.engine = engine
+        found.append(exr(stage, tmp_path / f"{engine}.exr"))
+    ours, theirs = found
+    for name in ("Fade.X", "Waves.R", "Waves.G", "Waves.B", "Waves.A"):
+        assert theirs[name].std() > 0.05, name
+        assert np.abs(ours[name] - theirs[name]).mean() < 0.01, name
 
 
 def test_materials_stay_as_they_are_without_their_passes(stage: Any, tmp_path: Path) -> None:

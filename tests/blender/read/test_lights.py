@@ -140,7 +140,11 @@ def test_emission_nodes_of_a_light_multiply(add: Any) -> None:
     blackbody = data.node_tree.nodes.new("ShaderNodeBlackbody")
     data.node_tree.links.new(blackbody.outputs[0], emission.inputs["Color"])
     bpy.context.view_layer.update()
-    assert any("Blackbody" in line and "Noded" in line for line in read()[1])
+    found, notes = read()
+    assert notes == []
+    (light,) = found.lights
+    assert light.power == pytest.approx((10, 10, 10))
+    assert [step["op"] for step in light.program[:1]] == ["blackbody"]
 
 
 @pytest.mark.parametrize(("wall", "expected"), [("Float", 2.126), ("Int", 0), ("Bool", 10), ("Vector", (10, 0, 0))])

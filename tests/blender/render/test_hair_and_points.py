@@ -122,6 +122,23 @@ def test_particle_hair_with_children(add: Any, scene: Any) -> None:
     assert "Head: 120 hairs as" in report.made[0]
 
 
+def test_tangent_normals_of_hair_are_those_of_cycles(add: Any, scene: Any) -> None:
+    def link(tree: Any) -> Any:
+        shown = atlas.add(tree, "VectorMath", operation="MULTIPLY_ADD")
+        tree.links.new(atlas.add(tree, "HairInfo").outputs["Tangent Normal"], shown.inputs[0])
+        shown.inputs[1].default_value, shown.inputs[2].default_value = (0.5,) * 3, (0.5,) * 3
+        return shown.outputs[0]
+
+    curves = hair(locks(12), [0.2, 0.15, 0.1, 0.1, 0.05])
+    curves.materials.append(painted("Emission", link))
+    add("Curls", curves).rotation_euler = (0.2, 0.4, 0.3)
+    light(scene, 0)
+    atlas.remember_nodes()
+    ours, theirs = compared(scene)
+    assert_alike(ours, theirs, 0.5, alike=0.99)
+    assert not atlas.differences({"all": ours}, {"all": theirs})
+
+
 def test_values_of_hair_are_those_of_cycles(add: Any, scene: Any) -> None:
     names = ("Is Strand", "Intercept", "Length", "Thickness", "Random")
 

@@ -167,11 +167,69 @@ def bowl(output: str, kind: str, **settings: Any) -> atlas.Maker:
     return make
 
 
+def portal(color: tuple[float, ...], shift: tuple[float, ...], direction: tuple[float, ...]) -> atlas.Maker:
+    """A half transparent portal to a place beside the surface."""
+
+    def make(tree: Any) -> Any:
+        mix = add(tree, "MixShader")
+        mix.inputs[0].default_value = 0.7
+        elsewhere = add(tree, "VectorMath", operation="ADD")
+        tree.links.new(add(tree, "NewGeometry").outputs["Position"], elsewhere.inputs[0])
+        elsewhere.inputs[1].default_value = shift
+        node = add(tree, "BsdfRayPortal", Color=(*color, 1.0), Direction=direction)
+        tree.links.new(elsewhere.outputs[0], node.inputs["Position"])
+        tree.links.new(add(tree, "BsdfDiffuse").outputs[0], mix.inputs[1])
+        tree.links.new(node.outputs[0], mix.inputs[2])
+        return mix.outputs[0]
+
+    return make
+
+
+def seen_portals(tree: Any) -> Any:
+    """Emission that shows the number of portals on the way."""
+    return shown(tree, add(tree, "LightPath").outputs["Portal Depth"], 0.4, 0.2)
+
+
+def test_portals_are_those_of_cycles(scene: Any) -> None:
+    if not hasattr(bpy.types, "ShaderNodeBsdfRayPortal"):
+        pytest.skip("this Blender has no portals")
+    makers = {
+        "down": portal((0.9, 0.6, 0.3), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)),
+        "aside": portal((1.0, 1.0, 1.0), (0.2, 0.1, -0.5), (0.3, 0.2, -1.0)),
+        "up": portal((0.5, 0.9, 1.0), (0.0, 0.0, 0.5), (0.0, 0.5, 1.0)),
+        "here": portal((0.8, 0.8, 0.8), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        "absurd": portal((2.0, 1.0, 0.5), (3e38, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    }
+    atlas.sheet(scene, makers, grid(1))
+    for item in [item for item in scene.objects if item.type == "MESH"]:
+        item.scale = (0.5, 0.5, 1.0)
+    floor = bpy.data.objects.new("Floor", grid(1))
+    floor.location, floor.scale = (1.5, 1.0, -2.0), (4.0, 4.0, 1.0)
+    floor.data.materials.append(atlas.tile_material("Floor", seen_portals))
+    scene.collection.objects.link(floor)
+    world = scene.world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.rotation_euler = (0.3, 0.2, 0.0)
+    scene.collection.objects.link(sun)
+    ours, theirs = atlas.both(scene, makers, samples=256, bounces=2)
+    assert not atlas.differences(ours, theirs, alike=None)
+
+
 def test_properties_of_paths_are_those_of_cycles(scene: Any) -> None:
     makers = {
         f"{output} {kind}": bowl(output, kind, **settings)
         for output in ("Ray Length", "Ray Depth", "Diffuse Depth", "Glossy Depth", "Transparent Depth")
         for kind, settings in (("Diffuse", {}), ("Glossy", {"Roughness": 0.0}), ("Transparent", {}))
+    } | {
+        f"{output} {kind}": bowl(output, kind, **settings)
+        for output in ("Is Diffuse Ray", "Is Glossy Ray", "Is Reflection Ray", "Is Transmission Ray")
+        for kind, settings in (("Diffuse", {}), ("Translucent", {}), ("Refraction", {"Roughness": 0.5}))
+    }
+    makers |= {
+        f"Is Singular Ray {roughness}": bowl("Is Singular Ray", "Glossy", Roughness=roughness)
+        for roughness in (0.0, 0.4)
     }
     atlas.sheet(scene, makers, ball())
     for item in scene.objects:

@@ -65,6 +65,21 @@ def rings(tree: Any) -> Any:
     return texture.outputs["Color"]
 
 
+def bump_within(tree: Any) -> Any:
+    """A height that is noise and the facing of another bump's normal."""
+    inner, facing, total = (
+        add(tree, "Bump", Distance=0.2),
+        add(tree, "VectorMath", operation="DOT_PRODUCT"),
+        add(tree, "Math"),
+    )
+    tree.links.new(rings(tree), inner.inputs["Height"])
+    tree.links.new(inner.outputs[0], facing.inputs[0])
+    facing.inputs[1].default_value = (0.6, 0.0, 0.8)
+    tree.links.new(facing.outputs["Value"], total.inputs[0])
+    tree.links.new(noise(tree), total.inputs[1])
+    return total.outputs[0]
+
+
 def mixed(tree: Any) -> Any:
     mix = add(tree, "MixShader", Fac=0.4) if bpy.app.version < (5, 0) else add(tree, "MixShader", Factor=0.4)
     tree.links.new(add(tree, "BsdfTranslucent", Color=(0.2, 0.9, 0.3, 1)).outputs[0], mix.inputs[1])
@@ -180,6 +195,7 @@ BUMPS = {
     "weak": bumped("Diffuse", height=noise, bump={"Distance": 0.3, "Strength": 0.4}),
     "gloss": bumped("Glossy", height=noise, bump={"Distance": 0.1}, Roughness=0.3),
     "rings": bumped("Diffuse", height=rings, bump={"Distance": 0.03}),
+    "within": bumped("Diffuse", height=bump_within, bump={"Distance": 0.2}),
     "rough": bumped("Diffuse", height=noise, bump={"Distance": 0.2}, Roughness=0.8),
     "principled": bumped("Principled", height=noise, bump={"Distance": 0.15}, Roughness=0.4),
 }

@@ -118,10 +118,37 @@ def whites() -> Iterator[tuple[str, atlas.Maker]]:
             yield f"{dimensions} {output}", squares(dimensions, output)
 
 
-@pytest.mark.parametrize("family", [noises, cells, patterns, waves_in_windows, edges, whites])
+def radials() -> Iterator[tuple[str, atlas.Maker]]:
+    for output in ("Segment Coordinates", "Segment ID", "Segment Width", "Segment Rotation"):
+        for sides in (5.0, 3.4, 2.0, 6.7):
+            for roundness in (0.0, 0.4, 1.0):
+                for normalize in (False, True):
+                    if (sides == 2.0 and roundness == 0.4) or (normalize and output != "Segment Coordinates"):
+                        continue  # Blender's polygon of two sides has no rounded corners
+
+                    def make(
+                        tree: Any,
+                        output: str = output,
+                        settings: tuple[float, float] = (sides, roundness),
+                        normalize: bool = normalize,
+                    ) -> Any:
+                        tiling = add(tree, "RadialTiling", normalize=normalize)
+                        tiling.inputs["Sides"].default_value, tiling.inputs["Roundness"].default_value = settings
+                        tree.links.new(place(tree, 1.0), tiling.inputs["Vector"])
+                        shown = add(tree, "VectorMath", operation="MULTIPLY_ADD")
+                        tree.links.new(tiling.outputs[output], shown.inputs[0])
+                        shown.inputs[1].default_value, shown.inputs[2].default_value = (0.2,) * 3, (0.5,) * 3
+                        return shown.outputs[0]
+
+                    yield f"{output} {sides} {roundness} {normalize}", make
+
+
+@pytest.mark.parametrize("family", [noises, cells, patterns, waves_in_windows, edges, whites, radials])
 def test_textures_are_those_of_cycles(scene: Any, family: Any) -> None:
     if family is cells and bpy.app.version < (5, 0):
         pytest.skip("the points of Voronoi lie elsewhere than in Blender 4.5")
+    if family is radials and bpy.app.version < (5, 0):
+        pytest.skip("Blender 4.5 has no Radial Tiling")
     makers = dict(family())
     atlas.sheet(scene, makers, grid(1))
     for item in scene.objects:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import atlas
 import bpy
+import numpy as np
 import pytest
 from atlas import add, place
 from shapes import grid
@@ -201,6 +203,25 @@ def test_values_are_those_of_cycles(scene: Any, family: Any) -> None:
     report = reports.last(scene)
     assert report is not None
     assert not report.warnings
+
+
+def test_squeezed_values_are_a_logistic_curve(scene: Any) -> None:
+    """Cycles leaves the node out; EEVEE computes 1 / (1 + e^-((value - centre) width))."""
+    if not hasattr(bpy.types, "ShaderNodeSqueeze"):
+        pytest.skip("this Blender has no such node")
+    settings = [(0.3, 2.0, 0.1), (-4.0, 1.5, 0.5), (3e38, 3e38, 0.0)]
+    makers = {
+        str(values): lambda tree, values=values: add(
+            tree, "Squeeze", Value=values[0], Width=values[1], Center=values[2]
+        ).outputs[0]
+        for values in settings
+    }
+    flat(scene, makers)
+    atlas.configure(scene, 4, 0)
+    found = atlas.rendered(scene, makers, "HALFSPACE")
+    for value, width, centre in settings:
+        wanted = 1.0 if value > 1e30 else 1 / (1 + math.exp((centre - value) * width))
+        assert np.abs(found[str((value, width, centre))] - wanted).max() < 1e-5
 
 
 def test_colours_of_light_are_those_of_cycles(scene: Any) -> None:

@@ -79,6 +79,27 @@ def test_all_rows_are_kept_and_not_measured_twice(
     assert json.loads((out / "thesis.json").read_text(encoding="utf-8"))["rows"] == before
 
 
+def test_more_seeds_measure_only_their_own_rows(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = [str(scene), "--quick", "--no-figures", "--out", str(tmp_path / "out")]
+    assert command.main([*arguments, "--seeds", "1"]) == 0
+    whole, seeds = measure.row, []
+
+    def recorded(*given: Any) -> Any:
+        seeds.append(given[2].seed)
+        return whole(*given)
+
+    monkeypatch.setattr(measure, "row", recorded)
+    assert command.main([*arguments, "--seeds", "2"]) == 0
+    assert seeds
+    assert set(seeds) == {2}
+    # Another size of the view measures every row again.
+    seeds.clear()
+    assert command.main([*arguments, "--seeds", "1", "--size", "16x24", "--repeats", "2"]) == 0
+    assert 1 in seeds
+    document = json.loads((tmp_path / "out" / "thesis.json").read_text(encoding="utf-8"))
+    assert (document["options"]["size"], document["options"]["repeats"]) == ([16, 24], 2)
+
+
 def test_a_run_that_stops_loses_no_row(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = measure.row
     measured: list[plan.Tree] = []
@@ -190,6 +211,10 @@ def test_planes_are_counted_by_level() -> None:
         (["--structures", "bsp-wn,oak"], "unknown structure 'oak'"),
         (["no-such-scene"], "there is no such scene"),
         (["--published", "missing.json"], "--published: missing.json"),
+        (["--seeds", "0"], "--seeds: expected 1 to 100, got 0"),
+        (["--size", "64"], "--size: expected WIDTHxHEIGHT up to 16384, got '64'"),
+        (["--size", "64x0"], "--size: expected WIDTHxHEIGHT up to 16384, got '64x0'"),
+        (["--repeats", "0"], "--repeats: expected 1 to 1000, got 0"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(

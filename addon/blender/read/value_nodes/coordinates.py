@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..nodes import Place, Unsupported
+from ..object_values import PARTICLE, PLACE
 from .sockets import COLOR, ISLAND, POINTINESS, TANGENT, UV
 
 if TYPE_CHECKING:
@@ -38,13 +39,16 @@ _RAYS = {
     "Is Diffuse Ray": "diffuse_ray",
     "Is Glossy Ray": "glossy_ray",
     "Is Transmission Ray": "transmission_ray",
-    "Is Reflection Ray": "glossy_ray",
+    "Is Reflection Ray": "reflection_ray",
+    "Is Singular Ray": "singular_ray",
+    "Is Volume Scatter Ray": "volume_ray",
     "Ray Length": "ray_length",
     "Ray Depth": "ray_depth",
     "Diffuse Depth": "diffuse_depth",
     "Glossy Depth": "glossy_depth",
     "Transparent Depth": "transparent_depth",
     "Transmission Depth": "transmission_depth",
+    "Portal Depth": "portal_depth",
 }
 
 
@@ -53,11 +57,13 @@ def _texture_coordinate(values: Values, node: Place) -> Operand:
     if name == "Object" and other is not None:
         return values.object_space(other)
     if values.background:
-        if name in ("Camera", "Window", "UV"):
+        if name == "UV":
+            return (0.0, 0.0, 0.0)
+        if name in ("Camera", "Window"):
             raise Unsupported(f"Texture Coordinate: {name}")
         return values.coordinate("generated" if name in ("Generated", "Object") else _COORDINATES[name])
     if getattr(node.node, "from_instancer", False) and name in ("Generated", "UV"):
-        raise Unsupported(f"Texture Coordinate: {name} of the instancer")
+        return values.of_object(PLACE, name)
     return values.layer(UV, "") if name == "UV" else values.coordinate(_COORDINATES[name])
 
 
@@ -110,6 +116,11 @@ def _object_info(values: Values, node: Place) -> Operand:
     return values.step("alpha", value) if name == "Alpha" else value
 
 
+def _particle_info(values: Values, node: Place) -> Operand:
+    value = values.of_object(PARTICLE, node.socket.name)
+    return value if node.socket.type == "VECTOR" else values.step("mean", value)
+
+
 def _camera_data(values: Values, node: Place) -> Operand:
     kinds = {"View Vector": "view_vector", "View Z Depth": "view_depth", "View Distance": "view_distance"}
     if values.background:
@@ -151,6 +162,7 @@ COORDINATES = {
     "ShaderNodeAttribute": _attribute,
     "ShaderNodeVolumeInfo": _volume_info,
     "ShaderNodeObjectInfo": _object_info,
+    "ShaderNodeParticleInfo": _particle_info,
     "ShaderNodeCameraData": _camera_data,
     "ShaderNodeVectorTransform": _vector_transform,
     "ShaderNodeTangent": _tangent,

@@ -33,8 +33,12 @@ def _normal_map(values: Values, node: Place) -> Operand:
 
 
 def _bump(values: Values, node: Place) -> Operand:
-    if values.background or values.shifted:
-        raise Unsupported("Bump within a height" if values.shifted else "Bump of a world")
+    if values.background:
+        raise Unsupported("Bump of a world")
+    if values.shifted:
+        # As in Cycles, a bump within the height of another is the same beside the point.
+        with values.here():
+            return values.output(node)
     normal, height = node.input("Normal"), node.input("Height")
     linked = normal is not None and normal.source().socket.is_output
     base = values.value(normal) if linked and normal is not None else values.coordinate("normal")

@@ -218,6 +218,17 @@ def _hue_saturation(values: Values, node: Place) -> Operand:
     )
 
 
+def _squeeze(values: Values, node: Place) -> Operand:
+    """A logistic curve around a centre, which EEVEE has and Cycles leaves out."""
+    value, width, center = (values.input(node, name) for name in ("Value", "Width", "Center"))
+
+    def math(operation: str, a: Operand, b: Operand) -> Operand:
+        return values.step("math", a, b, 0.0, kind=operation)
+
+    away = math("MULTIPLY", math("SUBTRACT", center, value), width)
+    return math("DIVIDE", 1.0, math("ADD", math("EXPONENT", away, 0.0), 1.0))
+
+
 def _simple(op: str, *names: str | int) -> Callable[[Values, Place], Operand]:
     return lambda values, node: values.step(op, *(values.input(node, name) for name in names))
 
@@ -244,6 +255,7 @@ NUMBERS: dict[str, Callable[[Values, Place], Operand]] = {
     "ShaderNodeRGBToBW": _simple("luminance", 0),
     "ShaderNodeMapRange": _map_range,
     "ShaderNodeClamp": _clamp,
+    "ShaderNodeSqueeze": _squeeze,
     "ShaderNodeFresnel": _simple("fresnel", "IOR"),
     "ShaderNodeBlackbody": _simple("blackbody", 0),
     "ShaderNodeWavelength": _simple("wavelength", 0),

@@ -161,7 +161,13 @@ def _brick(values: Values, node: Place) -> Operand:
     )
 
 
+def _radial_tiling(values: Values, node: Place) -> Operand:
+    inputs = (values.input(node, name) for name in ("Vector", "Sides", "Roundness"))
+    return values.step("radial_tiling", *inputs, output=node.socket.name, normalize=node.node.normalize)
+
+
 TEXTURES: dict[str, Callable[[Values, Place], Any]] = {
+    "ShaderNodeRadialTiling": _radial_tiling,
     "ShaderNodeTexBrick": _brick,
     "ShaderNodeTexChecker": _checker,
     "ShaderNodeTexGabor": _gabor,

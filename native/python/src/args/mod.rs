@@ -4,6 +4,7 @@
 
 pub mod arrays;
 pub mod camera_settings;
+pub mod closures;
 pub mod integers;
 pub mod keys;
 pub mod rays;

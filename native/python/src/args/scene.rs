@@ -2,10 +2,10 @@
 //! Conversion of the dictionaries of materials, lights and background, with checks. Every message names the key.
 
 use crate::args::keys::{Keys, list};
-use crate::args::{shader, volume};
+use crate::args::{closures, shader, volume};
 use halfspace_base::error::Result;
 use halfspace_render::light::world::WorldParams;
-use halfspace_render::light::{AreaShape, LightKind, LightParams};
+use halfspace_render::light::{AreaShape, LampProgram, LightKind, LightParams};
 use halfspace_render::material::MaterialParams;
 use halfspace_render::settings::Pass;
 use halfspace_render::values::linking::{LightSets, ObjectSets, SETS};
@@ -34,6 +34,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "blocks",
         "hole",
         "outputs",
+        "portals",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -55,7 +56,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             specular: keys.number_or("specular", default.specular)?,
             emission: color("emission", default.emission)?,
             alpha: keys.number_or("alpha", default.alpha)?,
-            closures: shader::closures(&keys)?,
+            closures: closures::closures(&keys)?,
             program: shader::program(&keys)?,
             volume: volume::volume(&keys)?,
             visible: visibility(&keys, default.visible)?,
@@ -65,6 +66,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             },
             hole: keys.flag_or("hole", false)?,
             outputs: outputs(&keys)?,
+            portals: portals(&keys)?,
         })
     })
 }
@@ -108,6 +110,23 @@ fn outputs(keys: &Keys<'_, '_>) -> Result<Vec<(u8, Operand)>> {
         .collect()
 }
 
+/// Reads portals: triples of operands, colour, position and direction.
+fn portals(keys: &Keys<'_, '_>) -> Result<Vec<[Operand; 3]>> {
+    let Some(value) = keys.find("portals") else {
+        return Ok(Vec::new());
+    };
+    let items: Vec<[Bound<'_, PyAny>; 3]> = value
+        .extract()
+        .map_err(|_| keys.wrong("portals", "triples of operands", &value))?;
+    let operand = |item: &Bound<'_, PyAny>| shader::operand(keys, "portals", item);
+    items
+        .iter()
+        .map(|[color, position, direction]| {
+            Ok([operand(color)?, operand(position)?, operand(direction)?])
+        })
+        .collect()
+}
+
 /// Reads the visibility: all kinds of rays except those in "hidden_from".
 fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
     let Some(value) = keys.find("hidden_from") else {
@@ -120,9 +139,11 @@ fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
         ("glossy", RayKind::Glossy),
         ("transmission", RayKind::Transmission),
         ("volume", RayKind::Volume),
+        ("raycast", RayKind::Plain),
     ];
     let wrong = || {
-        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission, volume";
+        let expected =
+            "a sequence of camera, shadow, diffuse, glossy, transmission, volume, raycast";
         keys.wrong("hidden_from", expected, &value)
     };
     let names: Vec<String> = value.extract().map_err(|_| wrong())?;
@@ -163,6 +184,9 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "receivers",
         "blockers",
         "group",
+        "program",
+        "radiance",
+        "frame",
     ];
     let kinds = [
         ("point", Kind::Point),
@@ -212,8 +236,22 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
                 blockers: set(&keys, "blockers")?,
             },
             group: group(&keys)?,
+            program: lamp_program(&keys)?,
         })
     })
+}
+
+/// Reads the program of a light, its result and the light's own space; `None` without a result.
+fn lamp_program(keys: &Keys<'_, '_>) -> Result<Option<LampProgram>> {
+    let Some(radiance) = keys.find("radiance") else {
+        return Ok(None);
+    };
+    let frames = shader::frames(&keys.name, keys.find("frame").as_ref())?;
+    Ok(Some(LampProgram {
+        steps: shader::program(keys)?,
+        radiance: shader::operand(keys, "radiance", &radiance)?,
+        frame: frames.into_iter().next().unwrap_or_default(),
+    }))
 }
 
 /// Reads a light group, counted from 1; 0 = none.
@@ -237,6 +275,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
         "volume",
         "hidden_from",
         "group",
+        "outputs",
     ];
     let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
@@ -249,5 +288,6 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
         volume: volume::volume(&keys)?,
         visible: visibility(&keys, Visibility::ALL)?,
         group: group(&keys)?,
+        outputs: outputs(&keys)?,
     })
 }

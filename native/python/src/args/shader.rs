@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Conversion of dictionaries of materials that vary over a surface: programs, closures, images, layers.
+//! Conversion of dictionaries of materials that vary over a surface: programs, images, layers.
 //!
 //! An operand is an integer, the index of the step that computes it, or a constant: a float or a sequence of three
 //! or four floats.
@@ -9,8 +9,6 @@ use crate::args::keys::{Keys, list};
 use crate::args::steps::{self, COORDINATES};
 use crate::args::textures;
 use halfspace_base::error::{Error, Result};
-use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
-use halfspace_render::material::microfacets::Distribution;
 use halfspace_render::values::image::{Extension, Image, Interpolation};
 use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
 use halfspace_render::values::program::{Bump, Gradient, Op, Operand, Shift, Step, Value};
@@ -18,61 +16,6 @@ use halfspace_render::values::varying::{Layer, ObjectFrame, Varying};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt};
-
-/// Closures by their names in dictionaries.
-const KINDS: &[(&str, ClosureKind)] = &[
-    ("principled", ClosureKind::Principled),
-    ("diffuse", ClosureKind::Diffuse),
-    ("translucent", ClosureKind::Translucent),
-    ("glossy", ClosureKind::Glossy),
-    ("glass", ClosureKind::Glass),
-    ("refraction", ClosureKind::Refraction),
-    ("transparent", ClosureKind::Transparent),
-    ("emission", ClosureKind::Emission),
-    ("conductor", ClosureKind::Conductor),
-    ("sheen", ClosureKind::Sheen),
-    ("velvet", ClosureKind::Velvet),
-    ("toon_diffuse", ClosureKind::ToonDiffuse),
-    ("toon_glossy", ClosureKind::ToonGlossy),
-    ("holdout", ClosureKind::Holdout),
-];
-
-/// Distributions of facets by their names in dictionaries.
-const DISTRIBUTIONS: &[(&str, Distribution)] = &[
-    ("ggx", Distribution::Ggx),
-    ("beckmann", Distribution::Beckmann),
-    ("ashikhmin_shirley", Distribution::AshikhminShirley),
-];
-
-/// Inputs of closures by their keys.
-const INPUTS: &[(&str, Input)] = &[
-    ("weight", Input::Weight),
-    ("color", Input::Color),
-    ("metallic", Input::Metallic),
-    ("roughness", Input::Roughness),
-    ("ior", Input::Ior),
-    ("transmission", Input::Transmission),
-    ("specular", Input::Specular),
-    ("specular_tint", Input::SpecularTint),
-    ("emission", Input::Emission),
-    ("alpha", Input::Alpha),
-    ("coat_weight", Input::CoatWeight),
-    ("coat_roughness", Input::CoatRoughness),
-    ("coat_ior", Input::CoatIor),
-    ("coat_tint", Input::CoatTint),
-    ("diffuse_roughness", Input::DiffuseRoughness),
-    ("anisotropy", Input::Anisotropy),
-    ("rotation", Input::Rotation),
-    ("tangent", Input::Tangent),
-    ("coat_normal", Input::CoatNormal),
-    ("sheen_weight", Input::SheenWeight),
-    ("sheen_roughness", Input::SheenRoughness),
-    ("sheen_tint", Input::SheenTint),
-    ("smooth", Input::Smooth),
-    ("extinction", Input::Extinction),
-    ("film_thickness", Input::FilmThickness),
-    ("film_ior", Input::FilmIor),
-];
 
 /// Gradient textures by Blender's names.
 const GRADIENTS: &[(&str, Gradient)] = &[
@@ -146,32 +89,6 @@ pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Resu
         [a, b, c, d] => Ok(Operand::Value([a, b, c, d])),
         _ => Err(wrong()),
     }
-}
-
-/// Reads the closures of a material.
-pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
-    let mut known = vec!["kind", "normal", "multiscatter", "distribution"];
-    known.extend(INPUTS.iter().map(|(name, _)| *name));
-    let name = format!("{}['closures']", keys.name);
-    list(&name, keys.find("closures").as_ref(), |dict, index| {
-        let keys = Keys::new(dict, format!("{name}[{index}]"), &known)?;
-        // Replace Blender's defaults by the given inputs.
-        let mut closure = ClosureParams::new(keys.choice("kind", KINDS)?);
-        for (key, input) in INPUTS {
-            if let Some(value) = keys.find(key) {
-                closure.inputs[*input as usize] = operand(&keys, key, &value)?;
-            }
-        }
-        closure.normal = keys
-            .find("normal")
-            .map(|value| operand(&keys, "normal", &value))
-            .transpose()?;
-        closure.multiscatter = keys.flag_or("multiscatter", true)?;
-        if keys.find("distribution").is_some() {
-            closure.distribution = keys.choice("distribution", DISTRIBUTIONS)?;
-        }
-        Ok(closure)
-    })
 }
 
 /// Reads the program of a material or background.
@@ -271,7 +188,7 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
 }
 
 /// Reads where a value is computed: "shift" is an axis, "X" or "Y", and "width" a share of a pixel.
-fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
+pub fn shift(keys: &Keys<'_, '_>) -> Result<Shift> {
     type ByWidth = fn(f32) -> Shift;
     const AXES: &[(&str, ByWidth)] = &[("X", Shift::X), ("Y", Shift::Y)];
     match keys.find("shift") {
@@ -374,19 +291,12 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
     Ok(out)
 }
 
-/// Reads layers, objects (dictionaries of `to_object`, (3, 4), and `generated`, (2, 3): offset and factor), the
-/// object of each triangle and the origin.
-pub fn varying(
-    layer_arrays: Option<&Bound<'_, PyAny>>,
-    objects: Option<&Bound<'_, PyAny>>,
-    object_index: Option<&Bound<'_, PyAny>>,
-    origin: Option<[f64; 3]>,
-) -> Result<Varying> {
-    // Read the objects with their texture spaces.
-    let frames = list("objects", objects, |dict, index| {
+/// Reads objects with their texture spaces. `name`: for messages.
+pub fn frames(name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Vec<ObjectFrame>> {
+    list(name, value, |dict, index| {
         let keys = Keys::new(
             dict,
-            format!("objects[{index}]"),
+            format!("{name}[{index}]"),
             &["to_object", "generated", "values"],
         )?;
         let generated = keys.numbers("generated", &[2, 3])?;
@@ -397,7 +307,18 @@ pub fn varying(
             generated,
             values: object_values(&keys)?,
         })
-    })?;
+    })
+}
+
+/// Reads layers, objects (dictionaries of `to_object`, (3, 4), and `generated`, (2, 3): offset and factor), the
+/// object of each triangle and the origin.
+pub fn varying(
+    layer_arrays: Option<&Bound<'_, PyAny>>,
+    objects: Option<&Bound<'_, PyAny>>,
+    object_index: Option<&Bound<'_, PyAny>>,
+    origin: Option<[f64; 3]>,
+) -> Result<Varying> {
+    let frames = frames("objects", objects)?;
     let object_index = match object_index.filter(|v| !v.is_none()) {
         None => Vec::new(),
         Some(value) => {

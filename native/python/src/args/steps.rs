@@ -1,14 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Conversion of the steps of a program that read coordinates, transform vectors or map numbers and colours.
 
+use std::sync::Arc;
+
 use crate::args::keys::Keys;
-use crate::args::shader::index;
+use crate::args::shader::{index, shift};
 use halfspace_base::error::Result;
+use halfspace_render::values::ies::Ies;
 use halfspace_render::values::program::{ColorModel, Coordinate, Ease, Op, Space, VectorKind};
+use halfspace_render::values::rays::{Occlusion, Raycast};
+use pyo3::prelude::*;
 
 /// The keys that these steps may have in addition to those of others.
 pub const KEYS: &[&str] = &[
-    "model", "inverse", "from", "to", "vector", "column", "extend", "pixels",
+    "model",
+    "inverse",
+    "from",
+    "to",
+    "vector",
+    "column",
+    "extend",
+    "pixels",
+    "samples",
+    "inside",
+    "local",
+    "of_normal",
+    "horizontal",
+    "vertical",
+    "values",
 ];
 
 /// Coordinates by their names in dictionaries.
@@ -27,12 +46,16 @@ pub const COORDINATES: &[(&str, Coordinate)] = &[
     ("diffuse_ray", Coordinate::DiffuseRay),
     ("glossy_ray", Coordinate::GlossyRay),
     ("transmission_ray", Coordinate::TransmissionRay),
+    ("reflection_ray", Coordinate::ReflectionRay),
+    ("singular_ray", Coordinate::SingularRay),
+    ("volume_ray", Coordinate::VolumeRay),
     ("ray_length", Coordinate::RayLength),
     ("ray_depth", Coordinate::RayDepth),
     ("diffuse_depth", Coordinate::DiffuseDepth),
     ("glossy_depth", Coordinate::GlossyDepth),
     ("transmission_depth", Coordinate::TransmissionDepth),
     ("transparent_depth", Coordinate::TransparentDepth),
+    ("portal_depth", Coordinate::PortalDepth),
     ("tangent_x", Coordinate::TangentX),
     ("tangent_y", Coordinate::TangentY),
     ("tangent_z", Coordinate::TangentZ),
@@ -97,6 +120,38 @@ pub fn step(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
             keys.choice("from", SPACES)?,
             keys.choice("to", SPACES)?,
         ),
+        "ies" => Op::Ies(Arc::new(Ies::new(
+            floats(keys, "horizontal")?,
+            floats(keys, "vertical")?,
+            floats(keys, "values")?,
+            &keys.name,
+        )?)),
+        "occlusion" => Op::Occlusion(Occlusion {
+            samples: samples(keys)?,
+            inside: keys.flag_or("inside", false)?,
+            local: keys.flag_or("local", false)?,
+        }),
+        "bevel" => Op::Bevel(samples(keys)?),
+        "raycast" => Op::Raycast(Raycast {
+            local: keys.flag_or("local", false)?,
+            shift: shift(keys)?,
+            normal: keys.flag_or("of_normal", false)?,
+        }),
         _ => return Ok(None),
     }))
+}
+
+/// Reads the number of rays, at most 255.
+fn samples(keys: &Keys<'_, '_>) -> Result<u8> {
+    let value = keys.need("samples")?;
+    let number = u8::try_from(keys.count("samples")?);
+    number.map_err(|_| keys.wrong("samples", "a number below 256", &value))
+}
+
+/// Reads a sequence of floats.
+fn floats(keys: &Keys<'_, '_>, key: &str) -> Result<Vec<f32>> {
+    let value = keys.need(key)?;
+    value
+        .extract()
+        .map_err(|_| keys.wrong(key, "a sequence of floats", &value))
 }

@@ -7,6 +7,7 @@ use halfspace_render::values::program::{CellOutput, Cells, Noise, Op, Spread};
 use halfspace_render::values::texture::fractal::NoiseKind;
 use halfspace_render::values::texture::gabor::GaborOutput;
 use halfspace_render::values::texture::pattern::{Profile, Rows, WaveShape};
+use halfspace_render::values::texture::radial::RadialOutput;
 use halfspace_render::values::texture::voronoi::{Feature, Metric};
 
 /// The keys that a texture may have in addition to those of other steps.
@@ -57,6 +58,10 @@ pub fn texture(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
             keys.choice("profile", Profile::NAMED)?,
         ),
         "magic" => Op::Magic(count(keys, "depth")?),
+        "radial_tiling" => Op::RadialTiling(
+            keys.choice("output", RadialOutput::NAMED)?,
+            keys.flag_or("normalize", false)?,
+        ),
         "brick" => Op::Brick(rows(keys)?, !keys.flag_or("color", true)?),
         _ => return Ok(None),
     }))

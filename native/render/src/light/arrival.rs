@@ -32,6 +32,8 @@ pub struct Arrival {
 pub enum Emitter {
     /// A lamp; `radiance` is complete.
     Lamp,
+    /// A lamp with this number, whose program computes a factor.
+    Shaded(u32),
     /// An emissive triangle, at these weights of its second and third corner.
     Triangle(u32, [f32; 2]),
     /// The background.

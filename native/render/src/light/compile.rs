@@ -6,6 +6,7 @@ use std::f32::consts::PI;
 use crate::check::{Error, Result, finite, within};
 use crate::light::params::{AreaShape, LightKind, LightParams};
 use crate::light::prepared::{Light, Shape};
+use crate::light::programs::Shader;
 use crate::light::shapes::{Area, Cone, Disc, Sun};
 use crate::math::vector::{Vec3, matrix_column};
 
@@ -54,6 +55,16 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
             light.name("power")
         )));
     }
+    // A program whose result is known changes the strength once.
+    let name = format!("lights[{index}]");
+    let program = params.program.as_ref();
+    let shader = program.map(|program| Shader::new(program, params.kind, &name));
+    let shader = shader.transpose()?;
+    let constant = shader.as_ref().and_then(Shader::constant);
+    let (strength, brightness) = match constant {
+        Some(factor) => (strength * factor, brightness * factor.mean_abs()),
+        None => (strength, brightness),
+    };
     let light = Light {
         shape,
         strength,
@@ -62,6 +73,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         visible: params.visible,
         sets: params.sets,
         group: params.group,
+        shader: shader.filter(|_| constant.is_none()).map(Box::new),
     };
     Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))
 }

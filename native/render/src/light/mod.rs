@@ -22,7 +22,9 @@ use crate::light::many::Many;
 use crate::light::prepared::{Light, Shape};
 use crate::light::shapes::{LightRay, Triangle};
 use crate::math::vector::Vec3;
+use crate::values::image::Image;
 use crate::values::linking::LightSets;
+use crate::values::varying::Varying;
 use crate::values::visibility::{RayKind, Visibility};
 
 mod arrival;
@@ -31,12 +33,14 @@ pub mod direction_map;
 mod many;
 mod params;
 mod prepared;
+mod programs;
 mod shapes;
 mod tree;
 pub mod world;
 
 pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Reach, Receiver};
-pub use crate::light::params::{AreaShape, LightKind, LightParams};
+pub use crate::light::params::{AreaShape, LampProgram, LightKind, LightParams};
+pub use crate::light::programs::{Lit, Towards};
 
 /// All lights of a scene: lamps first, then emissive triangles, then the background.
 pub struct Lights {
@@ -66,13 +70,19 @@ impl Lights {
         emissive: &[EmissiveTriangle],
         map: Option<Arc<DirectionMap>>,
         map_visible: Visibility,
+        (images, varying): (&[Image], &Varying),
     ) -> Result<Self> {
         // Compile the lamps; those without power are left out.
         let mut lights = Vec::new();
         for (index, light) in params.iter().enumerate() {
-            if let Some(light) = compile(light, index)? {
-                lights.push(light);
+            let Some(mut light) = compile(light, index)? else {
+                continue;
+            };
+            if let Some(shader) = &light.shader {
+                shader.check(images.len(), &format!("lights[{index}]"))?;
+                light.brightness *= shader.mean(&light.shape, images, varying);
             }
+            lights.push(light);
         }
         // Emissive triangles: their radiance comes from the material, so the strength is 1.
         let lamps = lights.len();
@@ -93,6 +103,7 @@ impl Lights {
                     visible: emissive.visible,
                     sets: LightSets::default(),
                     group: 0,
+                    shader: None,
                 });
             }
         }
@@ -106,6 +117,7 @@ impl Lights {
                 visible: map_visible,
                 sets: LightSets::default(),
                 group: 0,
+                shader: None,
             });
         }
         // Only lamps are hit here; triangles and background are hit as surfaces and as misses.
@@ -174,6 +186,7 @@ impl Lights {
         let emitter = match &light.shape {
             Shape::Triangle(number, _) => Emitter::Triangle(*number, Triangle::weights(u)),
             Shape::World => Emitter::World,
+            _ if light.shader.is_some() => Emitter::Shaded(index as u32),
             _ => Emitter::Lamp,
         };
         // Divide by the density and the probability; a light that cannot be hit gets an infinite density, which
@@ -210,6 +223,15 @@ impl Lights {
         })
     }
 
+    /// Returns the factor that the program of a lamp computes for a ray that arrives there; 1 without a program.
+    pub fn factor(&self, lamp: u32, ray: Towards, lit: &mut Lit<'_>) -> Vec3 {
+        let light = &self.lights[lamp as usize];
+        match &light.shader {
+            Some(shader) => shader.factor(&light.shape, ray, lit),
+            None => Vec3::ONE,
+        }
+    }
+
     /// Returns the density per solid angle with which [`Self::sample`] finds a point of a triangle, at this
     /// distance and cosine from `receiver`; 0 if the triangle is not a light.
     pub fn triangle_pdf(&self, receiver: Receiver, triangle: u32, distance: f32, cos: f32) -> f32 {
@@ -234,23 +256,16 @@ impl Lights {
         }
     }
 
-    /// Like [`Self::radiance_through`], through vacuum: of the lamps that a ray of this kind from `receiver` hits within
-    /// the interval `span`.
+    /// Like [`Self::radiance_through`], through vacuum.
     pub fn radiance_along(
         &self,
-        receiver: Receiver,
-        direction: Vec3,
-        span: [f32; 2],
+        reach: Reach,
         pdf: f32,
         kind: RayKind,
         group: Option<u8>,
+        lit: &mut Lit<'_>,
     ) -> Vec3 {
-        let reach = Reach {
-            receiver,
-            direction,
-            span,
-        };
-        self.radiance_through(reach, pdf, kind, group, |_| Vec3::ONE)
+        self.radiance_through(reach, pdf, kind, group, lit, |_| Vec3::ONE)
     }
 
     /// Adds up the light of all lamps that a ray of this kind hits within its reach.
@@ -264,6 +279,7 @@ impl Lights {
         pdf: f32,
         kind: RayKind,
         group: Option<u8>,
+        lit: &mut Lit<'_>,
         mut transmittance: impl FnMut(f32) -> Vec3,
     ) -> Vec3 {
         let Reach {
@@ -275,8 +291,8 @@ impl Lights {
         let mut add = |index: usize| {
             let light = &self.lights[index];
             let other = group.is_some_and(|group| group != light.group);
-            let lit = light.visible.to(kind) && light.shines_on(receiver);
-            if !light.is_hittable() || !lit || other {
+            let shines = light.visible.to(kind) && light.shines_on(receiver);
+            if !light.is_hittable() || !shines || other {
                 return;
             }
             // Triangles and background are hit by the scene's rays, not here.
@@ -305,7 +321,16 @@ impl Lights {
             } else {
                 1.0
             };
-            sum += light.strength * (factor * weight) * transmittance(distance);
+            let mut radiance = light.strength * (factor * weight);
+            if light.shader.is_some() {
+                let ray = Towards {
+                    from: receiver.point,
+                    direction,
+                    distance,
+                };
+                radiance = radiance * self.factor(index as u32, ray, lit);
+            }
+            sum += radiance * transmittance(distance);
         };
         // Test all lamps, or those that the tree finds plus the suns.
         match &self.many {

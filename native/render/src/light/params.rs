@@ -2,6 +2,8 @@
 //! Parameters of lights.
 
 use crate::values::linking::LightSets;
+use crate::values::program::{Operand, Step};
+use crate::values::varying::ObjectFrame;
 use crate::values::visibility::Visibility;
 
 /// Outline of an area light.
@@ -53,7 +55,7 @@ pub enum LightKind {
 }
 
 /// Parameters of a light, which shines along its own -Z.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct LightParams {
     /// ClosureKind and dimensions.
     pub kind: LightKind,
@@ -71,4 +73,17 @@ pub struct LightParams {
     pub sets: LightSets,
     /// Light group, counted from 1; 0 = none.
     pub group: u8,
+    /// Computes a factor on the power from the direction and the point of the light.
+    pub program: Option<LampProgram>,
+}
+
+/// A program of a light.
+#[derive(Debug, Clone)]
+pub struct LampProgram {
+    /// The steps.
+    pub steps: Vec<Step>,
+    /// The result: a colour.
+    pub radiance: Operand,
+    /// The light's own space, which may be scaled, and its values.
+    pub frame: ObjectFrame,
 }

@@ -2,6 +2,7 @@
 //! One light: its shape, its strength and an estimate of its contribution to a point.
 
 use crate::light::Receiver;
+use crate::light::programs::Shader;
 use crate::light::shapes::{Area, Disc, Sun, Triangle};
 use crate::light::tree::BoundingSphere;
 use crate::math::vector::Vec3;
@@ -32,6 +33,8 @@ pub(super) struct Light {
     pub(super) sets: LightSets,
     /// The light group of a lamp; 0 = none.
     pub(super) group: u8,
+    /// Computes a factor on the strength of a lamp, if that varies.
+    pub(super) shader: Option<Box<Shader>>,
 }
 
 impl Light {

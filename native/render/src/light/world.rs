@@ -24,6 +24,8 @@ pub struct WorldParams {
     pub program: Vec<Step>,
     /// Result of the program.
     pub radiance: Option<Operand>,
+    /// Numbers of passes and the values that the program writes to them.
+    pub outputs: Vec<(u8, Operand)>,
     /// The medium everywhere outside; its coefficients are constant.
     pub volume: VolumeParams,
     /// The kinds of rays that see the background.
@@ -39,6 +41,7 @@ impl Default for WorldParams {
             color: [0.0; 3],
             program: Vec::new(),
             radiance: None,
+            outputs: Vec::new(),
             volume: VolumeParams::default(),
             visible: Visibility::ALL,
             group: 0,
@@ -68,6 +71,8 @@ pub struct World {
     pub group: u8,
     program: Program,
     radiance: Operand,
+    /// Values for passes: the number of each and the operand.
+    outputs: Vec<(u8, Operand)>,
     /// Map for importance sampling; none for a constant colour, for which scattered rays suffice.
     map: Option<DirectionMap>,
 }
@@ -83,13 +88,18 @@ impl World {
         for &c in &params.color {
             within(c.into(), -1e30, 1e30, || "world['color']".into())?;
         }
-        let mut results = [params.radiance.unwrap_or(Operand::color(params.color))];
+        let mut results = vec![params.radiance.unwrap_or(Operand::color(params.color))];
+        results.extend(params.outputs.iter().map(|&(_, operand)| operand));
         let program = Program::compile(&params.program, &mut results, "world")?;
         let mut world = Self {
             visible: params.visible,
             group: params.group,
             program,
             radiance: results[0],
+            outputs: {
+                let numbers = params.outputs.iter().map(|&(number, _)| number);
+                numbers.zip(results[1..].iter().copied()).collect()
+            },
             map: None,
         };
         // Choose the map's resolution: that of the largest image, or a default without images.
@@ -156,6 +166,20 @@ impl World {
         if let Some(constant) = self.constant() {
             return constant;
         }
+        self.run(images, varying, direction, kind, history, registers);
+        rgb(read(self.radiance, registers))
+    }
+
+    /// Runs the program for a unit direction.
+    fn run(
+        &self,
+        images: &[Image],
+        varying: &Varying,
+        direction: Vec3,
+        kind: RayKind,
+        history: History,
+        registers: &mut Vec<Value>,
+    ) {
         let mut point = ShadingPoint::background(varying, direction, kind);
         // The background has no distance and is one bounce farther than the point where the ray starts, as in Cycles.
         point.history = History {
@@ -167,7 +191,37 @@ impl World {
             ..history
         };
         self.program.run(images, &point, registers);
-        rgb(read(self.radiance, registers))
+    }
+
+    /// Writes the values for passes in a unit direction that a camera ray sees, with 1 as the fourth number. Numbers
+    /// beyond `out` are ignored.
+    #[cold]
+    pub fn output(
+        &self,
+        images: &[Image],
+        varying: &Varying,
+        direction: Vec3,
+        history: History,
+        registers: &mut Vec<Value>,
+        out: &mut [[f32; 4]],
+    ) {
+        if self.outputs.is_empty() || out.is_empty() {
+            return;
+        }
+        self.run(
+            images,
+            varying,
+            direction,
+            RayKind::Camera,
+            history,
+            registers,
+        );
+        for &(number, operand) in &self.outputs {
+            if let Some(place) = out.get_mut(usize::from(number)) {
+                let [r, g, b, _] = read(operand, registers);
+                *place = [r, g, b, 1.0];
+            }
+        }
     }
 
     /// Moves the map for sampling out; the lights own it from then on.

@@ -22,9 +22,11 @@ pub mod film;
 pub mod ggx;
 pub mod microfacets;
 mod params;
+mod portal;
 pub mod sheen;
 
 pub use crate::material::params::MaterialParams;
+pub use crate::material::portal::Portal;
 
 /// A material prepared for shading.
 #[derive(Debug, Clone)]
@@ -43,6 +45,8 @@ pub struct Material {
     normal: Option<Operand>,
     /// Values for passes: the number of each and the operand.
     outputs: Vec<(u8, Operand)>,
+    /// Where paths go on elsewhere.
+    pub portals: Vec<Portal>,
     /// The kinds of rays that can hit the material.
     pub visible: Visibility,
     /// The inside of the objects, if it is not vacuum.
@@ -55,6 +59,8 @@ pub struct Material {
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
     pub transparent: bool,
+    /// Whether its program traces rays.
+    pub traces_rays: bool,
     /// Whether it can emit.
     pub emits: bool,
     /// Whether some emission passes through a coat and so depends on the direction.
@@ -65,6 +71,8 @@ pub struct Material {
     pub refracts: bool,
     /// Whether a closure needs lobes with frames or shapes of their own.
     pub lobes: bool,
+    /// Whether light can scatter below the surface.
+    pub subsurface: bool,
 }
 
 impl Material {
@@ -85,6 +93,7 @@ impl Material {
         let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
         roots.extend(normal);
         roots.extend(params.outputs.iter().map(|&(_, operand)| operand));
+        roots.extend(params.portals.iter().flatten());
         let program = Program::compile(&params.program, &mut roots, &name)?;
         let mut compiled = compile(&closures, &roots, grids);
         for (closure, [turned, coat_apart]) in compiled.iter_mut().zip(apart) {
@@ -93,8 +102,10 @@ impl Material {
         // Behind the inputs come the normal, if there is one, and the outputs.
         let mut rest = roots[INPUTS * closures.len()..].iter().copied();
         let normal = normal.and_then(|_| rest.next());
-        let outputs = params.outputs.iter().zip(rest);
+        let outputs = params.outputs.iter().zip(rest.by_ref());
         let outputs = outputs.map(|(&(number, _), root)| (number, root)).collect();
+        let rest: Vec<Operand> = rest.collect();
+        let portals = rest.as_chunks::<3>().0.iter().map(Portal::new).collect();
 
         // Compile it again for what emission and transparency need: far fewer nodes, which shadow rays run often.
         let reduced = reduced(&closures, &compiled);
@@ -104,6 +115,7 @@ impl Material {
 
         // Determine what the material can do from all closures.
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
+        let traces_rays = program.ops().any(Op::traces_rays);
         let mut material = Self {
             visible: params.visible,
             volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
@@ -111,11 +123,13 @@ impl Material {
             sets: params.sets,
             hole: params.hole,
             transparent: any(Closure::may_be_transparent),
+            traces_rays,
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
             reflects: any(|c| c.may_reflect() || c.may_be_rough()),
             refracts: any(|c| c.may_refract() || c.is_translucent()),
             lobes: any(Closure::needs_lobes),
+            subsurface: any(Closure::may_walk),
             closures: compiled,
             program,
             reduced_program,
@@ -123,6 +137,7 @@ impl Material {
             constant: None,
             normal,
             outputs,
+            portals,
         };
         // Without varying inputs, compute emission and transparency once.
         if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
@@ -194,6 +209,11 @@ impl Material {
         } else {
             emission
         }
+    }
+
+    /// Whether the material computes a shading normal.
+    pub fn maps_normal(&self) -> bool {
+        self.normal.is_some()
     }
 
     /// Returns the shading normal, if the material computes one, for registers that its program has filled.

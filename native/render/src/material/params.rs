@@ -44,6 +44,8 @@ pub struct MaterialParams {
     pub hole: bool,
     /// Values for passes: the number of each and the operand.
     pub outputs: Vec<(u8, Operand)>,
+    /// Portals: colour multiplied by weight, position in world space, direction of each.
+    pub portals: Vec<[Operand; 3]>,
 }
 
 impl Default for MaterialParams {
@@ -66,6 +68,7 @@ impl Default for MaterialParams {
             sets: ObjectSets::ALL,
             hole: false,
             outputs: Vec::new(),
+            portals: Vec::new(),
         }
     }
 }

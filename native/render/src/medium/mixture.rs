@@ -85,7 +85,7 @@ impl Mixture {
 }
 
 /// Divides by channel; 0 / 0 is 0.
-fn divided(a: Vec3, b: Vec3) -> Vec3 {
+pub fn divided(a: Vec3, b: Vec3) -> Vec3 {
     let ratio = |a: f32, b: f32| if b > 0.0 { a / b } else { 0.0 };
     Vec3::from([ratio(a.x, b.x), ratio(a.y, b.y), ratio(a.z, b.z)])
 }

@@ -11,6 +11,7 @@ use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 
 pub mod distance;
+pub mod inversion;
 pub mod mixture;
 pub mod phase;
 pub mod stack;

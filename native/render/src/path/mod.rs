@@ -8,5 +8,6 @@ pub mod random;
 mod shade;
 mod shadow_rays;
 pub mod state;
+pub mod walk;
 pub mod wavefront;
 pub mod work;

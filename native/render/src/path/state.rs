@@ -5,7 +5,7 @@ use crate::light::Receiver;
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
 use crate::path::random::VertexSamples;
-use crate::values::view::{Bounces, History};
+use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
 
 /// Largest number of transparent surfaces that a path, or a shadow ray, passes.
@@ -45,6 +45,9 @@ pub struct Path {
     pub camera: bool,
     /// How the path scattered last.
     pub kind: RayKind,
+    last: Turn,
+    /// Number of portals passed.
+    portals: u16,
     /// Number of bounces by kind.
     bounces: Bounces,
     /// Number of times the path has scattered in volumes.
@@ -73,6 +76,8 @@ impl Path {
             invisible: 0,
             camera: true,
             kind: RayKind::Camera,
+            last: Turn::default(),
+            portals: 0,
             bounces: Bounces::default(),
             volume_bounces: 0,
         }
@@ -80,8 +85,9 @@ impl Path {
 
     /// Scatters with a ray of this kind.
     #[inline(always)]
-    pub fn scatter(&mut self, kind: RayKind) {
+    pub fn scatter(&mut self, kind: RayKind, last: Turn) {
         self.kind = kind;
+        self.last = last;
         self.bounce += 1;
         // Count the bounce by its kind.
         let Bounces {
@@ -99,7 +105,7 @@ impl Path {
                 self.volume_bounces += 1;
                 return;
             }
-            RayKind::Camera | RayKind::Shadow => return,
+            RayKind::Camera | RayKind::Shadow | RayKind::Plain => return,
         };
         *count = count.saturating_add(1);
     }
@@ -108,7 +114,7 @@ impl Path {
     #[inline(always)]
     pub fn history_after(&self, kind: RayKind, distance: f32) -> History {
         let mut next = *self;
-        next.scatter(kind);
+        next.scatter(kind, Turn::default());
         History {
             length: distance,
             ..next.history(0.0)
@@ -119,9 +125,9 @@ impl Path {
     #[inline(always)]
     pub fn shadow_history(&self) -> History {
         History {
-            length: 0.0,
-            transparent: 0,
+            portals: self.portals,
             bounces: self.bounces,
+            ..History::default()
         }
     }
 
@@ -131,8 +137,15 @@ impl Path {
         History {
             length: self.passed + distance,
             transparent: self.transparent,
+            portals: self.portals,
+            last: self.last,
             bounces: self.bounces,
         }
+    }
+
+    /// Returns the index of the pixel's sample.
+    pub fn sample(&self) -> u32 {
+        self.sample
     }
 
     /// Returns the random numbers of the next vertex.
@@ -149,12 +162,26 @@ impl Path {
         self.sampler.stream(self.sample, u32::from(self.vertex))
     }
 
+    /// Returns the random numbers of the pixel, and the number of the next vertex.
+    pub fn numbers(&self) -> (PixelSampler, u32) {
+        (self.sampler, u32::from(self.vertex))
+    }
+
     /// Passes a surface at this distance that is invisible to the ray. Returns whether the path may continue.
     #[inline(always)]
     pub fn pass_invisible(&mut self, distance: f32) -> bool {
         self.invisible += 1;
         self.passed += distance;
         self.invisible < MAX_INVISIBLE
+    }
+
+    /// Goes through a portal, behind which light samples find nothing. Returns whether the path may continue.
+    pub fn go_through(&mut self) -> bool {
+        self.portals = self.portals.saturating_add(1);
+        self.pdf = f32::INFINITY;
+        let goes_on = self.pass(0.0);
+        self.passed = 0.0;
+        goes_on
     }
 
     /// Passes a transparent surface at this distance. Returns whether the path may continue.

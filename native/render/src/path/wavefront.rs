@@ -24,6 +24,7 @@ use crate::path::media::{Scratch, enclosure};
 use crate::path::shade::{self, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
+use crate::path::walk::Walk;
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
@@ -97,6 +98,8 @@ pub struct Wavefront {
     pub(super) shares: Vec<Shares>,
     /// The media that each ray is in; empty if the scene has none.
     pub(super) media: Vec<Stack>,
+    /// The walks below surfaces that the rays are part of; empty if the scene has none.
+    pub(super) walks: Vec<Option<Walk>>,
     pub(super) scratch: Scratch,
     /// The media around the pinhole in one of the scenes, once known.
     around: Option<(usize, Stack)>,
@@ -127,6 +130,7 @@ impl Wavefront {
             sources: Vec::new(),
             shares: Vec::new(),
             media: Vec::new(),
+            walks: Vec::new(),
             scratch: Scratch::default(),
             around: None,
             groups: Groups::default(),
@@ -233,6 +237,10 @@ impl Wavefront {
         self.shares.clear();
         if !self.batch.parts.is_empty() {
             self.shares.resize(self.rays.len(), Shares::DIFFUSE);
+        }
+        self.walks.clear();
+        if context.scene.features().subsurface {
+            self.walks.resize(self.rays.len(), None);
         }
         // Camera rays share their pinhole or their direction.
         self.sources.clear();

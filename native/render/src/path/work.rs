@@ -10,6 +10,8 @@ pub struct Work {
     pub rays_shadow: u64,
     /// Rays after a bounce or through a transparent surface.
     pub rays_secondary: u64,
+    /// Rays that programs of surfaces traced: ambient occlusion, bevels and the node Raycast.
+    pub rays_programs: u64,
     /// Inner nodes visited by camera rays, when counted.
     pub steps: u64,
     /// Triangles tested by camera rays, when counted.
@@ -39,6 +41,7 @@ impl Work {
         self.rays_primary += other.rays_primary;
         self.rays_shadow += other.rays_shadow;
         self.rays_secondary += other.rays_secondary;
+        self.rays_programs += other.rays_programs;
         self.steps += other.steps;
         self.tests += other.tests;
         self.shaded_glass += other.shaded_glass;
@@ -53,6 +56,6 @@ impl Work {
 
     /// Returns the number of all rays.
     pub fn rays(&self) -> u64 {
-        self.rays_primary + self.rays_shadow + self.rays_secondary
+        self.rays_primary + self.rays_shadow + self.rays_secondary + self.rays_programs
     }
 }

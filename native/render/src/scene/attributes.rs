@@ -100,7 +100,7 @@ impl Attributes {
         })
     }
 
-    /// Sets the object of each triangle, which tells media apart; ignored for instances.
+    /// Sets the object of each triangle, which media, walks and programs that trace rays need; ignored for instances.
     pub fn set_objects(&mut self, objects: &[u32]) {
         if self.instanced.is_none() {
             self.objects = objects.to_vec();

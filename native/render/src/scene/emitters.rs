@@ -69,6 +69,8 @@ impl EmissionProbe<'_> {
                     view: None,
                     history: History::default(),
                     probes: 0,
+                    around: None,
+                    lamp: None,
                 };
                 let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
                 sum += unscattered.emission.mean_abs();

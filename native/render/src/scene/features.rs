@@ -16,6 +16,8 @@ pub struct Features {
     pub lights_hittable: bool,
     /// At least one material varies over its surface: its program has to run.
     pub textures: bool,
+    /// At least one material's program traces rays.
+    pub program_rays: bool,
     /// At least one material has a lobe that reflects off facets, or a rough diffuse one.
     pub glossy: bool,
     /// At least one material has a lobe that refracts, or a translucent one.
@@ -23,6 +25,8 @@ pub struct Features {
     /// At least one material has lobes with frames or shapes of their own: stretched facets, sheen, toon, several
     /// normals.
     pub lobes: bool,
+    /// At least one material scatters light below its surface.
+    pub subsurface: bool,
     /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
     /// its transmittance.
     pub transparency: bool,
@@ -30,6 +34,8 @@ pub struct Features {
     pub hidden: bool,
     /// At least one material is a hole in the picture.
     pub holes: bool,
+    /// At least one material has a portal.
+    pub portals: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -56,13 +62,17 @@ impl Features {
             lights: !lights.is_empty(),
             lights_hittable: lights.any_hittable(),
             textures: any(|m| !m.program.is_empty()),
+            program_rays: any(|m| m.traces_rays),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
+            subsurface: any(|m| m.subsurface),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+                || any(|m| !m.portals.is_empty())
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
             holes: any(|m| m.hole),
+            portals: any(|m| !m.portals.is_empty()),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             media: false,
@@ -90,6 +100,10 @@ impl Features {
                 "textures: no material varies over its surface",
             ),
             (
+                self.program_rays,
+                "rays of programs: no ambient occlusion, bevel or raycast",
+            ),
+            (
                 self.glossy,
                 "mirror rays: no material is metallic, specular or roughly diffuse",
             ),
@@ -99,6 +113,10 @@ impl Features {
                 "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
             ),
             (
+                self.subsurface,
+                "walks below surfaces: no material has subsurface scattering",
+            ),
+            (
                 self.transparency,
                 "transparent shadows: every material is opaque",
             ),
@@ -106,6 +124,7 @@ impl Features {
                 self.hidden,
                 "ray visibility: every surface is there for all rays",
             ),
+            (self.portals, "portals: no material is one"),
             (self.emission, "emission: no material emits"),
             (
                 self.world,

@@ -97,6 +97,8 @@ impl RenderScene {
             view: ray.view,
             history: History::default(),
             probes: ray.probes,
+            around: None,
+            lamp: None,
         };
         volume.add_to(&self.images, point, registers, mixture);
     }

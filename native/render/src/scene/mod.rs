@@ -92,7 +92,8 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
-        if materials.iter().any(|m| m.volume.is_some()) {
+        let apart = |m: &Material| m.volume.is_some() || m.subsurface || m.traces_rays;
+        if materials.iter().any(apart) {
             attributes.set_objects(&varying.object_index);
         }
         // Prepare the background; whether it varies decides how it is sampled.
@@ -122,6 +123,7 @@ impl RenderScene {
             &probe.emissive_triangles(),
             world.take_map(),
             world.visible,
+            (&params.images, &varying),
         )?;
         let media = Media::new(world_volume(&params.world)?);
         let features = Features {

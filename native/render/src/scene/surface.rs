@@ -43,6 +43,19 @@ const MIN_COSINE: f32 = 0.01;
 /// Cosine towards the light below which the origin of a shadow ray is moved: Cycles' default "geometry offset".
 const TERMINATOR: f32 = 0.1;
 
+/// Returns geometric and shading normal of a hit, on the front of the triangle.
+pub fn outward_normals(scene: &RenderScene, hit: &Hit) -> [Vec3; 2] {
+    let corners = scene.tracer.corners(hit.triangle);
+    let [a, b, c] = corners.map(Vec3::from);
+    let geometric = (b - a).cross(c - a).normalized();
+    let Some(normals) = scene.attributes.at(hit.triangle).normals(corners) else {
+        return [geometric; 2];
+    };
+    let [na, nb, nc] = normals.map(Vec3::from);
+    let normal = na * (1.0 - hit.u - hit.v) + nb * hit.u + nc * hit.v;
+    [geometric, normal.normalized_or(geometric)]
+}
+
 impl<'a> Surface<'a> {
     /// The point of `hit` seen along the unit direction `d`. `SMOOTH`: whether the scene has corner normals, which
     /// are otherwise not fetched.
@@ -112,6 +125,8 @@ impl<'a> Surface<'a> {
             view: None,
             history: History::default(),
             probes: 0,
+            around: None,
+            lamp: None,
         }
     }
 
@@ -146,6 +161,11 @@ impl<'a> Surface<'a> {
     /// Returns the number of the triangle.
     pub fn triangle(&self) -> u32 {
         self.triangle as u32
+    }
+
+    /// Returns the number of the object.
+    pub fn object(&self) -> u32 {
+        self.at.object()
     }
 
     /// Returns the medium inside the object, if the material has a volume.

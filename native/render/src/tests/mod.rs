@@ -14,4 +14,5 @@ mod same_picture;
 mod secondary_beams;
 pub(crate) mod setup;
 mod shadows;
+mod subsurface;
 mod volumes;

@@ -75,6 +75,8 @@ impl Evaluation {
             edges: [Vec3::ZERO; 2],
             footprint: 0.0,
             probes: 0,
+            around: None,
+            lamp: None,
             view: None,
             history: History::default(),
         }

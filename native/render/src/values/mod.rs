@@ -3,11 +3,13 @@
 
 mod bump;
 pub mod evaluate;
+pub mod ies;
 pub mod image;
 pub mod linking;
 pub mod math_nodes;
 pub mod normal_map;
 pub mod program;
+pub mod rays;
 pub mod shading_point;
 pub mod spectrum;
 pub mod texture;

@@ -3,6 +3,7 @@
 
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{Coordinate, Shift, Value};
+use crate::values::rays::Surroundings;
 use crate::values::varying::{ObjectFrame, Varying};
 use crate::values::view::{History, View};
 use crate::values::visibility::RayKind;
@@ -38,6 +39,10 @@ pub struct ShadingPoint<'a> {
     pub history: History,
     /// The number of probes along each axis of the object, where voxels return their largest value nearby; 0 = none.
     pub probes: u8,
+    /// What lies around the point; `None` where no rays are traced.
+    pub around: Option<&'a dyn Surroundings>,
+    /// The light that is shaded, instead of an object.
+    pub lamp: Option<&'a ObjectFrame>,
 }
 
 impl<'a> ShadingPoint<'a> {
@@ -58,6 +63,8 @@ impl<'a> ShadingPoint<'a> {
             view: None,
             history: History::default(),
             probes: 0,
+            around: None,
+            lamp: None,
         }
     }
 
@@ -119,8 +126,11 @@ impl<'a> ShadingPoint<'a> {
         }
     }
 
-    /// The object of the triangle.
+    /// The object of the triangle, or the light.
     pub(super) fn object(&self) -> Option<&'a ObjectFrame> {
+        if self.lamp.is_some() {
+            return self.lamp;
+        }
         let index = self.varying.object_index.get(self.triangle);
         let index = index.map_or(0, |&i| i as usize);
         self.varying.objects.get(index)
@@ -128,7 +138,7 @@ impl<'a> ShadingPoint<'a> {
 
     /// Whether the point is a direction of the background.
     fn is_background(&self) -> bool {
-        self.triangle == usize::MAX
+        self.triangle == usize::MAX && self.lamp.is_none()
     }
 
     /// Returns a coordinate of the point or beside it, see [`Coordinate`]; the fourth component is 1.
@@ -155,8 +165,10 @@ impl<'a> ShadingPoint<'a> {
             Coordinate::CameraRay => truth(self.ray == RayKind::Camera),
             Coordinate::ShadowRay => truth(self.ray == RayKind::Shadow),
             Coordinate::DiffuseRay => truth(self.ray == RayKind::Diffuse),
-            Coordinate::GlossyRay => truth(self.ray == RayKind::Glossy),
-            Coordinate::TransmissionRay => truth(self.ray == RayKind::Transmission),
+            Coordinate::GlossyRay => {
+                truth(matches!(self.ray, RayKind::Glossy | RayKind::Transmission))
+            }
+            Coordinate::VolumeRay => truth(self.ray == RayKind::Volume),
             Coordinate::Parametric => vec3(self.weights[0], self.weights[1], 0.0),
             Coordinate::TangentX | Coordinate::TangentY | Coordinate::TangentZ => {
                 self.tangent_around(which)
@@ -237,6 +249,8 @@ pub(super) mod tests {
             view: None,
             history: History::default(),
             probes: 0,
+            around: None,
+            lamp: None,
         }
     }
 

@@ -4,6 +4,7 @@
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{Coordinate, Shift, Space, Value, VectorKind};
 use crate::values::shading_point::{ShadingPoint, columns_to_world};
+use crate::values::visibility::RayKind;
 
 /// The frame of a camera in scene space, as programs use it.
 #[derive(Debug, Clone)]
@@ -45,8 +46,21 @@ pub struct History {
     pub length: f32,
     /// Number of transparent surfaces passed.
     pub transparent: u16,
+    /// Number of portals passed.
+    pub portals: u16,
+    /// How the path scattered last.
+    pub last: Turn,
     /// The bounces.
     pub bounces: Bounces,
+}
+
+/// How a ray left the surface where it scattered last, in addition to its kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Turn {
+    /// Whether it went through the surface.
+    pub through: bool,
+    /// Whether no other direction was possible.
+    pub singular: bool,
 }
 
 /// Numbers of bounces of a path, up to 255 each.
@@ -68,10 +82,24 @@ impl ShadingPoint<'_> {
         let History {
             length,
             transparent,
+            portals,
+            last,
             bounces,
         } = self.history;
         let count = |n: u8| Vec3::splat(f32::from(n));
+        let truth = |yes: bool| count(u8::from(yes));
+        let ray = self.ray;
         match which {
+            Coordinate::TransmissionRay => {
+                let scattered = ray == RayKind::Diffuse && last.through;
+                return truth(scattered || ray == RayKind::Transmission);
+            }
+            Coordinate::ReflectionRay => {
+                let kind = matches!(ray, RayKind::Diffuse | RayKind::Glossy);
+                return truth(kind && !last.through);
+            }
+            Coordinate::SingularRay => return truth(last.singular),
+            Coordinate::PortalDepth => return Vec3::splat(f32::from(portals)),
             Coordinate::RayLength => return Vec3::splat(length),
             Coordinate::RayDepth => return count(bounces.all),
             Coordinate::DiffuseDepth => return count(bounces.diffuse),

@@ -16,6 +16,8 @@ pub enum RayKind {
     Transmission,
     /// After scattering in a volume.
     Volume,
+    /// Of no such kind: of the node Raycast, and as programs of lights see all rays.
+    Plain,
 }
 
 /// The set of ray kinds that see an object, a light or the background.
@@ -24,7 +26,7 @@ pub struct Visibility(u8);
 
 impl Visibility {
     /// Visible to all rays.
-    pub const ALL: Self = Self(0b11_1111);
+    pub const ALL: Self = Self(0b111_1111);
     /// Visible to all rays except camera rays: Blender's default for lights.
     pub const NOT_BY_CAMERA: Self = Self::ALL.without(RayKind::Camera);
 
@@ -37,6 +39,7 @@ impl Visibility {
             RayKind::Glossy => 3,
             RayKind::Transmission => 4,
             RayKind::Volume => 5,
+            RayKind::Plain => 6,
         }
     }
 

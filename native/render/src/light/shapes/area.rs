@@ -211,6 +211,23 @@ impl Area {
         (cos > 0.0 && d2.is_normal()).then(|| d2 / (cos * self.area))
     }
 
+    /// Returns the unit normal on the emitting side.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// Returns the position of a point along both extents, 0..1.
+    pub fn parametric(&self, point: Vec3) -> [f32; 2] {
+        let p = point - self.centre;
+        [(self.unit_u, self.half[0]), (self.unit_v, self.half[1])]
+            .map(|(axis, half)| 0.5 + (0.5 * p.dot(axis) / half).clamp(-0.5, 0.5))
+    }
+
+    /// Returns the point at a position along both extents, 0..1.
+    pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
+        self.centre + self.u * (2.0 * u - 1.0) + self.v * (2.0 * v - 1.0)
+    }
+
     /// Returns centre and radius of a bounding sphere.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
         let (u, v) = (self.u, self.v);

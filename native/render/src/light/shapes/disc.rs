@@ -109,6 +109,11 @@ impl Disc {
         cone.map_or(1.0, |cone| cone.attenuation(-direction))
     }
 
+    /// Whether it is a sphere.
+    pub fn is_sphere(&self) -> bool {
+        self.sphere
+    }
+
     /// Returns the centre.
     pub fn centre(&self) -> Vec3 {
         self.centre

@@ -31,6 +31,11 @@ impl Sun {
         }
     }
 
+    /// Returns the unit direction towards its middle.
+    pub fn towards(&self) -> Vec3 {
+        self.frame.z
+    }
+
     /// Whether the disc is wide enough for a ray to hit it.
     pub fn has_size(&self) -> bool {
         self.one_minus_cos > 1e-12

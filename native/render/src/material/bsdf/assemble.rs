@@ -133,6 +133,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         self.share_samples();
     }
 
+    /// A white Lambertian lobe: what light that leaves a walk meets.
+    pub fn lambertian(wi: Vec3, normals: Normals, frame: &Frame) -> Self {
+        let mut out = Self::new(&[], &[], wi, normals, false, LobeFilter::NONE, frame);
+        out.diffuse = Vec3::ONE;
+        out.share_samples();
+        out
+    }
+
     /// Adds the lobes of one closure, from the coat down to the base. Each layer passes on what it does not
     /// reflect.
     #[inline(always)]
@@ -236,6 +244,12 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     /// Adds the diffuse base.
     #[inline(always)]
     fn add_diffuse(&mut self, lobes: &Lobes, weight: Vec3, seat: Option<&Seat>) {
+        if LOBES > 0
+            && lobes.subsurface != Vec3::ZERO
+            && let Some(seat) = seat
+        {
+            self.add_subsurface(lobes, seat, weight);
+        }
         if let Some(seat) = seat.filter(|seat| seat.turned) {
             return self.push_base(lobes, seat, weight);
         }

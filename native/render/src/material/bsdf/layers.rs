@@ -91,6 +91,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             stretch: special.stretch,
             conductor: special.conductor,
             film: special.film,
+            subsurface: special.subsurface,
         }
     }
 
@@ -113,6 +114,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             stretch: [1.0; 2],
             conductor: None,
             film: None,
+            subsurface: None,
         }
     }
 
@@ -205,6 +207,24 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             self.push(frame, Shape::Rough(rough), Vec3::ONE, scale.mean());
         } else {
             self.push(frame, Shape::Lambert, scale, scale.mean());
+        }
+    }
+
+    /// Adds what scatters light below the surface. Channels in which light has no way are diffuse, and all are where no
+    /// light walks.
+    pub(super) fn add_subsurface(&mut self, lobes: &Lobes, seat: &Seat, weight: Vec3) {
+        let scale = weight * lobes.subsurface;
+        let medium = seat.subsurface.filter(|_| self.filter.walks);
+        let below = medium.map_or(Vec3::ZERO, |medium| scale * medium.open());
+        let diffuse = scale - below;
+        if let Some(medium) = medium.filter(|_| below != Vec3::ZERO) {
+            self.diffuse += diffuse;
+            self.push(seat.frame, Shape::Subsurface(medium), below, below.mean());
+        } else if seat.turned {
+            let frame = Frame::around(seat.mapped);
+            self.push(frame, Shape::Lambert, diffuse, diffuse.mean());
+        } else {
+            self.diffuse += diffuse;
         }
     }
 

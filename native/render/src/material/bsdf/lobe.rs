@@ -8,7 +8,7 @@ use crate::material::bsdf::facets::{facet, reflected, refracted};
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{Interface, Normals, cosine_direction};
 use crate::material::bump::bump_shadow;
-use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, conductor};
+use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Subsurface, conductor};
 use crate::material::film::Film;
 use crate::material::microfacets::Microfacets;
 use crate::material::sheen::{Microfibers, velvet};
@@ -16,9 +16,9 @@ use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
 use crate::values::visibility::{RayKind, Visibility};
 
-/// Largest number of lobes with a frame of their own: sheen, coat, metal, glass, layer and base of a Principled
-/// closure, one of every other.
-pub const MAX_LOBES: usize = 6 * MAX_PRINCIPLED + (MAX_CLOSURES - MAX_PRINCIPLED);
+/// Largest number of lobes with a frame of their own: sheen, coat, metal, glass, layer, base and subsurface of a
+/// Principled closure, one of every other.
+pub const MAX_LOBES: usize = 7 * MAX_PRINCIPLED + (MAX_CLOSURES - MAX_PRINCIPLED);
 
 /// The z axis.
 pub(super) const UP: Vec3 = vec3(0.0, 0.0, 1.0);
@@ -68,6 +68,8 @@ pub enum Shape {
     Rough(RoughDiffuse),
     /// Diffuse transmission.
     Translucent,
+    /// The entrance to a walk below the surface, which no direction evaluates.
+    Subsurface(Subsurface),
     /// Sheen.
     Fibers(Microfibers),
     /// Velvet of this roughness.
@@ -173,11 +175,12 @@ impl Lobe {
         p: 0.0,
     };
 
-    /// Whether the lobe is a mirror or window.
+    /// Whether the lobe is a mirror or window, or the entrance to a walk: it has no density.
     pub fn is_smooth(&self) -> bool {
         match &self.shape {
             Shape::Facets(facets, _) => facets.is_smooth(),
             Shape::Boundary(facets, interface) => facets.is_smooth() || interface.is_window(),
+            Shape::Subsurface(_) => true,
             _ => false,
         }
     }
@@ -246,7 +249,7 @@ impl Lobe {
             Shape::Boundary(facets, interface) => refracted(facets, interface, self.wi, wo),
             Shape::Lambert => alike(cos * FRAC_1_PI),
             Shape::Rough(rough) if cos > 0.0 => (rough.eval(self.wi.dot(wo), cos), cos * FRAC_1_PI),
-            Shape::Rough(_) => alike(0.0),
+            Shape::Rough(_) | Shape::Subsurface(_) => alike(0.0),
             Shape::Translucent => alike((-wo.z).max(0.0) * FRAC_1_PI),
             Shape::Fibers(fibers) => alike(fibers.density(around_viewer(self.wi).to_local(wo))),
             Shape::Velvet(_) if wo.z <= 0.0 => alike(0.0),
@@ -280,6 +283,7 @@ impl Lobe {
                 return self.sample_boundary(facets, interface, choice, u);
             }
             Shape::Lambert | Shape::Rough(_) => about,
+            Shape::Subsurface(_) => return None,
             Shape::Translucent => {
                 through = true;
                 -about

@@ -7,7 +7,7 @@
 
 use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::rough::RoughDiffuse;
-use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Reflected};
+use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Reflected, Subsurface};
 use crate::material::film::Film;
 use crate::material::ggx::Ggx;
 use crate::material::microfacets::Distribution;
@@ -18,7 +18,7 @@ mod assemble;
 mod evaluate;
 mod facets;
 mod layers;
-mod lobe;
+pub mod lobe;
 mod rough;
 mod sample;
 mod shares;
@@ -63,6 +63,8 @@ pub struct LobeFilter {
     pub reflections: bool,
     /// Whether refraction is kept.
     pub refractions: bool,
+    /// Whether light walks below surfaces; they are diffuse otherwise.
+    pub walks: bool,
 }
 
 impl LobeFilter {
@@ -71,6 +73,7 @@ impl LobeFilter {
         min_width: 0.0,
         reflections: true,
         refractions: true,
+        walks: true,
     };
 }
 
@@ -173,6 +176,8 @@ struct Seat {
     conductor: Option<[Vec3; 2]>,
     /// A thin film on the facets: thickness and index of refraction.
     film: Option<[f32; 2]>,
+    /// The medium below the base.
+    subsurface: Option<Subsurface>,
 }
 
 /// Largest number of reflecting lobes of a material (a Principled closure has three, the others one).

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Sampling of the BSDF: directions in which the path continues.
 
-use crate::material::bsdf::lobe::Direction;
+use crate::material::bsdf::lobe::{Direction, Lobe, Shape};
 use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
 use crate::math::fresnel;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
 use crate::values::visibility::RayKind;
+
+/// The largest number below 1.
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// Samples a direction by the lobes' probabilities; `None` ends the path. `choice`: random number in [0, 1)
@@ -78,6 +81,27 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             Some([_, mapped]) => Frame::around(mapped).to_world(about),
         };
         Some(Direction::rough(wo, RayKind::Diffuse, false))
+    }
+
+    /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction, and a random
+    /// number in [0, 1) for it.
+    #[inline(never)]
+    pub fn entrance(&self, choice: f32) -> Option<(&Lobe, f32)> {
+        // Entrances lie where those lobes do in `sample`.
+        let facets = self.facets[..self.facet_count].iter().map(|f| f.p);
+        let boundaries = self.boundaries[..self.boundary_count].iter().map(|b| b.p);
+        let mut left = choice - facets.sum::<f32>() - boundaries.sum::<f32>();
+        if left < 0.0 {
+            return None;
+        }
+        for lobe in self.own_lobes() {
+            if left < lobe.p {
+                let enters = matches!(lobe.shape, Shape::Subsurface(_));
+                return enters.then(|| (lobe, (left / lobe.p).min(BELOW_ONE)));
+            }
+            left -= lobe.p;
+        }
+        None
     }
 
     /// Samples a reflecting lobe.

@@ -35,9 +35,11 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         Shares::only(match scatter.kind {
             RayKind::Glossy => LobeKind::Glossy,
             RayKind::Transmission => LobeKind::Transmission,
-            RayKind::Diffuse | RayKind::Camera | RayKind::Shadow | RayKind::Volume => {
-                LobeKind::Diffuse
-            }
+            RayKind::Diffuse
+            | RayKind::Camera
+            | RayKind::Shadow
+            | RayKind::Volume
+            | RayKind::Plain => LobeKind::Diffuse,
         })
     }
 

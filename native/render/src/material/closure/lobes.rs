@@ -63,6 +63,8 @@ pub struct Lobes {
     pub diffuse_color: Vec3,
     /// Albedo of light that is scattered diffusely to the other side.
     pub translucent: Vec3,
+    /// Albedo of what scatters light below the surface, without the reflection of the layer above it.
+    pub subsurface: Vec3,
 }
 
 /// Lobes with less weight are dropped, as in Cycles.
@@ -88,6 +90,7 @@ impl Closure {
             diffuse_roughness: 0.0,
             diffuse_color: base,
             translucent: Vec3::ZERO,
+            subsurface: Vec3::ZERO,
         };
         match self.kind {
             ClosureKind::Transparent | ClosureKind::Emission | ClosureKind::Holdout => {
@@ -108,6 +111,7 @@ impl Closure {
                 lobes.diffuse_roughness = inputs.diffuse_roughness();
             }
             ClosureKind::Translucent => lobes.translucent = base,
+            ClosureKind::Subsurface => lobes.subsurface = base.map(|c| c.min(1.0)),
             ClosureKind::Glossy => {
                 let fresnel = Fresnel::Metal {
                     f0: base,
@@ -214,7 +218,10 @@ impl Inputs<'_> {
             let fresnel = Fresnel::dielectric(eta, tint);
             lobes.layer = Some(self.reflector(rest, roughness, fresnel));
         }
-        lobes.diffuse = base * rest;
+        let below = self.share(Input::SubsurfaceWeight);
+        let below = if below > CUTOFF { below } else { 0.0 };
+        lobes.diffuse = base * (rest * (1.0 - below));
+        lobes.subsurface = clamped * (rest * below);
         lobes.diffuse_roughness = self.diffuse_roughness();
     }
 

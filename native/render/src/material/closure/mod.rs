@@ -8,6 +8,7 @@
 
 use crate::material::albedo::Grids;
 use crate::material::microfacets::Distribution;
+use crate::medium::inversion::Method;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
 use crate::values::program::{Operand, Value, read, rgb};
@@ -18,6 +19,7 @@ mod lobes;
 mod params;
 mod reflectance;
 mod special;
+mod subsurface;
 
 pub use crate::material::closure::layering::{
     ChannelAlbedo, absorbed, coat_albedos, compensation_per_channel,
@@ -29,6 +31,7 @@ pub use crate::material::closure::params::{
 };
 pub use crate::material::closure::reflectance::{Fresnel, Reflected, conductor};
 pub use crate::material::closure::special::{SheenLayer, Single, Special};
+pub use crate::material::closure::subsurface::Subsurface;
 
 /// Light of a closure, or of a material, that no lobe scatters: emission and straight transmission.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,6 +91,8 @@ pub struct Closure {
     fixed: Option<Lobes>,
     /// Distribution of the facets.
     distribution: Distribution,
+    /// How light scatters below the surface.
+    method: Method,
     /// Whether its normal differs from that of the material.
     pub turned: bool,
     /// Whether the normal of the coat differs from that of the material.
@@ -105,6 +110,7 @@ impl Closure {
             grids: LobeGrids::default(),
             fixed: None,
             distribution: params.distribution,
+            method: params.method,
             turned: false,
             coat_apart: false,
         };

@@ -2,6 +2,7 @@
 //! Parameters of closures.
 
 use crate::material::microfacets::Distribution;
+use crate::medium::inversion::Method;
 use crate::values::program::Operand;
 
 /// The shader node of a closure.
@@ -33,6 +34,8 @@ pub enum ClosureKind {
     ToonDiffuse,
     /// Toon BSDF, glossy.
     ToonGlossy,
+    /// Subsurface Scattering.
+    Subsurface,
     /// Holdout: a hole in the picture.
     Holdout,
 }
@@ -94,6 +97,16 @@ pub enum Input {
     FilmThickness,
     /// Index of refraction of the thin film.
     FilmIor,
+    /// Share of the diffuse base below which light walks, 0..1.
+    SubsurfaceWeight,
+    /// Mean free paths of light below the surface by channel, multiplied by `SubsurfaceScale`.
+    SubsurfaceRadius,
+    /// Length of one unit of `SubsurfaceRadius` in scene units.
+    SubsurfaceScale,
+    /// Index of refraction at which light enters; that of the layer for most Principled closures.
+    SubsurfaceIor,
+    /// Mean cosine of scattering below the surface, -1..1.
+    SubsurfaceAnisotropy,
 }
 
 /// Largest number of closures of a material; more are an error.
@@ -103,7 +116,7 @@ pub const MAX_CLOSURES: usize = 8;
 pub const MAX_PRINCIPLED: usize = 4;
 
 /// Number of inputs in [`Input`].
-pub const INPUTS: usize = 27;
+pub const INPUTS: usize = 32;
 
 /// Parameters of a closure.
 #[derive(Debug, Clone)]
@@ -118,6 +131,8 @@ pub struct ClosureParams {
     pub multiscatter: bool,
     /// Distribution of the facets.
     pub distribution: Distribution,
+    /// How light scatters below the surface.
+    pub method: Method,
 }
 
 impl ClosureParams {
@@ -138,12 +153,16 @@ impl ClosureParams {
         set(Input::SheenRoughness, 0.5);
         set(Input::SheenTint, 1.0);
         set(Input::FilmIor, 1.33);
+        set(Input::SubsurfaceScale, 0.05);
+        set(Input::SubsurfaceIor, 1.4);
+        inputs[Input::SubsurfaceRadius as usize] = Operand::color([1.0, 0.2, 0.1]);
         Self {
             kind,
             inputs,
             normal: None,
             multiscatter: true,
             distribution: Distribution::Ggx,
+            method: Method::RandomWalk,
         }
     }
 }

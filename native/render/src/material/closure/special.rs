@@ -2,7 +2,7 @@
 //! What closures have that only lobes with frames or shapes of their own can render: computed only in scenes where a
 //! material needs such lobes.
 
-use crate::material::closure::{Closure, ClosureKind, Input, optical, positive};
+use crate::material::closure::{Closure, ClosureKind, Input, Subsurface, optical, positive};
 use crate::material::film::THINNEST;
 use crate::material::microfacets::Distribution;
 use crate::math::vector::Vec3;
@@ -55,6 +55,8 @@ pub struct Special {
     pub conductor: Option<[Vec3; 2]>,
     /// A thin film over what is below the coat: thickness in nm and index of refraction.
     pub film: Option<[f32; 2]>,
+    /// The medium below the base.
+    pub subsurface: Option<Subsurface>,
 }
 
 /// Sheen of less weight is dropped, as in Cycles.
@@ -64,18 +66,19 @@ impl Closure {
     /// Whether the closure needs lobes with frames or shapes of their own.
     pub fn needs_lobes(&self) -> bool {
         use ClosureKind::{
-            Conductor, Glass, Glossy, Principled, Refraction, Sheen, ToonDiffuse, ToonGlossy,
-            Velvet,
+            Conductor, Glass, Glossy, Principled, Refraction, Sheen, Subsurface, ToonDiffuse,
+            ToonGlossy, Velvet,
         };
         let stretched = self.can_differ(Input::Anisotropy, 0.0);
         let other =
             self.distribution != Distribution::Ggx || self.can_differ(Input::FilmThickness, 0.0);
         match self.kind {
-            Conductor | Sheen | Velvet | ToonDiffuse | ToonGlossy => true,
+            Conductor | Sheen | Subsurface | Velvet | ToonDiffuse | ToonGlossy => true,
             Principled => {
                 let coated = self.can_differ(Input::CoatWeight, 0.0);
                 let sheen = self.can_differ(Input::SheenWeight, 0.0);
-                stretched || other || sheen || self.turned || (coated && self.coat_apart)
+                let apart = self.turned || (coated && self.coat_apart);
+                stretched || other || sheen || apart || self.may_walk()
             }
             Glossy => stretched || other || self.turned,
             Glass | Refraction => other || self.turned,
@@ -123,6 +126,7 @@ impl Closure {
             conductor: (self.kind == ClosureKind::Conductor)
                 .then(|| [Input::Color, Input::Extinction].map(|input| optical(get(input)))),
             film: (thickness > THINNEST).then(|| [thickness, get(Input::FilmIor).x]),
+            subsurface: self.subsurface(registers),
         }
     }
 

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Light that a scattered or camera ray hits: lamps, emissive surfaces, the background.
 
-use crate::light::power_heuristic;
+use crate::light::{Lit, Reach, power_heuristic};
 use crate::math::vector::Vec3;
 use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::settings::LightPass;
+use crate::values::program::Value;
 use halfspace_ray::Hit;
 
 impl<
@@ -30,20 +31,30 @@ impl<
         out.work.lights_tested += 1;
         // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
         // The virtual origin of a beam lies behind that point.
-        let span = [path.passed.max(0.0), path.passed + hit.t];
-        let lamps = |group| {
-            let lights = &scene.lights;
-            let light = lights.radiance_along(path.receiver, d, span, path.pdf, path.kind, group);
-            path.throughput * light
+        let reach = Reach {
+            receiver: path.receiver,
+            direction: d,
+            span: [path.passed.max(0.0), path.passed + hit.t],
         };
-        let all = lamps(None);
+        let lamps = |group, registers: &mut Vec<Value>| {
+            let lit = &mut Lit {
+                images: &scene.images,
+                varying: &scene.varying,
+                history: path.history(0.0),
+                registers,
+            };
+            let lights = &scene.lights;
+            path.throughput * lights.radiance_along(reach, path.pdf, path.kind, group, lit)
+        };
+        let all = lamps(None, out.light_registers);
         let light = settings.clamped(all, path.bounce > 1);
         out.add_met(light, path, LightPass::Emission, || 0);
         // The limit applies to all lamps together.
-        if let Some(extra) = out.extra() {
+        if EXTRA && let Some(extra) = &mut out.extra {
             let kept = light.max_abs() / all.max_abs();
             for group in (1..).take(extra.groups.len()).filter(|_| kept > 0.0) {
-                add_to_group(extra.groups, group, lamps(Some(group)) * kept);
+                let part = lamps(Some(group), out.light_registers) * kept;
+                add_to_group(extra.groups, group, part);
             }
         }
     }
@@ -62,6 +73,15 @@ impl<
         // A transparent film shows no background.
         if path.camera && settings.film_transparent {
             return;
+        }
+        if EXTRA
+            && path.camera
+            && let Some(extra) = &mut out.extra
+        {
+            let (history, registers) = (path.history(0.0), &mut *out.registers);
+            let (images, varying) = (&scene.images, &scene.varying);
+            let outputs = &mut *extra.outputs;
+            (scene.world).output(images, varying, d, history, registers, outputs);
         }
         if scene.world.visible.to(path.kind) {
             let (kind, history) = (path.kind, path.history(0.0));

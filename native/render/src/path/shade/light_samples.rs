@@ -2,7 +2,7 @@
 //! Light samples and their shadow rays: of lights, of a constant background, and for ambient occlusion.
 
 use crate::film::Shares;
-use crate::light::{Arrival, Emitter, power_heuristic};
+use crate::light::{Arrival, Emitter, Lit, Towards, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
 use crate::path::random::{Selection, VertexSamples};
@@ -53,7 +53,7 @@ impl<
         };
         let mut value = path.throughput * f * light.radiance * weight;
         if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
-            // The radiance of triangles and background comes from a program, run only if the rest contributes.
+            // Programs of triangles, background and lamps are run only if the rest contributes.
             value = value * emitter_radiance(self.context, &light, path, out.light_registers);
         }
         if !(value.max_abs() > 0.0 && value.is_finite()) {
@@ -144,13 +144,14 @@ impl<
 /// Returns the light group of the emitter of a light sample; 0 = none.
 pub(super) fn emitter_group(scene: &RenderScene, light: &Arrival) -> u8 {
     match light.emitter {
-        Emitter::Lamp => light.group,
+        Emitter::Lamp | Emitter::Shaded(_) => light.group,
         Emitter::Triangle(triangle, _) => scene.indices.group(triangle as usize),
         Emitter::World => scene.world.group,
     }
 }
 
-/// Returns the radiance that the emitter of a light sample, other than a lamp, sends to the receiver.
+/// Returns the radiance that the emitter of a light sample, other than a plain lamp, sends to the receiver.
+/// Of a lamp with a program it is the factor on its strength.
 pub(super) fn emitter_radiance(
     context: &Context<'_>,
     light: &Arrival,
@@ -160,6 +161,20 @@ pub(super) fn emitter_radiance(
     let scene = context.scene;
     match light.emitter {
         Emitter::Lamp => Vec3::ONE,
+        Emitter::Shaded(lamp) => {
+            let ray = Towards {
+                from: path.receiver.point,
+                direction: light.direction,
+                distance: light.distance,
+            };
+            let lit = &mut Lit {
+                images: &scene.images,
+                varying: &scene.varying,
+                history: path.history_after(RayKind::Diffuse, 0.0),
+                registers,
+            };
+            scene.lights.factor(lamp, ray, lit)
+        }
         Emitter::World => scene.world.radiance(
             &scene.images,
             &scene.varying,

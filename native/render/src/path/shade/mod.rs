@@ -19,10 +19,13 @@ use crate::settings::{Integrator, Pass, Settings};
 use halfspace_ray::{Hit, Ray};
 use std::sync::atomic::Ordering;
 
+mod around;
 mod emission;
 mod light_samples;
 mod output;
+mod portal;
 mod scatter;
+mod subsurface;
 mod volume;
 
 /// Shades all hits of a wavefront; fails only if the render is cancelled.
@@ -85,6 +88,7 @@ fn shade<
         media,
         scratch,
         shares,
+        walks,
         shadows,
         registers,
         light_registers,
@@ -120,6 +124,7 @@ fn shade<
             source: sources.get(i).copied().unwrap_or(Source::None),
             next: Source::None,
             media: media.get(i).copied(),
+            walk: walks.get(i).copied().flatten(),
             scratch: &mut *scratch,
             seed: 0,
         };
@@ -137,6 +142,9 @@ fn shade<
             if let Some(stack) = out.media {
                 media[kept] = stack;
             }
+            if !walks.is_empty() {
+                walks[kept] = out.walk;
+            }
             paths[kept] = path;
             kept += 1;
         }
@@ -146,6 +154,7 @@ fn shade<
     sources.truncate(kept);
     shares.truncate(kept);
     media.truncate(kept);
+    walks.truncate(kept);
     Ok(())
 }
 
@@ -209,6 +218,12 @@ impl<
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
+        // Rays below a surface see nothing but their object.
+        if LOBES > 0
+            && let Some(walk) = out.walk
+        {
+            return self.walk(walk, ray, hit, path, out);
+        }
         // The direction has unit length.
         let d = Vec3::from(ray.d);
         // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
@@ -256,12 +271,18 @@ impl<
         }
         // Draw the random numbers of this vertex.
         let random = path.next_vertex();
-        let [roulette, opacity] = if path.bounce > 0 || features.transparency {
+        let [roulette, mut opacity] = if path.bounce > 0 || features.transparency {
             random.survival()
         } else {
             [0.0; 2]
         };
 
+        if features.portals && !hole && !material.portals.is_empty() {
+            match portal::pass(scene, &surface, &unscattered, d, opacity, path, out) {
+                Ok(rest) => opacity = rest,
+                Err(next) => return next,
+            }
+        }
         // Pass through with the probability of the transparent part; scatter with the remaining probability. Dividing
         // by the probability keeps both unbiased.
         let pass = if hole {
@@ -285,11 +306,7 @@ impl<
         if path.camera {
             self.write_first_surface(hit, &surface, out);
             out.sample.alpha = unscattered.opacity();
-            // A hole behind media is as deep as they transmit.
-            if out.media.is_some() {
-                let transmitted = path.throughput.mean().clamp(0.0, 1.0);
-                out.sample.alpha = 1.0 - (1.0 - out.sample.alpha) * transmitted;
-            }
+            out.dim_holes(path);
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -320,7 +337,11 @@ impl<
         point.footprint = self.context.camera.pixel_width(path.passed + distance);
         point.view = Some(self.context.camera.view());
         point.history = path.history(distance);
-        material.program.run(&scene.images, &point, out.registers);
+        if self.features.program_rays && material.traces_rays {
+            around::run(self.context, path.sample(), surface, point, path, out);
+        } else {
+            material.program.run(&scene.images, &point, out.registers);
+        }
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {
             surface.bend(normal, d);

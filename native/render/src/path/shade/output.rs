@@ -8,6 +8,7 @@ use crate::path::beams::source::Source;
 use crate::path::media::Scratch;
 use crate::path::shadow_rays::{Passing, Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
+use crate::path::walk::Walk;
 use crate::path::work::Work;
 use crate::scene::surface::Surface;
 use crate::settings::{LightPass, LobeKind};
@@ -31,6 +32,8 @@ pub(super) struct Output<'a, const EXTRA: bool> {
     pub(super) next: Source,
     /// The media that the ray is in; `None` if the scene has none, or they are not rendered.
     pub(super) media: Option<Stack>,
+    /// The walk below a surface that the ray is part of.
+    pub(super) walk: Option<Walk>,
     pub(super) scratch: &'a mut Scratch,
     /// Seed of the streams of random numbers within media; set where there are any.
     pub(super) seed: u32,
@@ -56,6 +59,15 @@ impl<const EXTRA: bool> Output<'_, EXTRA> {
                 passing.stack.cross(surface.medium_behind(), surface.inside);
             }
             self.shadows.push_media(passing);
+        }
+    }
+
+    /// Makes a hole behind media as deep as they transmit.
+    #[inline(always)]
+    pub(super) fn dim_holes(&mut self, path: &Path) {
+        if self.media.is_some() {
+            let transmitted = path.throughput.mean().clamp(0.0, 1.0);
+            self.sample.alpha = 1.0 - (1.0 - self.sample.alpha) * transmitted;
         }
     }
 

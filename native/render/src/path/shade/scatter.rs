@@ -11,6 +11,7 @@ use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
+use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
@@ -76,13 +77,25 @@ impl<
             normal,
             sets: surface.material.sets.receives,
         };
-        // Sample a light, then the next direction.
         let framed = FramedBsdf {
             frame: &frame,
             bsdf,
         };
+        self.sample(surface, framed, random, path, out)
+    }
+
+    /// Samples a light, then the next direction.
+    #[inline(always)]
+    pub(super) fn sample(
+        &self,
+        surface: &Surface<'_>,
+        framed: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
+        random: VertexSamples,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Option<Ray> {
         let [choose_light, choose_lobe] = random.choices();
-        if self.features.lights && bsdf.has_density() {
+        if self.features.lights && framed.bsdf.has_density() {
             let selection = Selection {
                 choice: choose_light,
                 u: random.light(),
@@ -106,6 +119,7 @@ impl<
             min_width: settings.min_width(path.min_pdf),
             reflections: settings.caustics_reflective || !scattered,
             refractions: settings.caustics_refractive || !scattered,
+            walks: self.is(Integrator::Path),
         }
     }
 
@@ -119,6 +133,13 @@ impl<
         path: &mut Path,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
+        // Light that enters the surface walks below it.
+        if LOBES > 0
+            && self.features.subsurface
+            && let Some(entrance) = bsdf.entrance(choice)
+        {
+            return self.enter(surface, frame, entrance, u, path, out);
+        }
         // Without light to be found, the ray after the last bounce is not needed.
         let last = u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts;
         let shows_albedo = path.camera && self.albedo;
@@ -161,7 +182,11 @@ impl<
         path.min_pdf = path.min_pdf.min(scatter.pdf);
         path.passed = 0.0;
         path.camera = false;
-        path.scatter(scatter.kind);
+        let last = Turn {
+            through: scatter.through,
+            singular: !scatter.pdf.is_finite(),
+        };
+        path.scatter(scatter.kind, last);
         if scatter.through {
             out.cross(surface);
         }

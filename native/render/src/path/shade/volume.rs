@@ -2,7 +2,7 @@
 //! Paths through media: lamps seen through them, emission, and scattering with a light sample.
 
 use crate::film::Shares;
-use crate::light::{Emitter, Reach, Receiver, power_heuristic};
+use crate::light::{Emitter, Lit, Reach, Receiver, power_heuristic};
 use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
@@ -17,6 +17,7 @@ use crate::scene::RenderScene;
 use crate::scene::media::MediumRay;
 use crate::settings::{LightPass, Pass};
 use crate::values::linking::ObjectSets;
+use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
@@ -153,9 +154,15 @@ fn add_lamps<const EXTRA: bool>(
         span,
     };
     let (seed, lights) = (out.seed, &scene.lights);
-    let scratch = &mut *out.scratch;
+    let (scratch, registers) = (&mut *out.scratch, &mut *out.light_registers);
     let mut lamps = |group| {
-        let light = lights.radiance_through(reach, path.pdf, path.kind, group, |distance| {
+        let lit = &mut Lit {
+            images: &scene.images,
+            varying: &scene.varying,
+            history: path.history(0.0),
+            registers: &mut *registers,
+        };
+        let light = lights.radiance_through(reach, path.pdf, path.kind, group, lit, |distance| {
             // Each lamp starts the stream anew, so that the light of the groups adds up to that of all lamps.
             scratch.stream = Stream::new(Stream::new(seed).fork(3));
             // Lamps are measured from the last scattering point, media from the ray's origin.
@@ -271,7 +278,7 @@ fn scatter<const EXTRA: bool>(
     path.min_pdf = path.min_pdf.min(pdf);
     path.passed = 0.0;
     path.camera = false;
-    path.scatter(RayKind::Volume);
+    path.scatter(RayKind::Volume, Turn::default());
     Crossed::Scattered(Ray {
         o: path.receiver.point.array(),
         d: direction.array(),

@@ -141,6 +141,13 @@ impl Program {
                     let [strength, distance] = [3, 4].map(|k| arg(k)[0]);
                     vector(point.bumped_normal(*bump, heights, strength, distance, rgb(arg(5))))
                 }
+                Op::Occlusion(settings) => {
+                    number(point.unoccluded(*settings, rgb(arg(1)), arg(0)[0]))
+                }
+                Op::Bevel(samples) => vector(point.bevelled(*samples, arg(0)[0])),
+                Op::Raycast(settings) => {
+                    vector(point.cast(*settings, rgb(arg(0)), rgb(arg(1)), arg(2)[0]))
+                }
                 op => pure(op, arg),
             };
             // Each step appends its register.

@@ -3,12 +3,15 @@
 
 use std::sync::Arc;
 
+use crate::values::ies::Ies;
 use crate::values::image::{Extension, Interpolation};
 use crate::values::math_nodes::{Blend, Math, VectorMath, named};
 use crate::values::program::Value;
+use crate::values::rays::{Occlusion, Raycast};
 use crate::values::texture::fractal::NoiseKind;
 use crate::values::texture::gabor::GaborOutput;
 use crate::values::texture::pattern::{Profile, Rows, WaveShape};
+use crate::values::texture::radial::RadialOutput;
 use crate::values::texture::voronoi::{Feature, Metric};
 
 /// Coordinates of the point to be shaded.
@@ -38,10 +41,16 @@ pub enum Coordinate {
     ShadowRay,
     /// 1 after a diffuse bounce.
     DiffuseRay,
-    /// 1 after a glossy reflection or a mirror.
+    /// 1 after a glossy reflection, a mirror or a refraction.
     GlossyRay,
-    /// 1 after a refraction.
+    /// 1 after light has gone through a surface, scattered or refracted.
     TransmissionRay,
+    /// 1 after a reflection, diffuse or glossy.
+    ReflectionRay,
+    /// 1 after a mirror or a clear refraction.
+    SingularRay,
+    /// 1 after scattering in a volume.
+    VolumeRay,
     /// Length of the ray since it scattered.
     RayLength,
     /// Number of times that the path scattered.
@@ -54,6 +63,8 @@ pub enum Coordinate {
     TransmissionDepth,
     /// Number of transparent surfaces that it passed.
     TransparentDepth,
+    /// Number of portals that it passed.
+    PortalDepth,
     /// Direction around the X axis of the object's box, perpendicular to the shading normal.
     TangentX,
     /// The same around Y.
@@ -260,6 +271,8 @@ pub enum Op {
     Brick(Rows, bool),
     /// Gradient at a position.
     Gradient(Gradient),
+    /// Radial Tiling of position, sides, roundness; `true`: positions along the sides are 0..1.
+    RadialTiling(RadialOutput, bool),
     /// Inverts: factor, colour.
     Invert,
     /// Gamma: colour, exponent.
@@ -278,6 +291,8 @@ pub enum Op {
     Blackbody,
     /// Colour of a wavelength, nm.
     Wavelength,
+    /// Intensity of a photometric table in a direction.
+    Ies(Arc<Ies>),
     /// Rotation of a vector around a centre, an axis and an angle.
     RotateAxis,
     /// Rotation of a vector around a centre by Euler angles; `true`: inverted.
@@ -305,6 +320,12 @@ pub enum Op {
     NormalMapSpace(bool),
     /// Bump of the heights at the point, and beside it along both axes; strength, distance, and normal.
     Bump(Bump),
+    /// Share of directions without anything near: distance, and normal; 0 = that of the point.
+    Occlusion(Occlusion),
+    /// Mean normal within a radius, from this number of rays.
+    Bevel(u8),
+    /// What a ray meets: position, direction, length.
+    Raycast(Raycast),
 }
 
 impl Op {
@@ -325,7 +346,15 @@ impl Op {
                 | Self::NormalMap(_)
                 | Self::NormalMapSpace(_)
                 | Self::Bump(_)
+                | Self::Occlusion(_)
+                | Self::Bevel(_)
+                | Self::Raycast(_)
         )
+    }
+
+    /// Whether the operation traces rays where the point has surroundings.
+    pub fn traces_rays(&self) -> bool {
+        matches!(self, Self::Occlusion(_) | Self::Bevel(_) | Self::Raycast(_))
     }
 
     /// Returns the number of arguments.
@@ -342,10 +371,12 @@ impl Op {
             | Self::Convert(..)
             | Self::Blackbody
             | Self::Wavelength
+            | Self::Ies(_)
             | Self::Transform(..)
             | Self::Ramp(..)
             | Self::Gradient(_)
             | Self::Wireframe(_)
+            | Self::Bevel(_)
             | Self::Fresnel
             | Self::LayerFresnel
             | Self::LayerFacing => 1,
@@ -354,6 +385,7 @@ impl Op {
             | Self::Curves(..)
             | Self::NormalMap(_)
             | Self::NormalMapSpace(_)
+            | Self::Occlusion(_)
             | Self::WhiteNoise(_) => 2,
             Self::Math(..)
             | Self::VectorMath(_)
@@ -363,6 +395,8 @@ impl Op {
             | Self::Magic(_)
             | Self::RotateEuler(_)
             | Self::Clamp
+            | Self::RadialTiling(..)
+            | Self::Raycast(_)
             | Self::Voxels => 3,
             Self::Checker(_) | Self::RotateAxis => 4,
             Self::HueSaturation | Self::Gabor(..) => 5,

@@ -55,6 +55,7 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         | Op::Gabor(..)
         | Op::Wave(..)
         | Op::Magic(_)
+        | Op::RadialTiling(..)
         | Op::Brick(..) => texture(op, arg),
         Op::Gradient(kind) => number(gradient(*kind, v(0)).clamp(0.0, 1.0)),
         Op::Invert => {
@@ -75,6 +76,7 @@ pub fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         | Op::Convert(..)
         | Op::Blackbody
         | Op::Wavelength
+        | Op::Ies(_)
         | Op::RotateAxis
         | Op::RotateEuler(_) => mapped(op, arg),
         Op::Clamp => number(x(0).max(x(1)).min(x(2))),
@@ -114,6 +116,7 @@ fn mapped(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         }
         Op::Blackbody => vector(spectrum::blackbody(x(0))),
         Op::Wavelength => vector(spectrum::wavelength(x(0))),
+        Op::Ies(table) => number(table.at(v(0))),
         Op::RotateAxis => vector(v(1) + around(v(0) - v(1), v(2), x(3))),
         Op::RotateEuler(invert) => vector(v(1) + euler(v(0) - v(1), v(2), *invert)),
         _ => [0.0; 4],

@@ -6,6 +6,7 @@ use crate::values::program::{CellOutput, Cells, Noise, Op, Spread, Value, number
 use crate::values::texture::fractal::Fractal;
 use crate::values::texture::gabor::Gabor;
 use crate::values::texture::pattern::{Bricks, Distortion, brick, magic, wave};
+use crate::values::texture::radial::radial_tiling;
 use crate::values::texture::voronoi::{Cell, Voronoi};
 use crate::values::texture::{color, unit};
 
@@ -40,6 +41,9 @@ pub fn texture(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
             number(wave(*shape, *profile, rgb(arg(0)) * x(1), distortion))
         }
         Op::Magic(depth) => vector(magic(*depth, rgb(arg(0)), x(1), x(2))),
+        Op::RadialTiling(output, normalize) => {
+            vector(radial_tiling(*output, *normalize, rgb(arg(0)), x(1), x(2)))
+        }
         Op::Brick(rows, as_number) => {
             let bricks = Bricks {
                 mortar: x(5),

@@ -6,6 +6,7 @@ pub mod gabor;
 mod hash;
 pub mod pattern;
 mod perlin;
+pub mod radial;
 pub mod voronoi;
 
 pub use crate::values::texture::hash::{color, unit};

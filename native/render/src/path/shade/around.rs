@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The rays of nodes that explore what lies around a surface point, traced one by one while its program runs.
+
+use std::cell::Cell;
+
+use crate::math::sampler::PixelSampler;
+use crate::math::vector::{Vec3, offset_origin};
+use crate::path::shade::output::Output;
+use crate::path::state::Path;
+use crate::path::wavefront::Context;
+use crate::scene::RenderScene;
+use crate::scene::surface::{Surface, outward_normals};
+use crate::values::rays::{Met, Purpose, SHARP, Search, Surroundings};
+use crate::values::shading_point::ShadingPoint;
+use crate::values::visibility::RayKind;
+use halfspace_ray::{Hit, Ray};
+
+/// Largest number of surfaces that one ray passes because they do not count.
+const MOST_PASSED: u32 = 1000;
+
+/// First pair of random numbers for these nodes, far behind those of the vertices of a path.
+const FIRST_PAIR: u32 = 1 << 24;
+
+/// Runs the program of a surface, which may trace rays from `point`. Not generic in the features, and never inlined,
+/// because few scenes need it.
+#[cold]
+#[inline(never)]
+pub(super) fn run<const EXTRA: bool>(
+    context: &Context<'_>,
+    sample: u32,
+    surface: &Surface<'_>,
+    point: ShadingPoint<'_>,
+    path: &Path,
+    out: &mut Output<'_, EXTRA>,
+) {
+    let scene = context.scene;
+    let (sampler, vertex) = path.numbers();
+    let around = Around {
+        scene,
+        point: surface.point,
+        geometric: surface.geometric,
+        object: scene.attributes.at(surface.triangle()).object(),
+        sampler,
+        sample,
+        vertex,
+        sharp: path.min_pdf >= SHARP,
+        rays: Cell::new(0),
+    };
+    // The point lives as long as its surroundings.
+    let mut explorer = point;
+    explorer.around = Some(&around);
+    let program = &surface.material.program;
+    program.run(&scene.images, &explorer, out.registers);
+    out.work.rays_programs += around.rays.get();
+}
+
+/// The surroundings of a surface point that a path has reached.
+struct Around<'a> {
+    scene: &'a RenderScene,
+    point: Vec3,
+    geometric: Vec3,
+    object: u32,
+    sampler: PixelSampler,
+    sample: u32,
+    /// Number of the path's vertex.
+    vertex: u32,
+    sharp: bool,
+    /// Number of rays traced.
+    rays: Cell<u64>,
+}
+
+impl Around<'_> {
+    /// Returns the origin of a ray from the point in a direction, on the side that it leaves to.
+    fn origin(&self, direction: Vec3) -> Vec3 {
+        let across = direction.dot(self.geometric) < 0.0;
+        offset_origin(
+            self.point,
+            if across {
+                -self.geometric
+            } else {
+                self.geometric
+            },
+        )
+    }
+
+    /// Returns the nearest hit that counts; that of the part of the ray behind it follows from a larger `t_min`.
+    fn first(&self, mut ray: Ray, counts: impl Fn(u32) -> bool) -> Option<Hit> {
+        for _ in 0..MOST_PASSED {
+            let mut hits = [Hit::MISS];
+            self.scene.tracer.closest(&[ray], &mut hits, None);
+            self.rays.set(self.rays.get() + 1);
+            let [hit] = hits;
+            if !hit.is_hit() || counts(hit.triangle) {
+                return hit.is_hit().then_some(hit);
+            }
+            ray.t_min = hit.t.next_up();
+        }
+        None
+    }
+
+    /// Whether a triangle belongs to the point's object.
+    fn is_own(&self, triangle: u32) -> bool {
+        self.scene.attributes.at(triangle).object() == self.object
+    }
+
+    /// Whether rays of this kind see a triangle.
+    fn is_seen(&self, triangle: u32, kind: RayKind) -> bool {
+        let material = self.scene.attributes.at(triangle).material();
+        self.scene.materials[material].visible.to(kind)
+    }
+
+    /// Returns what a hit has met.
+    fn met(&self, ray: &Ray, hit: &Hit) -> Met {
+        let [geometric, normal] = outward_normals(self.scene, hit);
+        Met {
+            distance: hit.t,
+            position: Vec3::from(ray.o) + Vec3::from(ray.d) * hit.t,
+            geometric,
+            normal,
+            own: self.is_own(hit.triangle),
+        }
+    }
+}
+
+impl Surroundings for Around<'_> {
+    fn is_occluded(&self, direction: Vec3, length: f32, local: bool) -> bool {
+        let ray = Ray {
+            o: self.origin(direction).array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: length,
+        };
+        if local {
+            return self.first(ray, |triangle| self.is_own(triangle)).is_some();
+        }
+        if self.scene.features().hidden {
+            let seen = |triangle| self.is_seen(triangle, RayKind::Shadow);
+            return self.first(ray, seen).is_some();
+        }
+        let mut occluded = [false];
+        self.scene.tracer.occluded(&[ray], &mut occluded, None);
+        self.rays.set(self.rays.get() + 1);
+        occluded[0]
+    }
+
+    fn nearest(&self, search: Search) -> Option<Met> {
+        let Search {
+            origin,
+            direction,
+            span: [t_min, t_max],
+            local,
+        } = search;
+        // A ray from the point itself does not meet the point's own triangle.
+        let start = self.origin(direction);
+        let here = (origin - self.point).length() <= (start - self.point).length();
+        let ray = Ray {
+            o: if here { start } else { origin }.array(),
+            d: direction.array(),
+            t_min,
+            t_max,
+        };
+        let hit = self.first(ray, |triangle| {
+            if local {
+                self.is_own(triangle)
+            } else {
+                self.is_seen(triangle, RayKind::Plain)
+            }
+        })?;
+        Some(self.met(&ray, &hit))
+    }
+
+    fn each_local(&self, search: Search, found: &mut dyn FnMut(Met)) {
+        let [t_min, t_max] = search.span;
+        let mut ray = Ray {
+            o: search.origin.array(),
+            d: search.direction.array(),
+            t_min,
+            t_max,
+        };
+        for _ in 0..MOST_PASSED {
+            let Some(hit) = self.first(ray, |triangle| self.is_own(triangle)) else {
+                return;
+            };
+            found(self.met(&ray, &hit));
+            ray.t_min = hit.t.next_up();
+        }
+    }
+
+    fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
+        // Each sample of the pixel continues the sequence of those before it.
+        let pair = FIRST_PAIR + 2 * self.vertex + purpose as u32;
+        let number = self.sample.wrapping_mul(count).wrapping_add(index);
+        self.sampler.pair(number, pair)
+    }
+
+    fn is_sharp(&self) -> bool {
+        self.sharp
+    }
+}

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Subsurface scattering: a path enters a surface, walks below it until it meets the same object, and leaves through a
+//! Lambertian lobe there (Chiang, Kutz and Burley 2016). Rays of walks go through the structure like all others, and
+//! pass the surfaces of other objects.
+
+use crate::light::Receiver;
+use crate::material::bsdf::Bsdf;
+use crate::material::bsdf::lobe::{Lobe, Shape};
+use crate::math::sampler::Stream;
+use crate::math::vector::{Frame, Vec3};
+use crate::medium::inversion::Coefficients;
+use crate::medium::mixture::divided;
+use crate::path::shade::Shader;
+use crate::path::shade::output::Output;
+use crate::path::shade::scatter::FramedBsdf;
+use crate::path::state::Path;
+use crate::path::walk::{End, Walk};
+use crate::scene::surface::Surface;
+use crate::settings::Pass;
+use halfspace_ray::{Hit, Ray};
+
+/// Mean free paths below this share of the coordinates are shorter than rounding errors of positions allow: light leaves
+/// where it entered. 64 units in the last place (chosen).
+const RESOLUTION: f32 = 64.0 * f32::EPSILON;
+
+/// Coordinate beyond which walks are dropped: that of the farthest vertex.
+const FARTHEST: f32 = 9.2e18;
+
+impl<
+    const GLOSSY: bool,
+    const GLASS: bool,
+    const SMOOTH: bool,
+    const LOBES: usize,
+    const EXTRA: bool,
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+{
+    /// Enters a surface. Returns the first ray of the walk, or if light leaves at once, that of the next bounce.
+    /// `entrance`: see [`Bsdf::entrance`]; `u`: random numbers for the direction.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn enter(
+        &self,
+        surface: &Surface<'_>,
+        frame: &Frame,
+        (lobe, choice): (&Lobe, f32),
+        u: [f32; 2],
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Option<Ray> {
+        let Shape::Subsurface(below) = lobe.shape else {
+            return None;
+        };
+        let weight = lobe.scale * (1.0 / lobe.p);
+        if path.camera && self.context.film.fills(Pass::Albedo) {
+            out.sample.albedo = weight.array();
+        }
+        path.camera = false;
+        // Refract into the medium; directions that the triangle contradicts are lost.
+        let local = below.enter(lobe.wi, choice, u);
+        let d = frame.to_world(lobe.frame.to_world(local));
+        let d = d.normalized_or(-surface.geometric);
+        if d.dot(surface.geometric) >= 0.0 {
+            return None;
+        }
+        let medium = Coefficients::new(
+            below.method,
+            below.color,
+            below.radius,
+            below.anisotropy,
+            below.ior,
+        );
+        let longest = medium.extinction.map(|sigma| 1.0 / sigma).max_component();
+        if longest < RESOLUTION * surface.point.max_abs() {
+            path.throughput = path.throughput * weight;
+            return self.leave(surface, frame, path, out);
+        }
+        // The medium gives the colour that the weight contains.
+        path.throughput = path.throughput * divided(weight, below.color) * medium.factor;
+        if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
+            return None;
+        }
+        let seed = Stream::new(path.stream()).fork(5);
+        let walk = Walk::new(
+            &medium,
+            below.anisotropy,
+            surface.shading,
+            [surface.object(), surface.triangle()],
+            path.throughput,
+            seed,
+        );
+        out.walk = Some(walk);
+        Some(Ray {
+            o: surface.point.array(),
+            d: d.array(),
+            t_min: 0.0,
+            t_max: walk.left(),
+        })
+    }
+
+    /// Continues a walk at the end of its ray. Returns the next ray if the path continues.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn walk(
+        &self,
+        mut walk: Walk,
+        ray: &Ray,
+        hit: &Hit,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Option<Ray> {
+        let d = Vec3::from(ray.d);
+        if hit.is_hit() {
+            // The first segment begins in the triangle that it enters.
+            if walk.entry == Some(hit.triangle) {
+                walk.entry = None;
+                out.walk = Some(walk);
+                return Some(Ray {
+                    t_min: hit.t.next_up(),
+                    ..*ray
+                });
+            }
+            // Seen from outside, where the path goes.
+            let mut surface = Surface::at::<SMOOTH>(self.scene, hit, -d);
+            if surface.object() != walk.object {
+                walk.cover(hit.t);
+                out.walk = Some(walk);
+                let seen = Surface::at::<SMOOTH>(self.scene, hit, d);
+                return path.pass_invisible(0.0).then(|| seen.continued(ray, hit));
+            }
+            let End::Left = walk.end(d, Some(hit.t), &mut path.throughput) else {
+                return None;
+            };
+            out.walk = None;
+            if surface.material.maps_normal() {
+                self.run_program(&mut surface, -d, hit.t, path, out);
+            }
+            let frame = surface.frame();
+            return self.leave(&surface, &frame, path, out);
+        }
+        let at = Vec3::from(ray.o) + d * walk.left();
+        let End::Scattered(next) = walk.end(d, None, &mut path.throughput) else {
+            return None;
+        };
+        out.walk = Some(walk);
+        (at.max_abs() < FARTHEST).then(|| Ray {
+            o: at.array(),
+            d: next.array(),
+            t_min: 0.0,
+            t_max: walk.left(),
+        })
+    }
+
+    /// Leaves through a surface: samples a light and the next direction of a white Lambertian lobe.
+    #[inline(never)]
+    fn leave(
+        &self,
+        surface: &Surface<'_>,
+        frame: &Frame,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Option<Ray> {
+        path.receiver = Receiver {
+            point: surface.point,
+            normal: surface.geometric,
+            sets: surface.material.sets.receives,
+        };
+        let up = frame.to_local(surface.geometric);
+        let bsdf = Bsdf::<GLOSSY, GLASS, LOBES>::lambertian(up, surface.normals(frame), frame);
+        let framed = FramedBsdf { frame, bsdf: &bsdf };
+        let random = path.next_vertex();
+        self.sample(surface, framed, random, path, out)
+    }
+}
