@@ -8,9 +8,9 @@
 
 use crate::material::albedo::Grids;
 use crate::material::microfacets::Distribution;
-use crate::medium::inversion::Method;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
+use crate::medium::inversion::Method;
 use crate::values::program::{Operand, Value, read, rgb};
 
 mod layering;
