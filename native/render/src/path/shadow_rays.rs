@@ -173,8 +173,8 @@ impl ShadowRays {
         Ok(cast)
     }
 
-    /// Any-hit traversal: every surface is opaque. Rays to near and to far lights go apart, because rays of one kind often
-    /// go the same way.
+    /// Any-hit traversal: every surface is opaque. Rays to near and to far lights go apart, because those of one kind
+    /// often go the same way.
     fn cast_opaque(
         &mut self,
         context: &Context<'_>,
