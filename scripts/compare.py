@@ -18,6 +18,12 @@ reading the scene and the build. Default: one sample of 1920 × 1080 pixels, dir
 and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
 failure.
 
+`--equal-error`: the time to equal error of FILE or of the scenes of `--scene`, with the defaults of Cycles (filter
+glossy 1, clamp indirect 10, light tree; adaptive sampling and denoising off) in both engines. Each engine renders a
+converged picture and several numbers of samples; the table has the ratios of their times at equal error, with and
+without the constant part of reading and building. A mean that differs by more than 1 %, or with `--most R` a larger
+ratio of processor times, is a failure.
+
 Exit status: 0 compared, and all requirements hold; 1 some do not; 2 bad usage or input; 130 stopped. Failures are
 reported in one line.
 """
@@ -27,7 +33,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -41,7 +46,6 @@ if __name__ == "__main__":
     interrupt.guard("compare")
 
 from addon.core.base import command, native
-from addon.core.base.native import first_line
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import specs
@@ -53,39 +57,6 @@ DIFFERENT = 1
 
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
-
-EXACT = {
-    "use_denoising": False,
-    "use_adaptive_sampling": False,
-    "use_light_tree": False,
-    "light_sampling_threshold": 0.0,
-    "sample_clamp_direct": 0.0,
-    "sample_clamp_indirect": 0.0,
-    "blur_glossy": 0.0,
-    "caustics_reflective": True,
-    "caustics_refractive": True,
-    "film_exposure": 1.0,
-    "pixel_filter_type": "BLACKMAN_HARRIS",
-    "filter_width": 1.5,
-    "sampling_pattern": "TABULATED_SOBOL",
-}
-"""Settings of Cycles with which its picture differs from the exact one only by noise."""
-
-
-OURS = {
-    "use_adaptive": False,
-    "time_limit": 0.0,
-    "use_denoising": False,
-    "clamp_direct": 0.0,
-    "clamp_indirect": 0.0,
-    "filter_glossy": 0.0,
-    "caustics_reflective": True,
-    "caustics_refractive": True,
-    "film_exposure": 1.0,
-    "pixel_filter_type": "BLACKMAN_HARRIS",
-    "filter_width": 1.5,
-}
-"""The same for Halfspace."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -103,12 +74,27 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--slope", action="store_true", help="with --scene: only the slope of the error over the samples")
     made.add_argument("--whole", action="store_true", help="time whole renders, one sample per run")
-    made.add_argument("--most", type=float, metavar="R", help="with --whole: the largest ratio of times that holds")
-    made.add_argument("--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080)")
+    made.add_argument("--equal-error", action="store_true", help="time to equal error, at the defaults of Cycles")
     made.add_argument(
-        "--samples", type=int, help="samples per pixel, all runs together (default: 64; with --whole one per run)"
+        "--most", type=float, metavar="R", help="with --whole and --equal-error: the largest ratio of times that holds"
     )
-    made.add_argument("--runs", type=int, help="independent pictures per engine (default: 4; with --whole 7)")
+    made.add_argument(
+        "--lights",
+        metavar="LIST",
+        help="with an .npz: some of sun, lamp, point, area, sky, panorama, separated by commas",
+    )
+    made.add_argument(
+        "--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080, with --equal-error 240x135)"
+    )
+    made.add_argument(
+        "--samples",
+        type=int,
+        help="samples per pixel, all runs together (default: 64; with --whole one per run; with --equal-error the "
+        "most of a picture, 32)",
+    )
+    made.add_argument(
+        "--runs", type=int, help="independent pictures per engine (default: 4; --whole: 7; --equal-error: 3)"
+    )
     made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
     made.add_argument("--threads", type=int, default=0, help="threads of both engines, 0 = all (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
@@ -125,6 +111,8 @@ def work(asked: argparse.Namespace) -> int:
     """Run the comparison that the options select. Returns the exit status."""
     if asked.whole:
         return 0 if time_whole(asked) else DIFFERENT
+    if asked.equal_error:
+        return 0 if time_to_equal_error(asked) else DIFFERENT
     if asked.scene is None:
         run(asked)
         return 0
@@ -145,13 +133,19 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         raise UsageError(f"--plant: expected a share above 0, up to 1, got {asked.plant:g}")
     if asked.whole and (asked.scene is not None or asked.slope):
         raise UsageError("--whole: renders a file, not --scene")
-    if asked.most is not None and not (asked.whole and asked.most > 0):
-        raise UsageError("--most: expected --whole and a ratio above 0")
+    if asked.equal_error and (asked.whole or asked.slope or asked.plant is not None):
+        raise UsageError("--equal-error: expected without --whole, --slope and --plant")
+    if asked.most is not None and not ((asked.whole or asked.equal_error) and asked.most > 0):
+        raise UsageError("--most: expected --whole or --equal-error, and a ratio above 0")
+    if asked.lights is not None and asked.file is None:
+        raise UsageError("--lights: expected an .npz")
     # Set the defaults, which depend on the comparison, and check the ranges.
     usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
     if asked.whole:
         runs = asked.runs if asked.runs is not None else 7
         usual = {"size": "1920x1080", "samples": runs, "runs": runs, "bounces": 0}
+    if asked.equal_error:
+        usual |= {"size": "240x135", "samples": 32, "runs": 3}
     for name, value in usual.items():
         if getattr(asked, name) is None:
             setattr(asked, name, value)
@@ -176,7 +170,7 @@ def run(asked: argparse.Namespace) -> None:
     from lab.pictures import comparison
 
     bpy = _start(asked)
-    name = _open(bpy, asked.file)
+    name = _open(asked)
     found, _ = _render_both(bpy, asked, name)
     ours, theirs = found["HALFSPACE"], found["CYCLES"]
     print(f"\n{name}, {asked.size}, Halfspace beside Cycles")
@@ -227,7 +221,7 @@ def time_whole(asked: argparse.Namespace) -> bool:
     bpy = _start(asked)
     from lab.pictures import whole
 
-    name = _open(bpy, asked.file, whole.LIGHTS)
+    name = _open(asked, whole.LIGHTS)
     scene: Any = bpy.context.scene
     _prepare(scene, asked, name)
     times = whole.measure(scene, asked.runs)
@@ -247,12 +241,47 @@ def time_whole(asked: argparse.Namespace) -> bool:
     return checked.right and (asked.most is None or ratio <= asked.most)
 
 
+def time_to_equal_error(asked: argparse.Namespace) -> bool:
+    """Measure the time to equal error, scene by scene, and print a table. Returns whether all requirements hold."""
+    bpy = _start(asked)
+    from addon.blender.measure import pictures
+    from lab.pictures import engines, equal_error
+
+    names = _built(bpy, asked.scene) if asked.scene else [_open(asked)]
+    counts = sorted({max(asked.samples // part, 1) for part in (16, 4, 1)})
+    if len(counts) < 2:
+        raise UsageError(f"--samples: expected at least 2, got {asked.samples}")
+    measured = []
+    for name in names:
+        scene: Any = bpy.context.scene
+        _prepare(scene, asked, name, engines.DEFAULT)
+
+        def render(engine: str, samples: int, seed: int, scene: Any = scene) -> Any:
+            scene.render.engine = engine
+            scene.halfspace.samples = scene.cycles.samples = samples
+            return _run(pictures, scene, seed)[..., :3].astype("float64")
+
+        result = equal_error.measure(name, render, counts, asked.runs, equal_error.CONVERGED * asked.samples)
+        measured.append(result)
+        print(f"\n{name}, {asked.size}, {asked.bounces} bounces, {asked.structure}:")
+        for line in result.lines():
+            print(f"  {line}", flush=True)
+    here = results.machine(native.load())
+    print(f"\n{here['processor']}, {here['level']}: Halfspace over Cycles at the error of its {counts[-1]} samples\n")
+    print(equal_error.HEAD)
+    for result in measured:
+        print(result.row())
+    most = asked.most if asked.most is not None else float("inf")
+    return all(result.same and result.ratios("processor")[0] <= most for result in measured)
+
+
 def judge_slopes(asked: argparse.Namespace) -> bool:
     """Fit the slopes of RMSE on the scenes of `--scene`. Returns whether those of independent samples are right."""
     from addon.core.measure import curve
 
     bpy = _start(asked)
     from addon.blender.measure import pictures
+    from lab.pictures import engines
 
     # Average at most a quarter of the pictures: four such means are left, while chance would decide about a single one.
     counts = [1 << k for k in range(asked.samples.bit_length()) if 4 << k <= asked.samples]
@@ -265,7 +294,7 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
         scene.render.engine = "HALFSPACE"
 
         def rendered(samples: int, seed: int, scene: Any = scene) -> Any:
-            _configure_halfspace(scene, asked.structure, samples, asked.bounces)
+            engines.configure_halfspace(scene, asked.structure, samples, asked.bounces)
             scene.halfspace.render_seed = seed
             return pictures.render(scene)[..., :3].reshape(-1, 3)
 
@@ -326,14 +355,21 @@ def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[s
     return _pictures(bpy.context.scene, asked, name)
 
 
-def _prepare(scene: Any, asked: argparse.Namespace, name: str) -> None:
-    """Give both engines the same settings. Raises UsageError."""
+def _prepare(scene: Any, asked: argparse.Namespace, name: str, sampling: Any = None) -> None:
+    """Give both engines the same settings: `sampling`, None for exact ones. Raises UsageError."""
+    from lab.pictures import engines
+
     if scene.camera is None:
         raise UsageError(f"{name}: the scene has no camera")
     _set_picture(scene, asked)
     samples = -(-asked.samples // asked.runs)
-    _configure_halfspace(scene, asked.structure, samples, asked.bounces)
-    _configure_cycles(scene, samples, asked.bounces)
+    try:
+        engines.configure_halfspace(scene, asked.structure, samples, asked.bounces, sampling or engines.EXACT)
+        engines.configure_cycles(scene, samples, asked.bounces, sampling or engines.EXACT)
+    except specs.SpecError as error:
+        raise UsageError(f"--structure: {error}") from error
+    except engines.EngineError as error:
+        raise UsageError(str(error)) from error
 
 
 def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[str, Any], dict[str, float]]:
@@ -364,6 +400,7 @@ def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[st
 def _print_left_out(scene: Any) -> None:
     """Print what each engine left out of the last pictures."""
     from addon.blender.session import reports
+    from lab.pictures import engines
 
     report = reports.last(scene)
     print("Left out by Halfspace, because it does not know it:")
@@ -373,7 +410,7 @@ def _print_left_out(scene: Any) -> None:
     for line in report.left_out if report else []:
         print(f"  {line}")
     print("Left out by Cycles, so that its picture is exact up to noise:")
-    print(f"  {', '.join(key.removeprefix('use_').replace('_', ' ') for key in EXACT)}")
+    print(f"  {', '.join(key.removeprefix('use_').replace('_', ' ') for key in engines.EXACT.cycles)}")
 
 
 def _run(pictures: Any, scene: Any, seed: int) -> Any:
@@ -390,52 +427,15 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> str:
-    """Open a scene. Returns its name. lights: of an .npz, None for all.
+def _open(asked: argparse.Namespace, lights: Sequence[str] | None = None) -> str:
+    """Open the file, an .npz with these lights unless others are given. Returns its name. Raises UsageError."""
+    from lab.pictures import scenes, stage
 
-    A scene that was generated is saved and opened again, so that both engines read a .blend.
-    """
-    from lab.pictures import scenes
-
-    name = scenes.open_file(file, lights)
-    if file is not None and file.lower().endswith(".blend"):
-        return name
-    with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
-        path = str(Path(folder) / "scene.blend")
-        try:
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-        except RuntimeError as error:
-            raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
-        bpy.ops.wm.open_mainfile(filepath=path)
-    return name
-
-
-def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int) -> None:
-    from addon.blender.settings import presets
-
-    try:
-        presets.apply(scene.halfspace, structure)
-    except specs.SpecError as error:
-        raise UsageError(f"--structure: {error}") from error
-    scene.halfspace.automatic = False
-    scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
-    for key, value in OURS.items():
-        setattr(scene.halfspace, key, value)
-
-
-def _configure_cycles(scene: Any, samples: int, bounces: int) -> None:
-    import addon_utils
-
-    if not hasattr(scene, "cycles"):
-        addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        raise UsageError("this Blender has no Cycles")
-    cycles = scene.cycles
-    cycles.device, cycles.samples = "CPU", samples
-    for key in ("max", "diffuse", "glossy", "transmission"):
-        setattr(cycles, f"{key}_bounces", bounces)
-    for key, value in EXACT.items():
-        setattr(cycles, key, value)
+    if asked.lights is not None:
+        lights = asked.lights.split(",")
+        if unknown := set(lights) - set(stage.ALL_LIGHTS):
+            raise UsageError(f"--lights: expected some of {', '.join(stage.ALL_LIGHTS)}, got {min(unknown)!r}")
+    return scenes.open_saved(asked.file, lights)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import bpy
 
 from addon.blender.samples import showcase
 from addon.core.base import native
+from addon.core.base.native import first_line
 from addon.core.scene.workload import find
 
 from ..bench import mesh_files
@@ -32,3 +34,21 @@ def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
         return "showcase"
     stage.build(bpy.context.scene, workload, stage.LIGHTS if lights is None else lights)
     return workload.name
+
+
+def open_saved(file: str | None, lights: Sequence[str] | None = None) -> str:
+    """Like `open_file`, from a .blend: a generated scene is saved and opened again, so that all engines read a file.
+
+    Raises OSError, too.
+    """
+    name = open_file(file, lights)
+    if file is not None and file.lower().endswith(".blend"):
+        return name
+    with tempfile.TemporaryDirectory(prefix="halfspace-scene-") as folder:
+        path = str(Path(folder) / "scene.blend")
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+        except RuntimeError as error:
+            raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
+        bpy.ops.wm.open_mainfile(filepath=path)
+    return name

@@ -11,6 +11,8 @@ from mathutils import Matrix, Vector
 
 from addon.core.scene.workload import bounds
 
+from . import proving_parts as parts
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -25,6 +27,11 @@ LAMP = 0.35
 
 LIGHTS = ("sun", "lamp", "sky")
 """Default lights of a geometry. "point" instead of "lamp" is the same lamp without size."""
+
+ALL_LIGHTS = (*LIGHTS, "point", "area", "panorama")
+"""All lights. "area" is a square that faces down, in the lamp's place; "panorama" an image with a bright disc in place
+of the sky.
+"""
 
 
 def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
@@ -94,8 +101,16 @@ def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> N
         lamp.shadow_soft_size = 0.03 * distance if "lamp" in chosen else 0.0
         place = np.array(view.eye) + 2.5 * distance * forward + 0.3 * distance * up - 0.2 * distance * left
         _add(scene, lamp, Matrix.Translation(Vector(place)))
+    if "area" in chosen:
+        side = 0.1 * diagonal
+        area = bpy.data.lights.new("Area", "AREA")
+        area.size, area.energy = side, SUN * 4 * np.pi * side**2
+        place = np.array(view.eye) + 1.5 * side * forward + side * up
+        _add(scene, area, _looking(place, place - up, forward))
     if "sky" in chosen:
         _sky(scene)
+    if "panorama" in chosen:
+        _panorama(scene, up)
 
 
 def _sky(scene: Any) -> None:
@@ -106,6 +121,21 @@ def _sky(scene: Any) -> None:
     background.inputs["Color"].default_value = (*SKY, 1.0)
     background.inputs["Strength"].default_value = 1.0
     scene.world = world
+
+
+def _panorama(scene: Any, up: F64) -> None:
+    """An image as background, whose zenith points up."""
+    world = parts.new_world(scene, (0, 0, 0))
+    tree = world.node_tree
+    background = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    texture, mapping, where = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord")
+    )
+    texture.image = parts.picture("Panorama", parts.panorama_pixels(), "Linear Rec.709", floats=True)
+    mapping.inputs["Rotation"].default_value = Vector(up).rotation_difference(Vector((0, 0, 1))).to_euler()
+    tree.links.new(where.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
+    tree.links.new(texture.outputs[0], background.inputs["Color"])
 
 
 def _add(scene: Any, light: Any, matrix: Any) -> None:

@@ -1056,7 +1056,7 @@ def render(
         whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with
         refraction approximate (Heckbert and Hanrahan 1984); "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
-        samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
+        samples (at most 64) between two updates of a tile, None = 1, 3, 4, then 8; "filter"
         ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours
         of Combined. "noise_threshold" (0: off): blocks of
         8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is

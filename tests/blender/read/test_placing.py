@@ -93,7 +93,8 @@ def test_an_object_that_the_tree_over_instances_drops_is_named(forest: Any, add:
     assert "Dropped, the transform is out of range: Speck" in report.warnings
 
 
-def test_emissive_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
+def glow() -> None:
+    """Make all meshes emit light."""
     shaders = [
         shader
         for block in bpy.data.materials
@@ -103,6 +104,24 @@ def test_emissive_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_p
     assert shaders
     for shader in shaders:
         shader.inputs["Emission Strength"].default_value = 3.0
+
+
+def test_emissive_instances_are_sampled_as_lights(forest: Any, tmp_path: Path) -> None:
+    glow()
+    pictures = {}
+    for mode in ("flatten", "two-level"):
+        forest.halfspace.instancing = mode
+        pictures[mode] = render(forest, tmp_path)["Combined.R"]
+    # The same random numbers find the same points of the same lights.
+    assert np.array_equal(pictures["flatten"], pictures["two-level"])
+    report = reports.last(forest)
+    assert report is not None
+    assert report.instances.startswith("two levels")
+    assert not any(line.startswith("shadow rays") for line in report.left_out)
+
+
+def test_emissive_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
+    glow()
     forest.halfspace.integrator = "whitted"
     pictures = {}
     for mode in ("flatten", "two-level"):

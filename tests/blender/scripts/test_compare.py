@@ -77,6 +77,22 @@ def test_halfspace_and_cycles_agree(court: Path, tmp_path: Path, capsys: pytest.
     assert pictures.load(out / "court-compared.png").shape == (64, 288, 4)
 
 
+def test_the_time_to_equal_error_is_measured(court: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--equal-error", "--size", "48x32", "--samples", "8", "--runs", "2", "--out", str(tmp_path / "out")]
+    assert compare.main([str(court), "--lights", "sun,sky", *arguments]) == 0
+    text = capsys.readouterr().out
+    assert "time to equal error by the processor: whole × " in text
+    assert "| court | " in text
+    # The error falls with the samples in both engines, towards pictures of equal means.
+    for engine in ("HALFSPACE", "CYCLES"):
+        lines = [line for line in text.splitlines() if line.lstrip().startswith(f"{engine}: ")]
+        errors = [float(line.split("RMSE ")[1].split(",")[0]) for line in lines]
+        assert len(errors) == 2
+        assert errors[1] < 0.7 * errors[0]
+    assert compare.main([str(court), "--lights", "lantern", *arguments]) == 2
+    assert "'lantern'" in capsys.readouterr().err
+
+
 def test_the_slope_of_a_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--scene", "textures", "--slope", "--size", "24x24", "--samples", "16", "--out", str(tmp_path)]
     assert compare.main(arguments) == 0

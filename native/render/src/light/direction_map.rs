@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Importance sampling of the directions of a background.
 
+use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::direction_to_uv;
 
@@ -14,8 +15,12 @@ pub struct DirectionMap {
     height: usize,
     /// Normalized running sums of each row: `width + 1` numbers from 0 to 1 per row.
     rows: Vec<f32>,
+    /// Where to begin the search in each row, [`guides`] numbers per row.
+    row_guides: Vec<u32>,
     /// Normalized running sum over the rows: `height + 1` numbers from 0 to 1.
     column: Vec<f32>,
+    /// Where to begin the search in it.
+    column_guides: Vec<u32>,
     /// Mean radiance over the sphere.
     pub mean: f32,
 }
@@ -75,11 +80,19 @@ impl DirectionMap {
         }
         let mut column = Vec::with_capacity(height + 1);
         append_running(&mut column, sums.into_iter());
+        let mut row_guides = Vec::with_capacity(guides(width) * height);
+        for row in rows.chunks_exact(width + 1) {
+            append_guides(&mut row_guides, row);
+        }
+        let mut column_guides = Vec::with_capacity(guides(height));
+        append_guides(&mut column_guides, &column);
         Some(Self {
             width,
             height,
             rows,
+            row_guides,
             column,
+            column_guides,
             mean,
         })
     }
@@ -93,8 +106,10 @@ impl DirectionMap {
     /// solid angle.
     pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         // Choose the row, then the cell within it.
-        let (y, fy) = invert(&self.column, u[1]);
-        let (x, fx) = invert(self.row(y), u[0]);
+        let (y, fy) = invert(&self.column, &self.column_guides, u[1]);
+        let count = guides(self.width);
+        let row_guides = &self.row_guides[y * count..(y + 1) * count];
+        let (x, fx) = invert(self.row(y), row_guides, u[0]);
         let uv = [
             (x as f32 + fx) / self.width as f32,
             (y as f32 + fy) / self.height as f32,
@@ -123,19 +138,15 @@ impl DirectionMap {
 
 /// Cosine of the latitude at height `v`.
 fn latitude_cosine(v: f32) -> f32 {
-    (std::f32::consts::PI * (v - 0.5)).cos().max(0.0)
+    sin_cos_turns(0.75 + 0.5 * v).1.max(0.0)
 }
 
 /// Inverse of [`direction_to_uv`].
 fn uv_to_direction([u, v]: [f32; 2]) -> Vec3 {
-    use std::f32::consts::{PI, TAU};
-    let (longitude, latitude) = ((0.5 - u) * TAU, (v - 0.5) * PI);
-    let flat = latitude.cos();
-    vec3(
-        flat * longitude.cos(),
-        flat * longitude.sin(),
-        latitude.sin(),
-    )
+    // The longitude is half a turn less u turns, the latitude half as many turns as v is above the middle.
+    let (sin_longitude, cos_longitude) = sin_cos_turns(1.5 - u);
+    let (sin_latitude, flat) = sin_cos_turns(0.75 + 0.5 * v);
+    vec3(flat * cos_longitude, flat * sin_longitude, sin_latitude)
 }
 
 /// Appends the running sum of `values`, normalized to 0..1, and returns their sum.
@@ -154,11 +165,42 @@ fn append_running(out: &mut Vec<f32>, values: impl Iterator<Item = f64> + Clone)
     total
 }
 
+/// Number of cells per guide: the mean number of steps of a search, all within one or two cache lines.
+const CELLS_PER_GUIDE: usize = 4;
+
+/// Returns the number of guides of a running sum over `cells` cells.
+fn guides(cells: usize) -> usize {
+    cells.div_ceil(CELLS_PER_GUIDE)
+}
+
+/// Appends the guides of a running sum: for equal intervals of 0..1 the cell that contains the lower end (Chen and Asau
+/// 1974, "On Generating Random Variates from an Empirical Distribution").
+fn append_guides(out: &mut Vec<u32>, running: &[f32]) {
+    let cells = running.len() - 1;
+    let count = guides(cells);
+    let mut cell = 0;
+    for k in 0..count {
+        let low = k as f32 / count as f32;
+        while cell + 1 < cells && running[cell + 1] <= low {
+            cell += 1;
+        }
+        out.push(cell as u32);
+    }
+}
+
 /// Finds the cell of a running sum that contains `u`, and the position within the cell.
-fn invert(running: &[f32], u: f32) -> (usize, f32) {
-    // Find the cell by binary search; an empty cell returns its middle.
+fn invert(running: &[f32], guides: &[u32], u: f32) -> (usize, f32) {
+    // Begin at the guide; rounding may have chosen the next one.
     let n = running.len() - 1;
-    let i = running[1..n].partition_point(|&c| c <= u);
+    let guide = ((u * guides.len() as f32) as usize).min(guides.len() - 1);
+    let mut i = guides[guide] as usize;
+    while i > 0 && running[i] > u {
+        i -= 1;
+    }
+    while i + 1 < n && running[i + 1] <= u {
+        i += 1;
+    }
+    // An empty cell returns its middle.
     let (low, high) = (running[i], running[i + 1]);
     let f = if high > low {
         (u - low) / (high - low)
@@ -176,6 +218,29 @@ mod tests {
     fn spot(d: Vec3) -> Vec3 {
         let bright = d.dot(vec3(0.6, 0.0, 0.8)) > 0.97;
         Vec3::splat(if bright { 50.0 } else { 0.1 })
+    }
+
+    #[test]
+    fn guided_searches_find_the_cell_of_a_binary_search() {
+        let sampler = PixelSampler::new(4, 5, 6);
+        for cells in [1_u32, 2, 5, 64, 333] {
+            // Dark stretches, empty cells and one bright cell.
+            let value = |i: u32| match i % 7 {
+                0 => 0.0,
+                _ if i == cells / 2 => 1e4,
+                _ => f64::from(sampler.pair(i, 2)[0]),
+            };
+            let mut running = Vec::new();
+            append_running(&mut running, (0..cells).map(value));
+            let mut guides = Vec::new();
+            append_guides(&mut guides, &running);
+            let ends = running.iter().copied().filter(|&c| c < 1.0);
+            for u in ends.chain((0..2000).map(|i| sampler.pair(i, 3)[0])) {
+                let inner = &running[1..cells as usize];
+                let expected = inner.partition_point(|&c| c <= u);
+                assert_eq!(invert(&running, &guides, u).0, expected, "{cells} {u}");
+            }
+        }
     }
 
     #[test]

@@ -3,6 +3,9 @@
 
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};
 
+/// Range of squared lengths within which the squares of components neither overflow nor lose digits that count.
+const SQUARES: [f32; 2] = [1e-24, 1e30];
+
 /// A point, a direction or a linear RGB colour.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Vec3 {
@@ -79,9 +82,21 @@ impl Vec3 {
         }
     }
 
-    /// Returns the unit vector of the same direction, or the z axis for a zero vector. Scales by the largest
-    /// component first, so that tiny and huge vectors keep their direction.
+    /// Returns the unit vector of the same direction, or the z axis for a zero vector. Tiny and huge vectors keep their
+    /// direction.
+    #[inline]
     pub fn normalized(self) -> Self {
+        let squared = self.length2();
+        if (SQUARES[0]..SQUARES[1]).contains(&squared) {
+            self * (1.0 / squared.sqrt())
+        } else {
+            self.normalized_from_afar()
+        }
+    }
+
+    /// Scales by the largest component first.
+    #[cold]
+    fn normalized_from_afar(self) -> Self {
         let largest = self.x.abs().max(self.y.abs()).max(self.z.abs());
         if largest > 0.0 && largest.is_finite() {
             let scaled = vec3(self.x / largest, self.y / largest, self.z / largest);

@@ -215,7 +215,9 @@ mod tests {
     #[test]
     fn radii_are_mean_free_paths_and_extremes_stay_finite() {
         let of = |method, r: f32, g| {
-            Coefficients::new(method, Vec3::splat(0.5), Vec3::splat(r), g, 1.4).extinction.x
+            Coefficients::new(method, Vec3::splat(0.5), Vec3::splat(r), g, 1.4)
+                .extinction
+                .x
         };
         assert_eq!(of(Method::RandomWalk, 0.25, 0.5), 4.0);
         assert!((of(Method::Legacy, 0.25, 0.5) - 4.0 / LEGACY / 0.5).abs() < 1e-3);

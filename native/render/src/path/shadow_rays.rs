@@ -113,6 +113,8 @@ impl Passing {
 #[derive(Default)]
 pub struct ShadowRays {
     rays: Vec<Ray>,
+    /// The rays to lights at a finite distance, then those to suns and the background.
+    apart: Vec<Ray>,
     light: Vec<Light>,
     /// For light passes and shadow catchers, one per ray; empty without any.
     scattered: Vec<Scattered>,
@@ -186,7 +188,8 @@ impl ShadowRays {
         Ok(cast)
     }
 
-    /// Any-hit traversal: every surface is opaque.
+    /// Any-hit traversal: every surface is opaque. Rays to near and to far lights go apart, because those of one kind
+    /// often go the same way.
     fn cast_opaque(
         &mut self,
         context: &Context<'_>,
@@ -195,20 +198,35 @@ impl ShadowRays {
     ) -> Result<u64, Cancelled> {
         let Self {
             rays,
+            apart,
             light,
             scattered,
             blocked,
             ..
         } = self;
         let tracer = &*context.scene.tracer;
+        let is_far = |ray: &Ray| ray.t_max == f32::INFINITY;
+        apart.clear();
+        apart.extend(rays.iter().filter(|ray| !is_far(ray)));
+        let near = apart.len();
+        apart.extend(rays.iter().filter(|ray| is_far(ray)));
         // Trace all rays, then add the light of those that arrive.
         blocked.clear();
         blocked.resize(rays.len(), false);
-        calls.cover(rays.len(), context.stop, |range| {
-            tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
-        })?;
-        for (i, light) in light.iter().enumerate().filter(|&(i, _)| !blocked[i]) {
-            samples.add(light, scattered.get(i));
+        for kind in [0..near, near..rays.len()] {
+            let (rays, blocked) = (&apart[kind.clone()], &mut blocked[kind]);
+            calls.cover(rays.len(), context.stop, |range| {
+                tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
+            })?;
+        }
+        // The rays of each kind kept their order.
+        let mut next = [0, near];
+        for (i, (ray, light)) in rays.iter().zip(&*light).enumerate() {
+            let answer = &mut next[usize::from(is_far(ray))];
+            if !blocked[*answer] {
+                samples.add(light, scattered.get(i));
+            }
+            *answer += 1;
         }
         Ok(rays.len() as u64)
     }

@@ -33,6 +33,8 @@ pub struct Path {
     /// Length of the camera ray in front of the near clipping plane, which programs do not count; 0 after a bounce.
     pub clipped: f32,
     sampler: PixelSampler,
+    /// Index of the pixel's sample.
+    sample: u32,
     /// Index of the path's pixel sample in the tile's batch.
     pub slot: u32,
     /// Number of times the path has scattered.
@@ -59,8 +61,8 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path of a camera ray.
-    pub fn from_camera(ray: &Ray, sampler: PixelSampler, slot: u32) -> Self {
+    /// The path of a camera ray, of sample number `sample` of its pixel.
+    pub fn from_camera(ray: &Ray, sampler: PixelSampler, sample: u32, slot: u32) -> Self {
         Self {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
@@ -73,6 +75,7 @@ impl Path {
             passed: 0.0,
             clipped: ray.t_min,
             sampler,
+            sample,
             slot,
             bounce: 0,
             vertex: 0,
@@ -166,18 +169,23 @@ impl Path {
         }
     }
 
-    /// Returns the random numbers of the next vertex of sample `sample`.
+    /// Returns the index of the pixel's sample.
+    pub fn sample(&self) -> u32 {
+        self.sample
+    }
+
+    /// Returns the random numbers of the next vertex.
     #[inline(always)]
-    pub fn next_vertex(&mut self, sample: u32) -> VertexSamples {
+    pub fn next_vertex(&mut self) -> VertexSamples {
         // Each vertex has its own dimensions, whether the path scatters there or passes.
-        let samples = VertexSamples::new(self.sampler, sample, self.vertex);
+        let samples = VertexSamples::new(self.sampler, self.sample, self.vertex);
         self.vertex += 1;
         samples
     }
 
-    /// Returns the seed of a stream of random numbers for the current ray of sample `sample`.
-    pub fn stream(&self, sample: u32) -> u32 {
-        self.sampler.stream(sample, u32::from(self.vertex))
+    /// Returns the seed of a stream of random numbers for the current ray.
+    pub fn stream(&self) -> u32 {
+        self.sampler.stream(self.sample, u32::from(self.vertex))
     }
 
     /// Returns the random numbers of the pixel, and the number of the next vertex.

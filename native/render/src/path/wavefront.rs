@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The path tracer, as a wavefront: all camera rays of a tile, then all their shadow rays, then all next bounces,
-//! so that a structure always receives many rays at once.
+//! The path tracer, as a wavefront: the camera rays of several samples of a tile, then all their shadow rays, then all
+//! next bounces, so that a structure always receives many rays at once.
 //!
 //! Light samples and scattered rays that hit lights are combined by multiple importance sampling (Veach and Guibas
 //! 1995), and paths end by Russian roulette: unbiased up to `max_bounces`, which truncates them. `clamp_indirect`,
 //! `clamp_direct`, `filter_glossy`, caustics that are switched off, and adaptive sampling are biased on purpose. The
-//! scene's features select one of the compiled variants of [`crate::path::shade`] once per sample.
+//! scene's features select one of the compiled variants of [`crate::path::shade`] once per wavefront.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -61,11 +62,15 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Returns the context of a sample: the scenes take turns in the order of van der Corput's sequence, so that few
+    /// Returns the moment of a sample: the scenes take turns in the order of van der Corput's sequence, so that few
     /// samples are spread over the whole time, too.
-    fn at_sample(&self, sample: u32) -> Self {
+    fn moment(&self, sample: u32) -> usize {
         let count = self.scenes.len() as u64;
-        let moment = ((u64::from(sample.reverse_bits()) * count) >> 32) as usize;
+        ((u64::from(sample.reverse_bits()) * count) >> 32) as usize
+    }
+
+    /// Returns the context of the samples of a moment.
+    fn at(&self, moment: usize) -> Self {
         Self {
             scene: &self.scenes[moment],
             moment,
@@ -157,19 +162,23 @@ impl Wavefront {
     ) -> Result<&Batch, Cancelled> {
         self.batch
             .reset(context.film, area.pixels() * count as usize);
-        for index in 0..count {
-            let context = &context.at_sample(first + index);
+        let mut begun = 0;
+        while begun < count {
+            // Take the following samples of one moment together.
+            let moment = context.moment(first + begun);
+            let same = |index: &u32| context.moment(first + index) == moment;
+            let samples = begun..(begun..count).find(|index| !same(index)).unwrap_or(count);
+            begun = samples.end;
+            let context = &context.at(moment);
             self.shade = shade::choose(context.scene.features(), context.film.wants_extra());
-            // Each sample index has its own range of slots.
-            let base = index as usize * area.pixels();
-            self.start(context, area, active, first + index, base);
+            self.start(context, area, active, first, samples);
             self.enclose(context)?;
             // Trace, shade and test shadows until all paths have ended.
             let mut primary = true;
             while !self.rays.is_empty() {
                 self.trace(context, primary)?;
                 primary = false;
-                (self.shade)(self, context, first + index);
+                (self.shade)(self, context)?;
                 let mut samples = Samples {
                     pixels: &mut self.batch.samples,
                     parts: &mut self.batch.parts,
@@ -184,14 +193,14 @@ impl Wavefront {
         Ok(&self.batch)
     }
 
-    /// Fills the wavefront with the camera rays of one sample of all active pixels.
+    /// Fills the wavefront with the camera rays of these samples of all active pixels, counted from sample `first`.
     fn start(
         &mut self,
         context: &Context<'_>,
         area: TileArea,
         active: &[bool],
-        sample: u32,
-        base: usize,
+        first: u32,
+        samples: Range<u32>,
     ) {
         let Context {
             camera,
@@ -204,39 +213,43 @@ impl Wavefront {
         self.paths.clear();
         // A cancelled render leaves shadow rays behind.
         self.shadows.clear();
-        // Jitter each ray by the pixel filter, and by the lens if there is one.
-        for (dx, dy) in area.in_blocks(active) {
-            let (x, y) = (area.x + dx, area.y + dy);
-            let sampler = PixelSampler::new(x, y, settings.seed);
-            let random @ [u, v] = sampler.pair(sample, 0);
-            // The slot is the pixel's sample in the tile's batch.
-            let slot = base + (dy * area.width + dx) as usize;
-            if let Some(points) = context.points {
-                let pixel = (y * settings.width + x) as usize;
-                // The first sample is at the centre, whose data are those of the passes of one sample. As in Cycles.
-                let random = if sample == 0 { [0.5; 2] } else { random };
-                if let Some((ray, hit)) = points.ray(pixel, random, context.scene, camera) {
-                    self.paths
-                        .push(Path::from_camera(&ray, sampler, slot as u32));
-                    self.rays.push(ray);
-                    self.hits.push(hit);
+        for index in samples {
+            // Each sample index has its own range of slots.
+            let (sample, base) = (first + index, index as usize * area.pixels());
+            for (dx, dy) in area.in_blocks(active) {
+                // Jitter each ray by the pixel filter, and by the lens if there is one.
+                let (x, y) = (area.x + dx, area.y + dy);
+                let sampler = PixelSampler::new(x, y, settings.seed);
+                let random @ [u, v] = sampler.pair(sample, 0);
+                // The slot is the pixel's sample in the tile's batch.
+                let slot = base + (dy * area.width + dx) as usize;
+                if let Some(points) = context.points {
+                    let pixel = (y * settings.width + x) as usize;
+                    // The first sample is at the centre, whose data are those of the passes of one sample. As in Cycles.
+                    let random = if sample == 0 { [0.5; 2] } else { random };
+                    if let Some((ray, hit)) = points.ray(pixel, random, context.scene, camera) {
+                        let path = Path::from_camera(&ray, sampler, sample, slot as u32);
+                        self.paths.push(path);
+                        self.rays.push(ray);
+                        self.hits.push(hit);
+                    }
+                    continue;
                 }
-                continue;
+                let ray = camera.ray_at(
+                    x as f32 + 0.5 + filter.offset(u),
+                    y as f32 + 0.5 + filter.offset(v),
+                    || sampler.pair(sample, 1),
+                    || context.time(sampler.pair(sample, 2)[0]),
+                );
+                if !camera.sees(&ray) {
+                    // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
+                    self.batch.samples[slot].alpha = 1.0;
+                    continue;
+                }
+                let path = Path::from_camera(&ray, sampler, sample, slot as u32);
+                self.rays.push(ray);
+                self.paths.push(path);
             }
-            let ray = camera.ray_at(
-                x as f32 + 0.5 + filter.offset(u),
-                y as f32 + 0.5 + filter.offset(v),
-                || sampler.pair(sample, 1),
-                || context.time(sampler.pair(sample, 2)[0]),
-            );
-            if !camera.sees(&ray) {
-                // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
-                self.batch.samples[slot].alpha = 1.0;
-                continue;
-            }
-            self.rays.push(ray);
-            self.paths
-                .push(Path::from_camera(&ray, sampler, slot as u32));
         }
         self.work.rays_primary += self.rays.len() as u64;
         self.shares.clear();

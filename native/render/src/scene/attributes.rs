@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use crate::check::{Error, Result};
 use halfspace_geom::vec3::{cross, sub, widen};
+use halfspace_ray::Tracer;
 use halfspace_structure::instances::Instances;
+use prefetch_index::prefetch_index;
 
 /// Attributes of the triangles of a mesh, in mesh space, or of a whole flattened scene, in scene space.
 #[derive(Debug, Clone, Default)]
@@ -144,6 +146,53 @@ impl Attributes {
         }
     }
 
+    /// Returns the triangles whose material is among `wanted`, ascending. `live`: triangles of a flattened scene that
+    /// rays can hit. `None`: there are more than `most` in instances.
+    pub fn wearing(&self, live: &[u32], wanted: &[bool], most: usize) -> Option<Vec<u32>> {
+        let Some((instances, each)) = &self.instanced else {
+            let wears = |&&id: &&u32| wanted[self.at(id).material()];
+            return Some(live.iter().filter(wears).copied().collect());
+        };
+        let mut found = Vec::new();
+        for instance in 0..instances.len() {
+            // Skip instances without such a material before looking at their triangles.
+            let slots = each.first_material[instance]..each.first_material[instance + 1];
+            let slots = &each.materials[slots.start as usize..slots.end as usize];
+            let Some(place) = instances.place(instance) else {
+                continue;
+            };
+            if !slots.iter().any(|&material| wanted[material as usize]) {
+                continue;
+            }
+            let mesh = place.mesh as usize;
+            let live = instances.meshes()[mesh].scene().live();
+            let index = self.meshes[mesh].material_index.as_ref();
+            let slot = |id: u32| index.map_or(0, |index| index[id as usize]);
+            let first = first_triangle(instances, instance);
+            let wears = |&&id: &&u32| wanted[each.material(instance, slot(id))];
+            found.extend(live.iter().filter(wears).map(|id| first + id));
+            if found.len() > most {
+                return None;
+            }
+        }
+        Some(found)
+    }
+
+    /// Prefetches the attributes of a triangle of a flattened scene.
+    #[inline(always)]
+    pub fn prefetch(&self, triangle: u32) {
+        let MeshAttributes {
+            material_index,
+            corner_normals,
+        } = &self.meshes[0];
+        if let Some(index) = material_index {
+            prefetch_index(index, triangle as usize);
+        }
+        if let Some(normals) = corner_normals {
+            prefetch_index(normals, triangle as usize);
+        }
+    }
+
     /// Returns the attributes of a triangle by its index in the scene.
     #[inline(always)]
     pub fn at(&self, id: u32) -> At<'_> {
@@ -271,6 +320,22 @@ impl MeshAttributes {
         }
         Ok(())
     }
+}
+
+/// Returns the number of the first triangle of an instance that has some.
+fn first_triangle(instances: &Instances, instance: usize) -> u32 {
+    // Halve the range of all triangles; their instances ascend.
+    let count = u32::try_from(instances.count()).unwrap_or(u32::MAX);
+    let (mut low, mut high) = (0, count);
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if instances.locate(middle).0 < instance {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// Returns the unit normal of a triangle, computed in f64 and rounded once, as in the arrays of a flattened scene.

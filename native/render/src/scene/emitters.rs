@@ -29,26 +29,26 @@ const PROBES: [[f32; 3]; 4] = [
     [0.1, 0.1, 0.8],
 ];
 
+/// Largest number of emissive triangles of instances that are lights of their own; chosen: 100 MB of lights.
+const MOST_INSTANCED: usize = 1 << 20;
+
 impl EmissionProbe<'_> {
-    /// Returns the emissive triangles with an estimate of their radiance; none if the scene consists of instances.
+    /// Returns the emissive triangles with an estimate of their radiance; none if instances have more than
+    /// [`MOST_INSTANCED`], which only scattered rays find then.
     pub(super) fn emissive_triangles(&self) -> Vec<EmissiveTriangle> {
-        if !self.materials.iter().any(|m| m.emits) {
-            return Vec::new();
+        let emits: Vec<bool> = self.materials.iter().map(|m| m.emits).collect();
+        let mut out = Vec::new();
+        if !emits.contains(&true) {
+            return out;
         }
         let mut registers = Vec::new();
-        let mut out = Vec::new();
-        // Only scattered rays find the emissive triangles of instances: as lights, each instance would need its own.
-        let Some(triangles) = self.tracer.triangles() else {
-            return out;
-        };
-        for &triangle in triangles.live() {
-            // Skip triangles whose material cannot emit.
+        let triangles = self.tracer.triangles();
+        let live = triangles.map_or(&[][..], |triangles| triangles.live());
+        let found = self.attributes.wearing(live, &emits, MOST_INSTANCED);
+        for triangle in found.unwrap_or_default() {
             let material = &self.materials[self.attributes.at(triangle).material()];
-            if !material.emits {
-                continue;
-            }
             // Average the emission towards the normal over the probes.
-            let corners = triangles.corners(triangle).map(Vec3::from);
+            let corners = self.tracer.corners(triangle).map(Vec3::from);
             let [a, b, c] = corners;
             let normal = (b - a).cross(c - a).normalized();
             let mut sum = 0.0;

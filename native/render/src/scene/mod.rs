@@ -19,6 +19,7 @@ use crate::values::program::Op;
 use crate::values::varying::Varying;
 use halfspace_ray::Tracer;
 
+pub mod ahead;
 pub mod attributes;
 mod emitters;
 pub mod features;

@@ -80,7 +80,7 @@ pub struct Settings {
     pub time_limit: f32,
     /// The mist pass.
     pub mist: Mist,
-    /// Samples per pixel between two updates; `None` = 1, 1, 2, 4, then 8.
+    /// Samples per pixel between two updates; `None` = 1, 3, 4, then 8.
     pub step_samples: Option<u32>,
     /// Pixel filter.
     pub filter: FilterKind,
@@ -271,10 +271,10 @@ impl Settings {
 
     /// Returns the number of samples of the next step, after the first `done`.
     pub fn step_after(&self, done: u32) -> u32 {
-        // The first steps are short, so that an image appears soon.
+        // The first steps are short, so that an image appears soon; longer ones give the structure more rays at once.
         let step = self.step_samples.unwrap_or(match done {
-            0 | 1 => 1,
-            2 | 3 => 2,
+            0 => 1,
+            1..4 => 3,
             4..8 => 4,
             _ => 8,
         });

@@ -2,18 +2,16 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
-use crate::material::bsdf::lobe::Lobe;
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
     Boundary, Bsdf, Facets, Interface, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals, Seat,
     Vantage,
 };
 use crate::material::closure::{
-    ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, MAX_CLOSURES, Reflector, Transmitter,
-    absorbed, coat_albedos, compensation_per_channel,
+    ChannelAlbedo, Closure, LobeGrids, Lobes, MAX_CLOSURES, Reflector, Transmitter, absorbed,
+    coat_albedos, compensation_per_channel,
 };
 use crate::material::film::Film;
-use crate::material::ggx::Ggx;
 use crate::math::vector::{Frame, Vec3};
 use crate::values::program::Value;
 
@@ -25,33 +23,6 @@ struct FacetAlbedos {
     /// That of dielectric ones.
     dielectric: Option<f32>,
 }
-
-/// An empty slot of the array of reflecting lobes.
-const NO_FACETS: Facets = Facets {
-    ggx: Ggx::MIRROR,
-    smooth: true,
-    lambda_i: 0.0,
-    fresnel: Fresnel::Metal {
-        f0: Vec3::ZERO,
-        edge: Vec3::ZERO,
-        dip: Vec3::ZERO,
-    },
-    scale: Vec3::ZERO,
-    p: 0.0,
-};
-
-/// An empty slot of the array of refracting lobes.
-const NO_BOUNDARY: Boundary = Boundary {
-    ggx: Ggx::MIRROR,
-    smooth: true,
-    lambda_i: 0.0,
-    eta: 1.0,
-    scale: Vec3::ZERO,
-    reflect: None,
-    reflections: true,
-    tint: Vec3::ZERO,
-    p: 0.0,
-};
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
@@ -67,44 +38,45 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         filter: LobeFilter,
         frame: &Frame,
     ) -> Self {
-        // Start with empty lobes in arrays of fixed size: the path allocates nothing.
-        let mut out = Self {
-            wi,
-            normals,
-            filter,
-            facets: [NO_FACETS; MAX_FACETS],
-            facet_count: 0,
-            boundaries: [NO_BOUNDARY; MAX_BOUNDARIES],
-            boundary_count: 0,
-            diffuse: Vec3::ZERO,
-            rough: [RoughDiffuse::NONE; MAX_CLOSURES],
-            rough_count: 0,
-            diffuse_probability: 0.0,
-            translucent: Vec3::ZERO,
-            translucent_probability: 0.0,
-            lobes: [Lobe::NONE; LOBES],
-            lobe_count: 0,
-            energy: 0.0,
-        };
-        for closure in closures {
-            let lobes = closure.lobes(registers);
-            if LOBES > 0 && closure.needs_lobes() {
-                let vantage = Vantage { frame, inside };
-                out.add_special(&lobes, closure, registers, vantage);
-            } else {
-                out.add(&lobes, closure, inside);
-            }
-        }
-        out.share_samples();
+        let mut out = Self::empty();
+        out.assemble(closures, registers, wi, normals, inside, filter, frame);
         out
     }
 
-    /// A white Lambertian lobe: what light that leaves a walk meets.
-    pub fn lambertian(wi: Vec3, normals: Normals, frame: &Frame) -> Self {
-        let mut out = Self::new(&[], &[], wi, normals, false, LobeFilter::NONE, frame);
-        out.diffuse = Vec3::ONE;
-        out.share_samples();
-        out
+    /// Replaces the lobes by those of [`Self::new`]. The arrays keep what lies beyond the new counts.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "those of `new`")]
+    pub fn assemble(
+        &mut self,
+        closures: &[Closure],
+        registers: &[Value],
+        wi: Vec3,
+        normals: Normals,
+        inside: bool,
+        filter: LobeFilter,
+        frame: &Frame,
+    ) {
+        (self.wi, self.normals, self.filter) = (wi, normals, filter);
+        (self.facet_count, self.boundary_count) = (0, 0);
+        (self.rough_count, self.lobe_count) = (0, 0);
+        (self.diffuse, self.translucent) = (Vec3::ZERO, Vec3::ZERO);
+        for closure in closures {
+            let computed;
+            let lobes = match closure.fixed_lobes() {
+                Some(lobes) => lobes,
+                None => {
+                    computed = closure.lobes(registers);
+                    &computed
+                }
+            };
+            if LOBES > 0 && closure.needs_lobes() {
+                let vantage = Vantage { frame, inside };
+                self.add_special(lobes, closure, registers, vantage);
+            } else {
+                self.add(lobes, closure, inside);
+            }
+        }
+        self.share_samples();
     }
 
     /// Adds the lobes of one closure, from the coat down to the base. Each layer passes on what it does not
@@ -381,7 +353,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
 
     /// Makes the lobes' estimated energies the probabilities of sampling them.
     #[inline(always)]
-    fn share_samples(&mut self) {
+    pub(super) fn share_samples(&mut self) {
         // Add up the energies of the lobes, then divide each by the sum.
         self.diffuse_probability = self.diffuse.mean();
         if GLOSSY {

@@ -152,6 +152,19 @@ pub struct Direction {
     pub single: Option<(Vec3, f32)>,
 }
 
+impl Direction {
+    /// A direction of a finite density.
+    #[inline(always)]
+    pub fn rough(wo: Vec3, kind: RayKind, through: bool) -> Self {
+        Self {
+            wo,
+            kind,
+            through,
+            single: None,
+        }
+    }
+}
+
 impl Lobe {
     /// An empty slot.
     pub const NONE: Self = Self {
@@ -254,6 +267,7 @@ impl Lobe {
     }
 
     /// Samples a direction; none if it is lost. `choice` in [0, 1) selects reflection or refraction.
+    #[inline(never)]
     pub fn sample(&self, choice: f32, u: [f32; 2]) -> Option<Direction> {
         let about = cosine_direction(u);
         let mut through = false;

@@ -15,6 +15,7 @@ use crate::math::vector::{Frame, Vec3, vec3};
 use crate::values::visibility::RayKind;
 
 mod assemble;
+mod empty;
 mod evaluate;
 mod facets;
 mod layers;

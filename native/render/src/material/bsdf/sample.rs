@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Sampling of the BSDF: directions in which the path continues.
 
-use crate::material::bsdf::lobe::{Lobe, Shape};
+use crate::material::bsdf::lobe::{Direction, Lobe, Shape};
 use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
 use crate::math::fresnel;
 use crate::math::trig::sin_cos_turns;
@@ -16,6 +16,33 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     /// that selects the lobe; `u`: two random numbers in [0, 1) for the direction.
     #[inline(always)]
     pub fn sample(&self, choice: f32, u: [f32; 2]) -> Option<Scatter> {
+        let Direction {
+            wo,
+            kind,
+            through,
+            single,
+        } = self.direction(choice, u)?;
+        // Evaluate all lobes at a direction of a density, so that the weight is that of the whole mixture.
+        let (weight, pdf, eta) = match single {
+            Some((weight, eta)) => (weight, f32::INFINITY, eta),
+            None => {
+                let (f, pdf) = self.eval(wo);
+                (f * (1.0 / pdf), pdf, 1.0)
+            }
+        };
+        (pdf > 0.0).then_some(Scatter {
+            wo,
+            weight,
+            pdf,
+            kind,
+            through,
+            eta,
+        })
+    }
+
+    /// Samples a direction of one lobe.
+    #[inline(always)]
+    fn direction(&self, choice: f32, u: [f32; 2]) -> Option<Direction> {
         // Subtract probabilities until the remainder lies within a lobe; the diffuse one comes last.
         let mut left = choice;
         if GLOSSY {
@@ -36,14 +63,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         for lobe in self.own_lobes() {
             if left < lobe.p {
-                return self.sample_lobe(lobe, left / lobe.p, u);
+                return lobe.sample(left / lobe.p, u);
             }
             left -= lobe.p;
         }
         // Translucent lobe: about the normal of the facets, to the other side.
         let about = cosine_direction(u);
         if GLASS && left < self.translucent_probability {
-            return self.finish(-about, RayKind::Diffuse, true);
+            return Some(Direction::rough(-about, RayKind::Diffuse, true));
         }
         if self.diffuse_probability <= 0.0 {
             return None;
@@ -53,7 +80,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             None => about,
             Some([_, mapped]) => Frame::around(mapped).to_world(about),
         };
-        self.finish(wo, RayKind::Diffuse, false)
+        Some(Direction::rough(wo, RayKind::Diffuse, false))
     }
 
     /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction, and a random
@@ -77,50 +104,27 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         None
     }
 
-    /// Samples a lobe with a frame of its own.
-    #[inline(never)]
-    fn sample_lobe(&self, lobe: &Lobe, choice: f32, u: [f32; 2]) -> Option<Scatter> {
-        let direction = lobe.sample(choice, u)?;
-        let Some((weight, eta)) = direction.single else {
-            return self.finish(direction.wo, direction.kind, direction.through);
-        };
-        Some(Scatter {
-            wo: direction.wo,
-            weight,
-            pdf: f32::INFINITY,
-            kind: direction.kind,
-            through: direction.through,
-            eta,
-        })
-    }
-
     /// Samples a reflecting lobe.
     #[inline(always)]
-    fn sample_facets(&self, facets: &Facets, u: [f32; 2]) -> Option<Scatter> {
+    fn sample_facets(&self, facets: &Facets, u: [f32; 2]) -> Option<Direction> {
         // A mirror has a single direction and an infinite density.
         if facets.smooth {
             let weight = facets.fresnel.at(self.wi.z) * facets.scale;
-            return Some(Scatter {
+            return Some(Direction {
                 wo: vec3(-self.wi.x, -self.wi.y, self.wi.z),
-                weight: weight * (1.0 / facets.p),
-                pdf: f32::INFINITY,
                 kind: RayKind::Glossy,
                 through: false,
-                eta: 1.0,
+                single: Some((weight * (1.0 / facets.p), 1.0)),
             });
         }
         let h = facets.ggx.sample_visible(self.wi, u);
         let wo = h * (2.0 * self.wi.dot(h)) - self.wi;
-        if wo.z > 0.0 {
-            self.finish(wo, RayKind::Glossy, false)
-        } else {
-            None
-        }
+        (wo.z > 0.0).then(|| Direction::rough(wo, RayKind::Glossy, false))
     }
 
     /// Samples a refracting lobe; `choice` in [0, 1) selects reflection or refraction.
     #[inline(always)]
-    fn sample_boundary(&self, boundary: &Boundary, choice: f32, u: [f32; 2]) -> Option<Scatter> {
+    fn sample_boundary(&self, boundary: &Boundary, choice: f32, u: [f32; 2]) -> Option<Direction> {
         // Choose a facet, then reflect or refract in proportion to the energies.
         let h = if boundary.smooth {
             vec3(0.0, 0.0, 1.0)
@@ -138,16 +142,15 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             }
             if boundary.smooth {
                 let reflected = boundary.reflected(reflectance);
-                return Some(Scatter {
+                let weight = boundary.scale * reflected * (1.0 / (boundary.p * reflect));
+                return Some(Direction {
                     wo,
-                    weight: boundary.scale * reflected * (1.0 / (boundary.p * reflect)),
-                    pdf: f32::INFINITY,
                     kind: RayKind::Glossy,
                     through: false,
-                    eta: 1.0,
+                    single: Some((weight, 1.0)),
                 });
             }
-            return self.finish(wo, RayKind::Glossy, false);
+            return Some(Direction::rough(wo, RayKind::Glossy, false));
         }
         if cos_t <= 0.0 {
             // Total reflection at a boundary that only refracts.
@@ -160,30 +163,15 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         if boundary.smooth {
             let passed = boundary.passed(reflectance);
-            return Some(Scatter {
+            let weight = boundary.scale * passed * (1.0 / (boundary.p * (1.0 - reflect)));
+            return Some(Direction {
                 wo,
-                weight: boundary.scale * passed * (1.0 / (boundary.p * (1.0 - reflect))),
-                pdf: f32::INFINITY,
                 kind: RayKind::Transmission,
                 through: true,
-                eta: boundary.eta,
+                single: Some((weight, boundary.eta)),
             });
         }
-        self.finish(wo, RayKind::Transmission, true)
-    }
-
-    /// Evaluates all lobes at the sampled direction, so that the weight is that of the whole mixture.
-    #[inline(always)]
-    fn finish(&self, wo: Vec3, kind: RayKind, through: bool) -> Option<Scatter> {
-        let (f, pdf) = self.eval(wo);
-        (pdf > 0.0).then(|| Scatter {
-            wo,
-            weight: f * (1.0 / pdf),
-            pdf,
-            kind,
-            through,
-            eta: 1.0,
-        })
+        Some(Direction::rough(wo, RayKind::Transmission, true))
     }
 }
 

@@ -8,9 +8,9 @@
 
 use crate::material::albedo::Grids;
 use crate::material::microfacets::Distribution;
-use crate::medium::inversion::Method;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
+use crate::medium::inversion::Method;
 use crate::values::program::{Operand, Value, read, rgb};
 
 mod layering;
@@ -197,6 +197,12 @@ impl Closure {
             Some(lobes) => *lobes,
             None => self.compute(registers, fresnel::dielectric_mean_quick),
         }
+    }
+
+    /// The lobes, if all inputs are constant.
+    #[inline(always)]
+    pub fn fixed_lobes(&self) -> Option<&Lobes> {
+        self.fixed.as_ref()
     }
 
     /// Whether the closure emits below a coat or sheen, so that its emission depends on the direction.

@@ -116,7 +116,7 @@ mod tests {
             t_min: 0.0,
             t_max: 0.0,
         };
-        let path = |i| Path::from_camera(&from, PixelSampler::new(0, 0, 0), i);
+        let path = |i| Path::from_camera(&from, PixelSampler::new(0, 0, 0), 0, i);
         let mut paths: Vec<_> = (0..100).map(path).collect();
         let share = |i: f32| Shares::of(Vec3::splat(i), Vec3::ZERO, Vec3::ONE);
         let mut shares: Vec<_> = (0..100).map(|i| share(i as f32)).collect();

@@ -12,13 +12,12 @@ use crate::values::program::Value;
 use halfspace_ray::Hit;
 
 impl<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Adds the light of lamps that the ray hits before the surface.
     #[inline(always)]

@@ -22,13 +22,12 @@ use halfspace_ray::{Hit, Ray};
 pub(super) const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
 
 impl<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and adds a shadow ray if the light could contribute.
     #[inline(always)]

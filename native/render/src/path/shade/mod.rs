@@ -4,18 +4,21 @@
 
 use crate::film::catcher::Catch;
 use crate::film::{PixelSample, Shares};
-use crate::material::bsdf::MAX_LOBES;
+use crate::material::bsdf::{Bsdf, MAX_LOBES};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
+use crate::path::calls::Cancelled;
 use crate::path::shade::output::{Extra, Output};
 use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::scene::RenderScene;
+use crate::scene::ahead::Ahead;
 use crate::scene::features::Features;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Settings};
+use crate::settings::{Integrator, Pass, Settings};
 use halfspace_ray::{Hit, Ray};
+use std::sync::atomic::Ordering;
 
 mod around;
 mod catcher;
@@ -27,32 +30,24 @@ mod scatter;
 mod subsurface;
 mod volume;
 
-/// Shades all hits of a wavefront for the sample with this index.
-pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
+/// Shades all hits of a wavefront; fails only if the render is cancelled.
+pub type Shade = fn(&mut Wavefront, &Context<'_>) -> Result<(), Cancelled>;
 
-/// Returns the variant of [`shade`] compiled for exactly these features. `extra`: whether a pass is filled for which
+/// Number of hits between two checks whether the render is cancelled.
+const CHECKED: usize = 512;
+
+/// Returns the variant of [`shade`] compiled for these features. `extra`: whether a pass is filled for which
 /// [`crate::film::Batch`] has an array of its own.
 pub fn choose(features: Features, extra: bool) -> Shade {
-    let Features {
-        lights,
-        smooth_normals,
-        ..
-    } = features;
-    // Passes that are rarely filled have two variants, for all other features.
-    if extra {
-        return if smooth_normals {
-            shade::<true, true, true, true, MAX_LOBES, true>
-        } else {
-            shade::<true, true, true, false, MAX_LOBES, true>
-        };
-    }
-    // Lobes with frames of their own come with all other lobes: rare scenes need no code for each subset.
-    if features.lobes {
-        return match (lights, smooth_normals) {
-            (false, false) => shade::<false, true, true, false, MAX_LOBES, false>,
-            (false, true) => shade::<false, true, true, true, MAX_LOBES, false>,
-            (true, false) => shade::<true, true, true, false, MAX_LOBES, false>,
-            (true, true) => shade::<true, true, true, true, MAX_LOBES, false>,
+    let Features { smooth_normals, .. } = features;
+    // Passes that are rarely filled, and lobes with frames of their own, come with all other features: rare scenes need
+    // no code for each subset.
+    if extra || features.lobes {
+        return match (smooth_normals, extra) {
+            (false, false) => shade::<true, true, false, MAX_LOBES, false>,
+            (true, false) => shade::<true, true, true, MAX_LOBES, false>,
+            (false, true) => shade::<true, true, false, MAX_LOBES, true>,
+            (true, true) => shade::<true, true, true, MAX_LOBES, true>,
         };
     }
     // Expand the flags, one by one, to the constant parameters of `shade`.
@@ -67,13 +62,15 @@ pub fn choose(features: Features, extra: bool) -> Shade {
             }
         };
     }
-    variant!(lights, features.glossy, features.glass, smooth_normals;)
+    variant!(features.glossy, features.glass, smooth_normals;)
 }
 
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
 /// that continue keep their order.
+///
+/// # Errors
+/// [`Cancelled`] if the render is cancelled.
 fn shade<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
@@ -82,9 +79,8 @@ fn shade<
 >(
     wave: &mut Wavefront,
     context: &Context<'_>,
-    sample: u32,
-) {
-    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context, sample);
+) -> Result<(), Cancelled> {
+    let shader = Shader::<GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>::new(context);
     let Wavefront {
         rays,
         hits,
@@ -102,10 +98,16 @@ fn shade<
         ..
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
+    let ahead = Ahead::new(context.scene);
     let mut kept = 0;
     let mut splits = Vec::new();
     let mut unseen = PixelSample::EMPTY;
+    let mut bsdf = Bsdf::empty();
     for i in 0..rays.len() {
+        if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
+            return Err(Cancelled);
+        }
+        ahead.fetch(hits, i);
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let ray = rays[i];
@@ -137,7 +139,7 @@ fn shade<
             scratch: &mut *scratch,
             seed: 0,
         };
-        if let Some(next) = shader.shade_hit(&ray, &hits[i], &mut path, &mut out) {
+        if let Some(next) = shader.shade_hit(&ray, &hits[i], &mut path, &mut bsdf, &mut out) {
             rays[kept] = next;
             if !sources.is_empty() {
                 sources[kept] = out.next;
@@ -166,12 +168,12 @@ fn shade<
     walks.truncate(kept);
     // Append the paths that shadow catchers split off.
     splits.into_iter().for_each(|split| split.append(wave));
+    Ok(())
 }
 
-/// Shading of one sample, compiled for a set of features.
+/// Shading, compiled for a set of features.
 struct Shader<
     'a,
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
@@ -182,25 +184,25 @@ struct Shader<
     scene: &'a RenderScene,
     settings: &'a Settings,
     features: Features,
-    sample: u32,
     /// Whether camera rays can see lamps.
     camera_sees_lamps: bool,
+    /// Whether the pass of the albedo is filled.
+    albedo: bool,
     /// Whether the ray after the last bounce can still find light.
     last_ray_counts: bool,
 }
 
 impl<
     'a,
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'a, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Computes the values that are the same for all hits.
-    fn new(context: &'a Context<'a>, sample: u32) -> Self {
+    fn new(context: &'a Context<'a>) -> Self {
         let Context {
             scene, settings, ..
         } = *context;
@@ -210,8 +212,8 @@ impl<
             scene,
             settings,
             features,
-            sample,
             camera_sees_lamps: scene.lights.any_camera_visible() && context.points.is_none(),
+            albedo: context.film.fills(Pass::Albedo),
             last_ray_counts: features.lights_hittable
                 || features.emission
                 || !scene.world.is_black(),
@@ -225,6 +227,7 @@ impl<
         ray: &Ray,
         hit: &Hit,
         path: &mut Path,
+        bsdf: &mut Bsdf<GLOSSY, GLASS, LOBES>,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let (scene, features) = (self.scene, self.features);
@@ -238,12 +241,12 @@ impl<
         let d = Vec3::from(ray.d);
         // Traverse the media on the way. Add the light of lamps in front of the hit, and of the background.
         if out.media.is_some() {
-            match volume::cross(self.context, self.sample, ray, hit, path, out) {
+            match volume::cross(self.context, ray, hit, path, out) {
                 Crossed::Reached => {}
                 Crossed::Scattered(next) => return Some(next),
                 Crossed::Ended => return None,
             }
-        } else if LIGHTS && features.lights_hittable {
+        } else if features.lights_hittable {
             self.add_lamps(d, hit, path, out);
         }
         if !hit.is_hit() {
@@ -282,7 +285,7 @@ impl<
             self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
         }
         // Draw the random numbers of this vertex.
-        let random = path.next_vertex(self.sample);
+        let random = path.next_vertex();
         let [roulette, mut opacity] = if path.bounce > 0 || features.transparency {
             random.survival()
         } else {
@@ -327,7 +330,7 @@ impl<
         if u32::from(path.bounce) > self.settings.max_bounces || !path.survives(roulette) {
             return None;
         }
-        self.scatter(&surface, d, random, path, out)
+        self.scatter(&surface, d, random, path, bsdf, out)
     }
 
     /// Runs the program of the surface's material, which may also give a normal. `distance`: length of the ray.
@@ -350,7 +353,7 @@ impl<
         point.view = Some(self.context.camera.view());
         point.history = path.history(distance);
         if self.features.program_rays && material.traces_rays {
-            around::run(self.context, self.sample, surface, point, path, out);
+            around::run(self.context, path.sample(), surface, point, path, out);
         } else {
             material.program.run(&scene.images, &point, out.registers);
         }

@@ -10,7 +10,8 @@ use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
-use crate::settings::{Integrator, Pass};
+use crate::settings::Integrator;
+use crate::settings::Pass;
 use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
@@ -23,13 +24,12 @@ pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool, const LO
 }
 
 impl<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
     /// continues.
@@ -40,6 +40,7 @@ impl<
         d: Vec3,
         random: VertexSamples,
         path: &mut Path,
+        bsdf: &mut Bsdf<GLOSSY, GLASS, LOBES>,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let frame = surface.frame();
@@ -48,11 +49,11 @@ impl<
             self.sample_occlusion(surface, &frame, random, path, out);
             return None;
         }
-        // Assemble the BSDF in the shading frame.
+        // Assemble the BSDF in the shading frame, in the memory of the last one.
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
         let normals = surface.normals(&frame);
-        let bsdf = Bsdf::new(
+        bsdf.assemble(
             &surface.material.closures,
             out.registers,
             wi,
@@ -82,7 +83,7 @@ impl<
         };
         let framed = FramedBsdf {
             frame: &frame,
-            bsdf: &bsdf,
+            bsdf,
         };
         self.sample(surface, framed, random, path, out)
     }
@@ -98,7 +99,7 @@ impl<
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
         let [choose_light, choose_lobe] = random.choices();
-        if LIGHTS && framed.bsdf.has_density() {
+        if self.features.lights && framed.bsdf.has_density() {
             let selection = Selection {
                 choice: choose_light,
                 u: random.light(),
@@ -143,19 +144,21 @@ impl<
         {
             return self.enter(surface, frame, entrance, u, path, out);
         }
-        // The expected weight of a sampled direction is the albedo.
-        if path.camera
-            && self.context.film.fills(Pass::Albedo)
-            && let Some(scatter) = bsdf.sample(choice, u)
-        {
-            out.sample.albedo = scatter.weight.array();
-        }
         // Without light to be found, the ray after the last bounce is not needed.
-        if u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts {
+        let last = u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts;
+        let shows_albedo = path.camera && self.albedo;
+        if last && !shows_albedo {
             return None;
         }
-        // Sample the BSDF and transform to scene space.
+        // Sample the BSDF. The expected weight of a sampled direction is the albedo.
         let scatter = bsdf.sample(choice, u)?;
+        if shows_albedo {
+            out.sample.albedo = scatter.weight.array();
+            if last {
+                return None;
+            }
+        }
+        // Transform to scene space.
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         // Drop directions where shading and geometric normal disagree about the side.
         let across = direction.dot(surface.geometric) < 0.0;

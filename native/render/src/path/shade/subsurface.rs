@@ -27,13 +27,12 @@ const RESOLUTION: f32 = 64.0 * f32::EPSILON;
 const FARTHEST: f32 = 9.2e18;
 
 impl<
-    const LIGHTS: bool,
     const GLOSSY: bool,
     const GLASS: bool,
     const SMOOTH: bool,
     const LOBES: usize,
     const EXTRA: bool,
-> Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
+> Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Enters a surface. Returns the first ray of the walk, or if light leaves at once, that of the next bounce.
     /// `entrance`: see [`Bsdf::entrance`]; `u`: random numbers for the direction.
@@ -80,7 +79,7 @@ impl<
         if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
             return None;
         }
-        let seed = Stream::new(path.stream(self.sample)).fork(5);
+        let seed = Stream::new(path.stream()).fork(5);
         let walk = Walk::new(
             &medium,
             below.anisotropy,
@@ -168,7 +167,7 @@ impl<
         let up = frame.to_local(surface.geometric);
         let bsdf = Bsdf::<GLOSSY, GLASS, LOBES>::lambertian(up, surface.normals(frame), frame);
         let framed = FramedBsdf { frame, bsdf: &bsdf };
-        let random = path.next_vertex(self.sample);
+        let random = path.next_vertex();
         self.sample(surface, framed, random, path, out)
     }
 }

@@ -37,7 +37,6 @@ pub(super) enum Crossed {
 #[inline(never)]
 pub(super) fn cross<const EXTRA: bool>(
     context: &Context<'_>,
-    sample: u32,
     ray: &Ray,
     hit: &Hit,
     path: &mut Path,
@@ -46,7 +45,7 @@ pub(super) fn cross<const EXTRA: bool>(
     let Some(stack) = out.media else {
         return Crossed::Reached;
     };
-    out.seed = path.stream(sample);
+    out.seed = path.stream();
     let settings = context.settings;
     let through = Through {
         scene: context.scene,
@@ -68,7 +67,7 @@ pub(super) fn cross<const EXTRA: bool>(
         return Crossed::Reached;
     }
     // Sample the next event; paths beyond their limits are only attenuated.
-    let random = path.next_vertex(sample);
+    let random = path.next_vertex();
     let [roulette, channel] = random.survival();
     let [choose_light, distance] = random.choices();
     let scatters = u32::from(path.bounce) <= settings.max_bounces
