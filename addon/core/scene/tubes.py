@@ -258,6 +258,21 @@ def _spline(values: F64, at: tuple[NDArray[np.int64], ...], u: F64) -> F64:
     return result
 
 
+def tangents(before: F32, after: F32, u: F32) -> F32:
+    """Unit vectors along Catmull-Rom splines, (n, 3), at `u`, (n,), between two points.
+
+    before, after: positions and slopes there, (n, 6) each.
+    """
+    t = u[:, None]
+    weights = (6 * t * (t - 1), (3 * t - 1) * (t - 1), 6 * t * (1 - t), t * (3 * t - 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = (before[:, :3], before[:, 3:], after[:, :3], after[:, 3:])
+        along = sum(weight * part for weight, part in zip(weights, parts, strict=True))
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        unit: F32 = (along / np.where(length > 0, length, 1)).astype(np.float32)
+    return unit
+
+
 def _line(values: F64, at: tuple[NDArray[np.int64], ...], u: F64) -> F64:
     begin, end = values[at[1]], values[at[2]]
     result: F64 = begin + u[:, None] * (end - begin)

@@ -12,7 +12,7 @@ from ....core.base.arrays import F32, F64
 from ....core.scene import spheres, tubes
 from .. import layers as texture_layers
 from ..meshes import UNBOUNDED, MeshArrays, Placement
-from ..value_nodes import UV
+from ..value_nodes import STRAND, UV
 from . import detail, sources
 
 if TYPE_CHECKING:
@@ -229,7 +229,10 @@ def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_lay
     layers: dict[texture_layers.Key, F32] = {}
     for key, rows in values.of_points.items():
         share = made.share[:, None]
-        at_vertices = rows[made.before] * (1 - share) + rows[made.after] * share
+        if key == (STRAND, "Tangent"):
+            at_vertices = tubes.tangents(rows[made.before], rows[made.after], made.share)
+        else:
+            at_vertices = rows[made.before] * (1 - share) + rows[made.after] * share
         layers[key] = np.ascontiguousarray(at_vertices[made.triangles])
     for key, rows in values.of_curves.items():
         layers[key] = np.ascontiguousarray(rows[made.numbers[made.triangles]])

@@ -128,21 +128,19 @@ def _add_strand_values(found: tubes.Strands, keys: Sequence[Key], values: Values
             case "Thickness":
                 values.of_points[STRAND, name] = _three(2 * found.radii)
             case "Tangent":
-                values.of_points[STRAND, name] = _tangents(found)
+                values.of_points[STRAND, name] = _slopes(found)
             case "Random":
                 values.of_curves[STRAND, name] = _random(len(found.counts))
 
 
-def _tangents(found: tubes.Strands) -> F32:
-    """The direction of the curve at each point, (n, 3): that of the line between its neighbours."""
+def _slopes(found: tubes.Strands) -> F32:
+    """The position and the slope of the spline at each point, (n, 6), see `tubes.tangents`."""
     curve, row = found.curve_of_point(), np.arange(len(found.points))
     ahead = np.minimum(row + 1, found.first[curve + 1] - 1)
     behind = np.maximum(row - 1, found.first[curve])
     with np.errstate(over="ignore", invalid="ignore"):
-        along = found.points[ahead].astype(np.float64) - found.points[behind]
-        length = np.linalg.norm(along, axis=1, keepdims=True)
-        tangents: F32 = (along / np.where(length > 0, length, 1)).astype(np.float32)
-    return tangents
+        slopes = (found.points[ahead] - found.points[behind]) / np.float32(2)
+    return np.concatenate([found.points, slopes], axis=1)
 
 
 def _along(found: tubes.Strands) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -225,7 +225,8 @@ def _squeeze(values: Values, node: Place) -> Operand:
     def math(operation: str, a: Operand, b: Operand) -> Operand:
         return values.step("math", a, b, 0.0, kind=operation)
 
-    away = math("MULTIPLY", math("SUBTRACT", center, value), width)
+    # Beyond these bounds the curve is 0 or 1 in f32.
+    away = values.step("clamp", math("MULTIPLY", math("SUBTRACT", center, value), width), -80.0, 80.0)
     return math("DIVIDE", 1.0, math("ADD", math("EXPONENT", away, 0.0), 1.0))
 
 
