@@ -62,8 +62,8 @@ class Fit:
 def fit(points: Sequence[Point], clock: str = "clock") -> Fit:
     """Fit times and errors of at least two numbers of samples. clock: "clock" or "processor".
 
-    The times by least squares of relative residuals, the errors by least squares of logarithms. The constant is at
-    least 0, and the power at least 0.5, which is slower than any unbiased estimate converges.
+    The times by least squares of relative residuals, the errors by least squares of logarithms. The constant and the
+    part of a sample are at least 0, and the power at least 0.5, which is slower than any unbiased estimate converges.
     """
     n = np.array([point.samples for point in points], np.float64)
     seconds = np.array([getattr(point, clock) for point in points])
@@ -72,6 +72,8 @@ def fit(points: Sequence[Point], clock: str = "clock") -> Fit:
     fixed, each = np.linalg.lstsq(system, seconds * weights, rcond=None)[0]
     if fixed < 0:
         fixed, each = 0.0, float(np.mean(seconds / n))
+    elif each < 0:
+        fixed, each = weights.sum() / (weights**2).sum(), 0.0
     power, scale = np.polyfit(np.log(n), np.log([max(point.error, 1e-30) for point in points]), 1)
     power = max(-float(power), 0.5)
     scale = float(np.exp(np.mean(np.log([max(p.error, 1e-30) for p in points]) + power * np.log(n))))
@@ -95,7 +97,9 @@ class Result:
         target = theirs.scale / self.points["CYCLES"][-1].samples ** theirs.power
         a, b = ours.samples(target), theirs.samples(target)
         whole = ours.seconds(a) / theirs.seconds(b)
-        return whole, ours.each * a / max(theirs.each * b, 1e-12), a / b
+        # Other work on the machine can hide what a sample takes.
+        traced = ours.each * a / (theirs.each * b) if ours.each > 0 and theirs.each > 0 else math.nan
+        return whole, traced, a / b
 
     @property
     def same(self) -> bool:

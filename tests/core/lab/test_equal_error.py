@@ -37,6 +37,12 @@ def test_times_and_errors_are_fitted() -> None:
     assert found.samples(0.3) == pytest.approx(10)
     # Faster with more samples: no negative time remains for none.
     assert fit([Point(n, n**1.2, 1.0, 1 / n, 0.0) for n in (2, 8, 32)]).fixed == 0
+    # Slower with fewer samples: nothing is known of a sample's time.
+    flat = [Point(n, 5.0 - n / 32, 1.0, 1 / n, 0.0) for n in (2, 8, 32)]
+    assert (fit(flat).each, fit(flat).fixed) == (0, pytest.approx(4.5, rel=0.1))
+    unknown = equal_error.Result("scene", {"HALFSPACE": flat, "CYCLES": flat}, (1.0, 1.0, 1.0))
+    assert np.isnan(unknown.ratios()[1])
+    assert unknown.ratios()[0] == pytest.approx(1)
 
 
 def test_half_the_variance_at_equal_speed_halves_the_time() -> None:
