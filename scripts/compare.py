@@ -6,11 +6,11 @@ FILE the built-in showcase. Both engines render the same file several times with
 their difference can be compared with their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
 (both, and their difference × 8), prints the numbers, and lists what each engine left out.
 
-`--scene NAME` or `--scene all` instead of FILE: both engines render one or all of the seven scenes that cover the
-renderer's features. The verdict requires means of all channels within 1 % and no square of 16 × 16 pixels beyond 4
-standard errors (after Šidák's correction for the number of squares); the ratio of the times to equal error is printed
-with it. With `--slope` too, Halfspace alone renders them, and the slopes of the error over the number of samples are
-printed, for independent samples and for samples as they are rendered.
+`--scene NAME` or `--scene all` instead of FILE: both engines render one or all of thirteen scenes: seven that cover the
+renderer's features, and six composed ones. The verdict requires means of all channels within 1 % and no square of
+16 × 16 pixels beyond 4 standard errors (after Šidák's correction for the number of squares); the ratio of the times to
+equal error is printed with it. With `--slope` too, Halfspace alone renders them, and the slopes of the error over the
+number of samples are printed, for independent samples and for samples as they are rendered.
 
 `--whole`: the time of a whole render of FILE, from the call of the render operator (F12) to the picture, including
 reading the scene and the build. Default: one sample of 1920 × 1080 pixels, direct light without bounces, and for an
@@ -63,9 +63,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
-    made.add_argument(
-        "--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, hidden, or all"
-    )
+    made.add_argument("--scene", metavar="NAME", help="judge a scene of lab/pictures/proving.py, or all")
     made.add_argument(
         "--plant",
         type=float,
@@ -84,7 +82,9 @@ def parser() -> argparse.ArgumentParser:
         help="with an .npz: some of sun, lamp, point, area, sky, panorama, separated by commas",
     )
     made.add_argument(
-        "--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080, with --equal-error 240x135)"
+        "--size",
+        metavar="WxH",
+        help="pixels (default: 960x540; with --scene 192x128, --whole 1920x1080, --equal-error 240x135)",
     )
     made.add_argument(
         "--samples",
@@ -141,6 +141,8 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         raise UsageError("--lights: expected an .npz")
     # Set the defaults, which depend on the comparison, and check the ranges.
     usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
+    if asked.scene is not None:
+        usual["size"] = "192x128"
     if asked.whole:
         runs = asked.runs if asked.runs is not None else 7
         usual = {"size": "1920x1080", "samples": runs, "runs": runs, "bounces": 0}

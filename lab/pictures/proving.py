@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seven small scenes that together use all features of the renderer, for comparison with Cycles.
+"""Seven small scenes that together use all features of the renderer, and the composed ones, for comparison with Cycles.
 
 Generated in Blender from numbers alone, always the same; images are packed, so that a saved file is self-contained.
 """
@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from . import composed
 from . import proving_parts as parts
 
 
@@ -205,8 +206,12 @@ SCENES: dict[str, Callable[[Any], None]] = {
     "sky": _sky,
     "forest": _forest,
     "hidden": _hidden,
+    **composed.SCENES,
 }
 
+
+SIMPLIFIED = {"portrait"}
+"""Scenes with shaders that may be rendered as simpler ones, which is reported."""
 
 LAYER = (
     "The share of light that a rough dielectric layer withholds from the base below it: at 82° (roughness 0.4, index "

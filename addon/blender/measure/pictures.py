@@ -18,7 +18,8 @@ from ...core.base.picture_files import replacing
 
 
 def render(scene: Any) -> F32:
-    """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom.
+    """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom. The views of a
+    stereo picture are side by side.
 
     The result goes through a file, because Blender exposes render results only in a window. Raises RuntimeError with
     the engine's message, and OSError if the file cannot be written.
@@ -29,10 +30,14 @@ def render(scene: Any) -> F32:
         as_file(image_settings, "OPEN_EXR")
         image_settings.color_mode, image_settings.color_depth = "RGBA", "32"
         scene.render.filepath = str(path)
+        paths = [path]
+        if scene.render.use_multiview:
+            image_settings.views_format = "INDIVIDUAL"
+            paths = [path.with_stem(path.stem + view.file_suffix) for view in scene.render.views if view.use]
         bpy.ops.render.render(write_still=True, scene=scene.name)
-        if not path.is_file():
+        if not all(path.is_file() for path in paths):
             raise RuntimeError("nothing was rendered")
-        return load(path)
+        return np.concatenate([load(path) for path in paths], axis=1)
 
 
 def load(path: Path) -> F32:

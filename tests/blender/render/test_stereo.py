@@ -16,6 +16,7 @@ from atlas import tile_material
 from exr_files import exr
 from shapes import grid
 
+from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
 from addon.blender.session import reports
 
@@ -102,3 +103,12 @@ def test_views_of_several_cameras_are_those_of_their_suffixes(corridor: Any, add
     corridor.camera.rotation_euler.z = -0.1
     add("Eye_R", corridor.camera.data.copy(), location=(0.9, 0, 0), rotation_euler=(1.5, 0, 0.2))
     compare(corridor, tmp_path)
+
+
+def test_views_of_a_picture_are_side_by_side(corridor: Any) -> None:
+    corridor.render.engine, corridor.halfspace.samples = ENGINE, 1
+    both = pictures.render(corridor)
+    assert both.shape == (HEIGHT, 2 * WIDTH, 4)
+    assert np.abs(both[:, :WIDTH] - both[:, WIDTH:]).max() > 0.05, "the eyes see different pictures"
+    corridor.render.use_multiview = False
+    assert pictures.render(corridor).shape == (HEIGHT, WIDTH, 4)

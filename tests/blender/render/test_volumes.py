@@ -14,6 +14,7 @@ import pytest
 from atlas import add as node
 from shapes import cube, read, with_nodes
 
+from addon.blender.read.media import grids
 from addon.blender.session import reports
 
 SAMPLES, BOUNCES = 512, 8
@@ -182,6 +183,17 @@ def test_volume_objects_are_those_of_cycles(lit: Any, add: Any, fog: Path) -> No
     report = reports.last(lit)
     assert report is not None
     assert not report.warnings
+
+
+def test_grids_have_a_limit_in_total(lit: Any, add: Any, fog: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grids, "MOST_OF_ALL", 3000)
+    for name in ("First", "Second"):
+        data = bpy.data.volumes.new(name)
+        data.filepath = str(fog)
+        add(name, data)
+    large = [line for line in read()[1] if "too large beside the scene's other grids" in line]
+    assert large
+    assert all("Second" in line and "First" not in line for line in large)
 
 
 def test_volumes_without_a_file_or_a_shader_are_named(lit: Any, add: Any, fog: Path) -> None:

@@ -127,8 +127,9 @@ def contexts(scene: Any) -> Iterator[Context]:
         "preferences": bpy.context.preferences,
         "blend_data": bpy.data,
     }
-    for integrator in ("ao", "whitted", "path"):
-        scene.halfspace.integrator = integrator
+    scene.render.bake.use_cage = True
+    for integrator, bake in (("ao", "NORMAL"), ("whitted", "DIFFUSE"), ("path", "COMBINED")):
+        scene.halfspace.integrator, scene.halfspace.bake_type = integrator, bake
         yield Context(**common, object=mesh, material=material, mesh=mesh.data)
     for kind in ("POINT", "SUN", "SPOT", "AREA"):
         light = bpy.data.lights.new("Light", kind)
