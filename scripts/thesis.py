@@ -200,7 +200,9 @@ def read_effort(asked: argparse.Namespace) -> plan.Effort:
         effort = replace(effort, seeds=tuple(range(1, asked.seeds + 1)))
     if asked.size is not None:
         width, _, height = asked.size.partition("x")
-        if not (width.isdecimal() and height.isdecimal() and 1 <= int(width) <= LONGEST and 1 <= int(height) <= LONGEST):
+        if not (
+            width.isdecimal() and height.isdecimal() and 1 <= int(width) <= LONGEST and 1 <= int(height) <= LONGEST
+        ):
             raise UsageError(f"--size: expected WIDTHxHEIGHT up to {LONGEST}, got {asked.size!r}")
         effort = replace(effort, size=(int(width), int(height)))
     if asked.repeats is not None:

@@ -125,11 +125,10 @@ def hair(scene: Any, head_item: Any, count: int) -> Any:
     """Strands on the scalp that fall to the sides."""
     rng = np.random.default_rng(8)
     mesh = head_item.data
-    points = np.empty(len(mesh.vertices) * 3, np.float32)
-    normals = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", points)
-    mesh.vertices.foreach_get("normal", normals)
-    points, normals = points.reshape(-1, 3), normals.reshape(-1, 3)
+    points = np.empty((len(mesh.vertices), 3), np.float32)
+    normals = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.vertices.foreach_get("co", points.ravel())
+    mesh.vertices.foreach_get("normal", normals.ravel())
     # The scalp lies above a line from the forehead to the neck.
     scalp = np.flatnonzero(points[:, 2] > 0.45 - 0.55 * np.clip(points[:, 1] + 0.35, 0, 1.3))
     strands = 7 if parts.detail >= 0.5 else 4
