@@ -69,12 +69,14 @@ IN_PART = frozenset(
     f"ShaderNode{name}"
     for name in (
         "Attribute",
+        "BsdfHairPrincipled",
         "BsdfPrincipled",
         "CameraData",
         "NewGeometry",
         "NormalMap",
         "ObjectInfo",
         "Raycast",
+        "SubsurfaceScattering",
         "TexCoord",
         "TexSky",
         "VectorTransform",

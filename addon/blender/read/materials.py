@@ -244,7 +244,8 @@ def _surface(material: Any, values: Values) -> Material:
     if programs.method(material) == "BUMP":
         closures = programs.bumped(closures, output, values)
     portals = tuple(surface.portals)
-    return Material(name, closures=tuple(closures), program=tuple(values.steps), portals=portals)
+    strands = values.strands
+    return Material(name, closures=tuple(closures), program=tuple(values.steps), portals=portals, strands=strands)
 
 
 def _black(name: str) -> Material:

@@ -74,8 +74,9 @@ class Values:
         """background: for a world. wait: whether to wait for slow nodes, while `keep_going` returns True.
 
         sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
-        program. material_index: that of the material. owners: data blocks whose properties are attributes of the view
-        layer. lamp: for a light. far: for one at an infinite distance.
+        program. material_index: that of the material. strands: the layer that is 1 on tubes around hairs, if the
+        material scatters like hair. owners: data blocks whose properties are attributes of the view layer. lamp: for a
+        light. far: for one at an infinite distance.
         """
         self.steps: list[Step] = []
         self.images: set[int] = set()
@@ -84,6 +85,7 @@ class Values:
         self.material_index = 0.0
         self.volume = False
         self.lamp = self.far = False
+        self.strands: int | None = None
         self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []

@@ -163,9 +163,9 @@ fn fitted(color: f32, g: f32) -> f32 {
     ((1.0 - blend) * low + blend * high) as f32
 }
 
-/// The factor on the radius of skin of this colour: that of the mean free path in diffusion, √(3 (1 - α)), where α is the
-/// albedo for which the dipole of Jensen et al. 2001, "A Practical Model for Subsurface Light Transport", reflects the
-/// colour.
+/// The factor on the radius of skin of this colour: that of the mean free path in diffusion, √(3 (1 - α)), where α is
+/// the albedo for which the dipole of Jensen et al. 2001, "A Practical Model for Subsurface Light Transport", reflects
+/// the colour.
 fn skin_scale(color: f32, ior: f32) -> f32 {
     let inverse = 1.0 / ior;
     let internal = inverse * (-1.440 * inverse + 0.710) + 0.668 + 0.0636 * ior;

@@ -235,8 +235,8 @@ mod tests {
     use super::*;
     use crate::medium::inversion::Method;
 
-    /// Walks in a half space below z = 0 until they leave or are dropped. Returns the mean throughput of those that leave, and of
-    /// its square.
+    /// Walks in a half space below z = 0 until they leave or are dropped. Returns the mean throughput of those that
+    /// leave, and of its square.
     fn reflected(color: Vec3, g: f32, walks: u32) -> (Vec3, Vec3) {
         let up = vec3(0.0, 0.0, 1.0);
         let medium = Coefficients::new(Method::RandomWalk, color, vec3(1.0, 0.5, 0.1), g, 1.4);

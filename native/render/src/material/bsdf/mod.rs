@@ -19,13 +19,13 @@ mod empty;
 mod evaluate;
 mod facets;
 mod layers;
-pub mod lobe;
+mod lobe;
 mod rough;
 mod sample;
 mod shares;
 
 pub use crate::material::bsdf::lobe::MAX_LOBES;
-pub use crate::material::bsdf::sample::cosine_direction;
+pub use crate::material::bsdf::sample::{Entrance, cosine_direction};
 
 /// The other normals at the point, in the shading frame, whose z axis is the normal of the facets.
 #[derive(Debug, Clone, Copy)]
@@ -134,7 +134,7 @@ struct Boundary {
 
 /// How a boundary with a frame of its own divides light.
 #[derive(Debug, Clone, Copy)]
-struct Interface {
+pub struct Interface {
     /// Index of the far side over that of the near side.
     eta: f32,
     /// Colour of the reflection; `None` = refraction only.

@@ -3,13 +3,21 @@
 
 use crate::material::bsdf::lobe::{Direction, Lobe, Shape};
 use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
+use crate::material::closure::Subsurface;
 use crate::math::fresnel;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
-use crate::values::visibility::RayKind;
+use crate::values::visibility::{RayKind, Visibility};
 
-/// The largest number below 1.
-const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+/// Where a path enters a surface to walk below it.
+pub struct Entrance {
+    /// The medium.
+    pub below: Subsurface,
+    /// Factor on the throughput: the lobe's albedo over its probability.
+    pub weight: Vec3,
+    /// Direction in which the path enters, in the shading frame.
+    pub direction: Vec3,
+}
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// Samples a direction by the lobes' probabilities; `None` ends the path. `choice`: random number in [0, 1)
@@ -21,12 +29,17 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             kind,
             through,
             single,
+            kept,
         } = self.direction(choice, u)?;
         // Evaluate all lobes at a direction of a density, so that the weight is that of the whole mixture.
         let (weight, pdf, eta) = match single {
             Some((weight, eta)) => (weight, f32::INFINITY, eta),
             None => {
-                let (f, pdf) = self.eval(wo);
+                let (mut f, mut pdf) = self.eval(wo);
+                if let Some((value, density)) = kept {
+                    f += value;
+                    pdf += density;
+                }
                 (f * (1.0 / pdf), pdf, 1.0)
             }
         };
@@ -63,7 +76,12 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         for lobe in self.own_lobes() {
             if left < lobe.p {
-                return lobe.sample(left / lobe.p, u);
+                let sampled = lobe.sample(left / lobe.p, u)?;
+                return Some(if lobe.is_hair() {
+                    self.about_hair(lobe, sampled)
+                } else {
+                    sampled
+                });
             }
             left -= lobe.p;
         }
@@ -83,10 +101,10 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         Some(Direction::rough(wo, RayKind::Diffuse, false))
     }
 
-    /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction, and a random
-    /// number in [0, 1) for it.
+    /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction. `choice`, `u`: as
+    /// for [`Self::sample`].
     #[inline(never)]
-    pub fn entrance(&self, choice: f32) -> Option<(&Lobe, f32)> {
+    pub fn entrance(&self, choice: f32, u: [f32; 2]) -> Option<Entrance> {
         // Entrances lie where those lobes do in `sample`.
         let facets = self.facets[..self.facet_count].iter().map(|f| f.p);
         let boundaries = self.boundaries[..self.boundary_count].iter().map(|b| b.p);
@@ -96,12 +114,35 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         for lobe in self.own_lobes() {
             if left < lobe.p {
-                let enters = matches!(lobe.shape, Shape::Subsurface(_));
-                return enters.then(|| (lobe, (left / lobe.p).min(BELOW_ONE)));
+                let Shape::Subsurface(below) = lobe.shape else {
+                    return None;
+                };
+                let local = below.enter(lobe.wi, left / lobe.p, u);
+                return Some(Entrance {
+                    below,
+                    weight: lobe.scale * (1.0 / lobe.p),
+                    direction: lobe.frame.to_world(local),
+                });
             }
             left -= lobe.p;
         }
         None
+    }
+
+    /// Completes a direction that a lobe about a hair sampled: the triangle decides on the side to which the path goes. A
+    /// direction that light samples leave out for the sake of the normal is kept, as in Cycles.
+    #[inline(never)]
+    fn about_hair(&self, lobe: &Lobe, sampled: Direction) -> Direction {
+        let wo = sampled.wo;
+        let left_out = lobe.eval(wo, &self.normals, Visibility::ALL).1 <= 0.0;
+        Direction {
+            through: self.normals.geometric.dot(wo) < 0.0,
+            kept: left_out.then(|| {
+                let (value, density) = lobe.value(lobe.frame.to_local(wo));
+                (value * lobe.scale, lobe.p * density)
+            }),
+            ..sampled
+        }
     }
 
     /// Samples a reflecting lobe.
@@ -115,6 +156,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
                 kind: RayKind::Glossy,
                 through: false,
                 single: Some((weight * (1.0 / facets.p), 1.0)),
+                kept: None,
             });
         }
         let h = facets.ggx.sample_visible(self.wi, u);
@@ -148,6 +190,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
                     kind: RayKind::Glossy,
                     through: false,
                     single: Some((weight, 1.0)),
+                    kept: None,
                 });
             }
             return Some(Direction::rough(wo, RayKind::Glossy, false));
@@ -169,6 +212,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
                 kind: RayKind::Transmission,
                 through: true,
                 single: Some((weight, boundary.eta)),
+                kept: None,
             });
         }
         Some(Direction::rough(wo, RayKind::Transmission, true))

@@ -30,7 +30,7 @@ pub use crate::material::closure::params::{
     ClosureKind, ClosureParams, INPUTS, Input, MAX_CLOSURES, MAX_PRINCIPLED,
 };
 pub use crate::material::closure::reflectance::{Fresnel, Reflected, conductor};
-pub use crate::material::closure::special::{SheenLayer, Single, Special};
+pub use crate::material::closure::special::{Hair, SheenLayer, Single, Special};
 pub use crate::material::closure::subsurface::Subsurface;
 
 /// Light of a closure, or of a material, that no lobe scatters: emission and straight transmission.

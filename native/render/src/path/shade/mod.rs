@@ -256,7 +256,7 @@ impl<
         // Find the surface; rays to which it is invisible pass through it.
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
-        if features.hidden && !surface.material.visible.to(path.kind) && !self.is_point(path)
+        if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
             || EXTRA && path.catch == Catch::Alone && !surface.material.catcher
         {
             return path

@@ -140,9 +140,9 @@ impl<
         // Light that enters the surface walks below it.
         if LOBES > 0
             && self.features.subsurface
-            && let Some(entrance) = bsdf.entrance(choice)
+            && let Some(entrance) = bsdf.entrance(choice, u)
         {
-            return self.enter(surface, frame, entrance, u, path, out);
+            return self.enter(surface, frame, &entrance, path, out);
         }
         // Without light to be found, the ray after the last bounce is not needed.
         let last = u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts;
