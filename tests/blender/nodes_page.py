@@ -59,6 +59,7 @@ IN_PART = frozenset(
     f"ShaderNode{name}"
     for name in (
         "Attribute",
+        "BsdfHairPrincipled",
         "BsdfPrincipled",
         "Bump",
         "CameraData",
@@ -68,6 +69,7 @@ IN_PART = frozenset(
         "NewGeometry",
         "NormalMap",
         "ObjectInfo",
+        "SubsurfaceScattering",
         "TexCoord",
         "TexSky",
         "VectorTransform",

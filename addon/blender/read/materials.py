@@ -232,7 +232,7 @@ def _surface(material: Any, values: Values) -> Material:
     closures = surface.closures
     if programs.method(material) == "BUMP":
         closures = programs.bumped(closures, output, values)
-    return Material(name, closures=tuple(closures), program=tuple(values.steps))
+    return Material(name, closures=tuple(closures), program=tuple(values.steps), strands=values.strands)
 
 
 def _black(name: str) -> Material:

@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ...core.scene.hair import absorption_of_melanin, colour_of_absorption
 from ...core.scene.scene import Closure
 from .nodes import Place, Unsupported
+from .strands import shaders
 from .value_nodes import is_constant
 from .values import Values
 
 if TYPE_CHECKING:
     from ...core.scene.scene import Operand
 
-WALKS = {"RANDOM_WALK_SKIN": "random_walk_skin", "RANDOM_WALK_LEGACY": "random_walk_legacy", "BURLEY": "random_walk_legacy"}
+WALKS = {
+    "RANDOM_WALK_SKIN": "random_walk_skin",
+    "RANDOM_WALK_LEGACY": "random_walk_legacy",
+    "BURLEY": "random_walk_legacy",
+}
 """Methods of subsurface scattering other than Random Walk, by Blender's names. Random walks took the radius of Burley's
 diffusion profile before Blender 5.2, which has a method for that."""
 
@@ -76,12 +80,11 @@ class Surface:
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
-        pigments = _pigments(node.node)
-        if (pigments is None and node.input("Color") is None) or kind.startswith("ShaderNodeVolume"):
+        if node.input("Color") is None or kind.startswith("ShaderNodeVolume"):
             raise Unsupported(node.node.bl_label)
         self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
         if self._has_room(principled=False):
-            self.add("diffuse", weight, node, color=self.color(node) if pigments is None else pigments)
+            self.add("diffuse", weight, node, color=self.color(node))
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
         """Read both shaders of a Mix Shader, each with its part of the weight."""
@@ -177,19 +180,6 @@ class Surface:
             return None
         operand = self.values.value(place)
         return operand if isinstance(operand, int) else None
-
-
-def _pigments(node: Any) -> tuple[float, ...] | None:
-    """The colour of a Principled Hair BSDF by its own values; None if it is that of its Color input."""
-    inputs = node.inputs
-    match getattr(node, "parametrization", "COLOR"):
-        case "ABSORPTION":
-            absorption = tuple(inputs["Absorption Coefficient"].default_value)
-        case "MELANIN":
-            absorption = absorption_of_melanin(inputs["Melanin"].default_value, inputs["Melanin Redness"].default_value)
-        case _:
-            return None
-    return colour_of_absorption(absorption, inputs["Radial Roughness"].default_value)
 
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
@@ -353,6 +343,8 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfRefraction": _refraction,
     "ShaderNodeBsdfSheen": _sheen,
     "ShaderNodeBsdfToon": _toon,
+    "ShaderNodeBsdfHair": shaders.hair,
+    "ShaderNodeBsdfHairPrincipled": shaders.principled_hair,
     "ShaderNodeSubsurfaceScattering": _subsurface,
     "ShaderNodeHoldout": _holdout,
     "ShaderNodeEmission": _emission,

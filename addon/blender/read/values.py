@@ -69,7 +69,8 @@ class Values:
         """background: for a world. wait: whether to wait for slow nodes, while `keep_going` returns True.
 
         sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
-        program. material_index: that of the material. owners: data blocks whose properties are attributes of the view
+        program. material_index: that of the material. strands: the layer that is 1 on tubes around hairs, if the
+        material scatters like hair. owners: data blocks whose properties are attributes of the view
         layer.
         """
         self.steps: list[Step] = []
@@ -78,6 +79,7 @@ class Values:
         self.wait, self.keep_going = wait, keep_going
         self.material_index = 0.0
         self.volume = False
+        self.strands: int | None = None
         self.owners: Sequence[Any] = ()
         self.sun_strength: float | None = None
         self.suns: list[Light] = []

@@ -260,10 +260,11 @@ class Closure:
     """A shader node with its share of a material.
 
     kind: principled, diffuse, translucent, glossy, glass, refraction, conductor, sheen, velvet, toon_diffuse,
-    toon_glossy, subsurface, transparent, emission or holdout. inputs: operands by name, including "weight"; missing
-    ones have Blender's defaults. normal: the shading normal, or None for the surface's own. multiscatter: whether rough
-    reflections conserve energy. distribution: of the facets: ggx, beckmann or ashikhmin_shirley. method: of subsurface
-    scattering: random_walk, random_walk_skin or random_walk_legacy.
+    toon_glossy, subsurface, hair, hair_reflection, hair_transmission, transparent, emission or holdout. inputs:
+    operands by name, including "weight"; missing ones have Blender's defaults. normal: the shading normal, or None for
+    the surface's own. multiscatter: whether rough reflections conserve energy. distribution: of the facets: ggx,
+    beckmann or ashikhmin_shirley. method: of subsurface scattering: random_walk, random_walk_skin or
+    random_walk_legacy.
     """
 
     kind: str
@@ -298,7 +299,8 @@ class Material:
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
     blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
-    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show.
+    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show. strands:
+    the layer that is 1 on tubes around hairs, whose inside rays do not see.
     """
 
     name: str
@@ -318,6 +320,7 @@ class Material:
     blocks: int = 0xFFFFFFFF
     hole: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
+    strands: int | None = None
 
     @property
     def glows(self) -> bool:

@@ -155,7 +155,8 @@ class Tubes:
 
     positions, normals: (n, 3) float32. triangles: (m, 3) int32. before, after: (n,) int64, the points of the curves on
     both sides of each vertex, and share: (n,) float32, that of the second one. numbers: (n,) int64, the curve of each
-    vertex, by its number in Blender's data.
+    vertex, by its number in Blender's data. along: (n, 3) float32, the direction of the curve, or (0, 3) if that is not
+    wanted.
     """
 
     positions: F32
@@ -165,13 +166,14 @@ class Tubes:
     after: NDArray[np.int64]
     share: F32
     numbers: NDArray[np.int64]
+    along: F32
 
 
-def tubes(found: Strands, pieces: int, sides: int) -> Tubes:
+def tubes(found: Strands, pieces: int, sides: int, *, directions: bool = False) -> Tubes:
     """Tubes of this number of sides around curves, each divided into `pieces` between two points.
 
     The polygons are wider than the circle that they stand for by the factor that gives a tube the circle's mean
-    breadth over all directions (Cauchy: the perimeter over pi).
+    breadth over all directions (Cauchy: the perimeter over pi). directions: whether those of the curves are wanted.
     """
     # Divide the curves.
     at = _segments(found)
@@ -211,6 +213,7 @@ def tubes(found: Strands, pieces: int, sides: int) -> Tubes:
     repeated = (centre[1:] == centre[:-1]).all(axis=1)
     if radius.min(initial=np.inf) <= THIN * size or repeated.any():
         triangles = triangles[_apart(corners, triangles)]
+    along = np.cross(right, up)[each] if directions else np.empty((0, 3), np.float32)
     return Tubes(
         corners,
         outward.reshape(-1, 3),
@@ -219,16 +222,19 @@ def tubes(found: Strands, pieces: int, sides: int) -> Tubes:
         found.rows[after[each]],
         shares[each].astype(np.float32),
         np.repeat(found.numbers, counts)[each],
+        along,
     )
 
 
 def joined(parts: list[Tubes]) -> Tubes:
     """Several groups of tubes as one."""
     starts = np.cumsum([0, *(len(part.positions) for part in parts)])
-    columns = zip(*((p.positions, p.normals, p.before, p.after, p.share, p.numbers) for p in parts), strict=True)
-    positions, normals, before, after, share, numbers = (np.concatenate(column) for column in columns)
+    columns = zip(
+        *((p.positions, p.normals, p.before, p.after, p.share, p.numbers, p.along) for p in parts), strict=True
+    )
+    positions, normals, before, after, share, numbers, along = (np.concatenate(column) for column in columns)
     triangles = np.concatenate([p.triangles + np.int32(start) for p, start in zip(parts, starts, strict=False)])
-    return Tubes(positions, normals, triangles, before, after, share, numbers)
+    return Tubes(positions, normals, triangles, before, after, share, numbers, along)
 
 
 def _as_float64(values: F32) -> F64:

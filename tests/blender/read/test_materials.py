@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import bpy
-import numpy as np
 import pytest
 from read_materials import converted, inputs, plug
 from shapes import material, node, with_nodes
@@ -162,13 +161,12 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     shader = node(tree, "ShaderNodeBsdfPrincipled")
     tree.links.new(tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Base Color"])
     tree.links.new(tree.nodes.new("ShaderNodeBevel").outputs[0], shader.inputs["Roughness"])
-    shader.inputs["Subsurface Weight"].default_value = 1
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    words = ("Ambient Occlusion", "Bevel", "Subsurface Weight")
+    words = ("Ambient Occlusion", "Bevel")
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
@@ -224,39 +222,63 @@ def test_bad_nodes_make_remarks_not_exceptions() -> None:
 
 
 def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
-    block = material("Hairy")
-    plug(block, "ShaderNodeBsdfHair")
-    next(n for n in block.node_tree.nodes if n.type == "BSDF_HAIR").inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
+    block = material("Portal")
+    plug(block, "ShaderNodeBsdfRayPortal")
+    portal = next(n for n in block.node_tree.nodes if n.type == "BSDF_RAY_PORTAL")
+    portal.inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
     found, notes = converted(block)
     assert [closure.kind for closure in found.closures] == ["diffuse"]
     assert found.closures[0].inputs["color"] == pytest.approx((0.2, 0.5, 0.7, 1.0))
     assert len(notes) == 1
-    assert "Hair" in notes[0]
+    assert "Ray Portal" in notes[0]
 
 
-def test_principled_hair_has_the_colour_of_its_pigments() -> None:
+def test_subsurface_scattering_keeps_its_method_and_lets_objects_be_told_apart() -> None:
+    block = material("Skin", Subsurface_Weight=0.5)
+    palette = Palette(Notes(), [block])
+    assert palette.layers.media
+    shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
+    older = "RANDOM_WALK_LEGACY" not in shader.bl_rna.properties["subsurface_method"].enum_items
+    for method, expected in (
+        ("RANDOM_WALK", "random_walk_legacy" if older else "random_walk"),
+        ("RANDOM_WALK_SKIN", "random_walk_skin"),
+        ("BURLEY", "random_walk_legacy"),
+    ):
+        shader.subsurface_method = method
+        found, notes = converted(block)
+        assert found.closures[0].method == expected
+        assert found.closures[0].inputs["subsurface_weight"] == 0.5
+        assert len(notes) == (method == "BURLEY")
+    shader.inputs["Subsurface Weight"].default_value = 0
+    found, notes = converted(block)
+    assert "subsurface_weight" not in found.closures[0].inputs
+
+
+def test_principled_hair_has_the_pigments_of_its_parametrisation() -> None:
     block = material("Hair")
     shader = plug(block, "ShaderNodeBsdfHairPrincipled")
     shader.inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
 
-    def color() -> Any:
-        return converted(block)[0].closures[0].inputs["color"]
+    def inputs() -> Any:
+        found, notes = converted(block)
+        assert notes == []
+        assert found.strands is not None
+        return found.closures[0].inputs
 
-    assert color()[:3] == pytest.approx((0.2, 0.5, 0.7))
+    assert inputs()["color"][:3] == pytest.approx((0.2, 0.5, 0.7))
     shader.parametrization = "MELANIN"
-    shader.inputs["Melanin Redness"].default_value = 0.0
-    shares = []
-    for melanin in (0.0, 0.3, 0.9):
-        shader.inputs["Melanin"].default_value = melanin
-        shares.append(color())
-    assert shares[0] == pytest.approx((1, 1, 1))
-    assert all(np.diff(shares, axis=0).ravel() < 0)
-    assert shares[2][0] > shares[2][1] > shares[2][2]
+    shader.inputs["Melanin"].default_value = 0.3
+    assert inputs()["melanin"] == pytest.approx(0.3)
     shader.parametrization = "ABSORPTION"
-    # The absorption that Chiang et al. give to a colour gives that colour back: (ln 0.5 / 5.969)² without roughness.
-    shader.inputs["Radial Roughness"].default_value = 0.0
-    shader.inputs["Absorption Coefficient"].default_value = (0.013485, 0.013485, 0.0)
-    assert color() == pytest.approx((0.5, 0.5, 1.0), rel=1e-3)
+    shader.inputs["Absorption Coefficient"].default_value = (0.1, 0.2, 0.3)
+    assert inputs()["absorption"] == pytest.approx((0.1, 0.2, 0.3))
+    assert inputs()["color"] == 1.0
+    shader.model = "HUANG"
+    found, notes = converted(block)
+    assert found.closures[0].kind == "hair"
+    assert found.closures[0].inputs["radial_roughness"] == found.closures[0].inputs["roughness"]
+    assert len(notes) == 1
+    assert "Huang" in notes[0]
 
 
 def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:

@@ -14,7 +14,7 @@ from atlas import add, place
 
 from addon.blender.session import reports
 
-BOUNCES = 2
+BOUNCES = 1
 NEW = bpy.app.version >= (5, 2)
 """Whether radii are mean free paths, and not those of older profiles."""
 
@@ -61,7 +61,7 @@ BALLS = {
     "thin": scattering(Color=(0.9, 0.9, 0.9, 1), Scale=1.0 * LONG, Radius=(1, 0.3, 0.0)),
     "dense": scattering(Color=(0.5, 0.5, 0.5, 1), Scale=0.002 * LONG, Radius=(1, 1, 1)),
     "principled": principled(Subsurface_Weight=1.0, Roughness=0.4, **SKIN),
-    "half": principled(Subsurface_Weight=0.5, Subsurface_Anisotropy=0.4, Coat_Weight=1.0, Roughness=0.7, **SKIN),
+    "half": principled(Subsurface_Weight=0.5, Subsurface_Anisotropy=0.4, Roughness=0.7, **SKIN),
     "principled skin": principled(subsurface_method="RANDOM_WALK_SKIN", Subsurface_Weight=1.0, **SKIN),
     "textured": textured,
 }
@@ -76,7 +76,7 @@ def lights(scene: Any, add: Any) -> Any:
     if scene.world.node_tree is None:
         scene.world.use_nodes = True
     sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy, sun.angle = 3.0, 0.1
+    sun.energy, sun.angle = 3.0, 0.5
     add("Sun", sun, rotation_euler=(1.1, 0.3, 0))
     return scene
 

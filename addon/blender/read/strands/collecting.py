@@ -12,7 +12,7 @@ from ....core.base.arrays import F32, F64
 from ....core.scene import spheres, tubes
 from .. import layers as texture_layers
 from ..meshes import UNBOUNDED, MeshArrays, Placement
-from ..value_nodes import UV
+from ..value_nodes import STRAND, UV
 from . import detail, sources
 
 if TYPE_CHECKING:
@@ -134,7 +134,10 @@ class Collector:
         thickest = np.maximum.reduceat(strands.radii, strands.first[:-1])
         sides = tubes.sides_of(thickest.astype(np.float64), pixels)
         strands, sides, pieces = self._fitting(group.name, strands, sides, tubes.pieces_of(strands, pixels))
-        parts = [tubes.tubes(strands.chosen(sides == n), pieces, n) for n in np.unique(sides).tolist()]
+        wanted = (STRAND, "Tangent") in self._keys()
+        parts = [
+            tubes.tubes(strands.chosen(sides == n), pieces, n, directions=wanted) for n in np.unique(sides).tolist()
+        ]
         made = tubes.joined(parts)
         total = len(made.triangles)
         self.made.append(
@@ -233,6 +236,8 @@ def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_lay
         layers[key] = np.ascontiguousarray(at_vertices[made.triangles])
     for key, rows in values.of_curves.items():
         layers[key] = np.ascontiguousarray(rows[made.numbers[made.triangles]])
+    if len(made.along):
+        layers[STRAND, "Tangent"] = np.ascontiguousarray(made.along[made.triangles])
     return layers
 
 

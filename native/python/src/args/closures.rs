@@ -24,6 +24,9 @@ const KINDS: &[(&str, ClosureKind)] = &[
     ("toon_diffuse", ClosureKind::ToonDiffuse),
     ("toon_glossy", ClosureKind::ToonGlossy),
     ("subsurface", ClosureKind::Subsurface),
+    ("hair", ClosureKind::Hair),
+    ("hair_reflection", ClosureKind::HairReflection),
+    ("hair_transmission", ClosureKind::HairTransmission),
     ("holdout", ClosureKind::Holdout),
 ];
 
@@ -74,17 +77,16 @@ const INPUTS: &[(&str, Input)] = &[
     ("subsurface_scale", Input::SubsurfaceScale),
     ("subsurface_ior", Input::SubsurfaceIor),
     ("subsurface_anisotropy", Input::SubsurfaceAnisotropy),
+    ("radial_roughness", Input::RadialRoughness),
+    ("offset", Input::Offset),
+    ("melanin", Input::Melanin),
+    ("redness", Input::Redness),
+    ("absorption", Input::Absorption),
 ];
 
 /// Reads the closures of a material.
 pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
-    let mut known = vec![
-        "kind",
-        "normal",
-        "multiscatter",
-        "distribution",
-        "method",
-    ];
+    let mut known = vec!["kind", "normal", "multiscatter", "distribution", "method"];
     known.extend(INPUTS.iter().map(|(name, _)| *name));
     let name = format!("{}['closures']", keys.name);
     list(&name, keys.find("closures").as_ref(), |dict, index| {

@@ -34,6 +34,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "blocks",
         "hole",
         "outputs",
+        "strands",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -65,6 +66,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             },
             hole: keys.flag_or("hole", false)?,
             outputs: outputs(&keys)?,
+            strands: strands(&keys)?,
         })
     })
 }
@@ -82,6 +84,17 @@ fn set(keys: &Keys<'_, '_>, key: &str) -> Result<u8> {
 /// Reads a bit for each set of linked objects; all by default.
 fn bits(keys: &Keys<'_, '_>, key: &str) -> Result<u32> {
     keys.find(key).map_or(Ok(u32::MAX), |_| keys.count(key))
+}
+
+/// Reads the layer that is 1 on tubes around hairs.
+fn strands(keys: &Keys<'_, '_>) -> Result<Option<u16>> {
+    let Some(value) = keys.find("strands") else {
+        return Ok(None);
+    };
+    let layer = u16::try_from(keys.count("strands")?);
+    layer
+        .map(Some)
+        .map_err(|_| keys.wrong("strands", "the number of a layer", &value))
 }
 
 /// Reads the values for passes: pairs of a number and an operand.

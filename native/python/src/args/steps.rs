@@ -36,6 +36,8 @@ pub const COORDINATES: &[(&str, Coordinate)] = &[
     ("tangent_x", Coordinate::TangentX),
     ("tangent_y", Coordinate::TangentY),
     ("tangent_z", Coordinate::TangentZ),
+    ("edge_u", Coordinate::EdgeU),
+    ("edge_v", Coordinate::EdgeV),
     ("parametric", Coordinate::Parametric),
     ("camera", Coordinate::Camera),
     ("view_vector", Coordinate::ViewVector),

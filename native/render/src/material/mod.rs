@@ -20,6 +20,7 @@ pub mod bump;
 pub mod closure;
 pub mod film;
 pub mod ggx;
+pub mod hair;
 pub mod microfacets;
 mod params;
 pub mod sheen;
@@ -51,6 +52,8 @@ pub struct Material {
     pub boundary: bool,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
     pub hole: bool,
+    /// Layer that is 1 on tubes around hairs, where rays do not see the inside; `None` if they do.
+    pub strands: Option<u16>,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
@@ -110,13 +113,14 @@ impl Material {
             visible: params.visible,
             volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
             boundary: false,
+            strands: params.strands.filter(|_| any(Closure::is_hair)),
             sets: params.sets,
             hole: params.hole,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
-            reflects: any(|c| c.may_reflect() || c.may_be_rough()),
-            refracts: any(|c| c.may_refract() || c.is_translucent()),
+            reflects: any(|c| c.may_reflect() || c.may_be_rough() || c.is_hair()),
+            refracts: any(|c| c.may_refract() || c.is_translucent() || c.is_hair()),
             lobes: any(Closure::needs_lobes),
             subsurface: any(Closure::may_walk),
             closures: compiled,

@@ -38,6 +38,8 @@ pub struct MaterialParams {
     pub volume: VolumeParams,
     /// The kinds of rays that can hit the material; others pass through it.
     pub visible: Visibility,
+    /// Layer that is 1 on tubes around hairs.
+    pub strands: Option<u16>,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
@@ -63,6 +65,7 @@ impl Default for MaterialParams {
             program: Vec::new(),
             volume: VolumeParams::default(),
             visible: Visibility::ALL,
+            strands: None,
             sets: ObjectSets::ALL,
             hole: false,
             outputs: Vec::new(),

@@ -163,9 +163,9 @@ fn fitted(color: f32, g: f32) -> f32 {
     ((1.0 - blend) * low + blend * high) as f32
 }
 
-/// The factor on the radius of skin of this colour: that of the mean free path in diffusion, √(3 (1 - α)), where α is the
-/// albedo for which the dipole of Jensen et al. 2001, "A Practical Model for Subsurface Light Transport", reflects the
-/// colour.
+/// The factor on the radius of skin of this colour: that of the mean free path in diffusion, √(3 (1 - α)), where α is
+/// the albedo for which the dipole of Jensen et al. 2001, "A Practical Model for Subsurface Light Transport", reflects
+/// the colour.
 fn skin_scale(color: f32, ior: f32) -> f32 {
     let inverse = 1.0 / ior;
     let internal = inverse * (-1.440 * inverse + 0.710) + 0.668 + 0.0636 * ior;
@@ -215,7 +215,9 @@ mod tests {
     #[test]
     fn radii_are_mean_free_paths_and_extremes_stay_finite() {
         let of = |method, r: f32, g| {
-            Coefficients::new(method, Vec3::splat(0.5), Vec3::splat(r), g, 1.4).extinction.x
+            Coefficients::new(method, Vec3::splat(0.5), Vec3::splat(r), g, 1.4)
+                .extinction
+                .x
         };
         assert_eq!(of(Method::RandomWalk, 0.25, 0.5), 4.0);
         assert!((of(Method::Legacy, 0.25, 0.5) - 4.0 / LEGACY / 0.5).abs() < 1e-3);

@@ -277,7 +277,7 @@ impl Light {
         let d = Vec3::from(ray.d).normalized();
         let surface = Surface::of(scene, hit, d);
         self.history.length += hit.t * Vec3::from(ray.d).length();
-        let visible = surface.material.visible.to(RayKind::Shadow);
+        let visible = !surface.is_passed(scene, RayKind::Shadow);
         let in_media = passing.is_some();
         if let Some(passing) = passing.filter(|_| visible) {
             passing.stack.cross(surface.medium_behind(), surface.inside);

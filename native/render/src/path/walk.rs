@@ -235,8 +235,8 @@ mod tests {
     use super::*;
     use crate::medium::inversion::Method;
 
-    /// Walks in a half space below z = 0 until they leave or are dropped. Returns the mean throughput of those that leave, and of
-    /// its square.
+    /// Walks in a half space below z = 0 until they leave or are dropped. Returns the mean throughput of those that
+    /// leave, and of its square.
     fn reflected(color: Vec3, g: f32, walks: u32) -> (Vec3, Vec3) {
         let up = vec3(0.0, 0.0, 1.0);
         let medium = Coefficients::new(Method::RandomWalk, color, vec3(1.0, 0.5, 0.1), g, 1.4);
@@ -274,9 +274,16 @@ mod tests {
         for g in [0.0, 0.6, -0.4] {
             let color = vec3(0.8, 0.5, 0.2);
             let (mean, squares) = reflected(color, g, 20_000);
-            for (c, (m, s)) in color.array().into_iter().zip(mean.array().into_iter().zip(squares.array())) {
+            for (c, (m, s)) in color
+                .array()
+                .into_iter()
+                .zip(mean.array().into_iter().zip(squares.array()))
+            {
                 let error = ((s - m * m).max(0.0) / 20_000.0).sqrt();
-                assert!((m - c).abs() < 0.02 * c + 4.0 * error, "{g}: {m} for {c} ± {error}");
+                assert!(
+                    (m - c).abs() < 0.02 * c + 4.0 * error,
+                    "{g}: {m} for {c} ± {error}"
+                );
             }
         }
     }

@@ -63,8 +63,9 @@ impl Features {
             lobes: any(|m| m.lobes),
             subsurface: any(|m| m.subsurface),
             transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+                || any(|m| m.strands.is_some())
                 || lights.any_blockers(),
-            hidden: any(|m| !m.visible.is_all()),
+            hidden: any(|m| !m.visible.is_all() || m.strands.is_some()),
             holes: any(|m| m.hole),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
@@ -99,7 +100,7 @@ impl Features {
             (self.glass, "refraction: no material transmits"),
             (
                 self.lobes,
-                "further lobes: no anisotropy, sheen, toon, thin film, conductor or second normal",
+                "further lobes: no anisotropy, sheen, toon, hair, thin film, conductor or second normal",
             ),
             (
                 self.subsurface,

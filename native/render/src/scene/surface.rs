@@ -148,6 +148,22 @@ impl<'a> Surface<'a> {
         self.triangle as u32
     }
 
+    /// Whether a ray of this kind passes: the surface is invisible to it, or it is the inside of a tube around a hair.
+    #[inline(always)]
+    pub fn is_passed(&self, scene: &RenderScene, kind: RayKind) -> bool {
+        !self.material.visible.to(kind) || self.is_inside_strand(scene)
+    }
+
+    /// Whether the surface is the inside of a tube around a hair whose material scatters like hair.
+    fn is_inside_strand(&self, scene: &RenderScene) -> bool {
+        let Some(layer) = self.material.strands.filter(|_| self.inside) else {
+            return false;
+        };
+        // The layer is 1 or, on other surfaces, missing.
+        let point = self.shading_point(scene, self.geometric, RayKind::Camera);
+        point.attribute(layer)[0] > 0.5
+    }
+
     /// Returns the number of the object.
     pub fn object(&self) -> u32 {
         self.at.object()
@@ -201,7 +217,8 @@ impl<'a> Surface<'a> {
     /// Cycles.
     #[inline(always)]
     pub fn shadow_ray_origin<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
-        if !SMOOTH {
+        // Light passes through hair.
+        if !SMOOTH || self.material.strands.is_some() {
             return self.ray_origin(direction);
         }
         // The ray leaves to the side of the shading normal that the light is on.

@@ -5,6 +5,7 @@ mod brightness;
 mod brute_force;
 mod failures;
 mod filter;
+mod hair;
 mod left_out;
 mod light_passes;
 mod motion;

@@ -71,7 +71,10 @@ fn a_white_sphere_neither_gains_nor_loses_light() {
                 };
             let white = skin([1.0; 3], radius, g, method);
             let found = brightness(vec![white], square(8, 64, 20));
-            assert!((found - 1.0).abs() < 2e-3, "{method:?} {radius} {g}: {found}");
+            assert!(
+                (found - 1.0).abs() < 2e-3,
+                "{method:?} {radius} {g}: {found}"
+            );
         }
     }
 }
@@ -93,7 +96,10 @@ fn walks_end_at_their_own_object() {
     let outer = || skin([0.8; 3], 0.5, 0.0, Method::RandomWalk);
     let alone = brightness(vec![outer()], settings());
     let around_another = brightness(vec![outer(), matte(0.0)], settings());
-    assert!((alone - around_another).abs() < 0.01, "{alone} {around_another}");
+    assert!(
+        (alone - around_another).abs() < 0.01,
+        "{alone} {around_another}"
+    );
 }
 
 #[test]
@@ -104,8 +110,15 @@ fn pictures_do_not_depend_on_structure_or_threads() {
     let pictures = [(false, 1), (true, 3)].map(|(reversed, threads)| {
         let params = SceneParams {
             material_index: Some(mesh.materials.clone()),
-            materials: vec![skin([0.9, 0.6, 0.3], 0.3, 0.3, Method::RandomWalk), matte(0.5)],
-            lights: vec![light(LightKind::Point { radius: 0.2 }, at(1.0, 1.0, 4.0), 100.0)],
+            materials: vec![
+                skin([0.9, 0.6, 0.3], 0.3, 0.3, Method::RandomWalk),
+                matte(0.5),
+            ],
+            lights: vec![light(
+                LightKind::Point { radius: 0.2 },
+                at(1.0, 1.0, 4.0),
+                100.0,
+            )],
             ..Default::default()
         };
         let scene = Arc::new(RenderScene::new(mesh.tracer(reversed), params).unwrap());
@@ -137,7 +150,10 @@ fn absurd_values_give_a_picture() {
         world: [1.0; 3].into(),
         ..Default::default()
     });
-    assert_eq!(mean(&run(&scene, &from_above(1.0), square(4, 4, 4), 1).0), 0.0);
+    assert_eq!(
+        mean(&run(&scene, &from_above(1.0), square(4, 4, 4), 1).0),
+        0.0
+    );
     let whitted = Settings {
         integrator: Integrator::Whitted,
         ..square(4, 64, 4)

@@ -157,6 +157,8 @@ impl<'a> ShadingPoint<'a> {
             Coordinate::DiffuseRay => truth(self.ray == RayKind::Diffuse),
             Coordinate::GlossyRay => truth(self.ray == RayKind::Glossy),
             Coordinate::TransmissionRay => truth(self.ray == RayKind::Transmission),
+            Coordinate::EdgeU => self.edges[0] * self.facing(),
+            Coordinate::EdgeV => self.edges[1] * self.facing(),
             Coordinate::Parametric => vec3(self.weights[0], self.weights[1], 0.0),
             Coordinate::TangentX | Coordinate::TangentY | Coordinate::TangentZ => {
                 self.tangent_around(which)
@@ -195,6 +197,11 @@ impl<'a> ShadingPoint<'a> {
             let [a, b, c] = columns_to_world(&o.to_object);
             vec3(a.dot(n), b.dot(n), c.dot(n)).normalized_or(n)
         })
+    }
+
+    /// 1 on the front of the triangle, -1 on its back.
+    fn facing(&self) -> f32 {
+        if self.inside { -1.0 } else { 1.0 }
     }
 
     /// The shading normal on the front of the triangle.

@@ -6,9 +6,10 @@ use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{Bsdf, Interface, Seat, Vantage};
 use crate::material::bump::reflecting_normal;
 use crate::material::closure::{
-    Closure, Fresnel, Lobes, Reflector, SheenLayer, Single, Special, Transmitter,
+    Closure, Fresnel, Hair, Lobes, Reflector, SheenLayer, Single, Special, Transmitter,
 };
 use crate::material::film::{Film, indices_of};
+use crate::material::hair::fiber::Fiber;
 use crate::material::microfacets::{Distribution, Microfacets};
 use crate::material::sheen::Microfibers;
 use crate::math::trig::sin_cos_turns;
@@ -52,6 +53,10 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
                 || (self.filter.reflections && transmitter.reflect.is_some()))
         {
             self.add_glass(transmitter, closure, weight, vantage.inside, Some(&seat));
+        }
+        if let Some(hair) = &special.hair {
+            let tangent = vantage.frame.to_local(special.tangent);
+            self.add_hair(hair, tangent, weight);
         }
         if let Some(single) = special.single {
             self.add_single(single, &seat, weight * special.color);
@@ -171,6 +176,39 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             }
             Single::ToonGlossy(_) => {}
         }
+    }
+
+    /// Adds the lobe about a hair along `tangent`.
+    fn add_hair(&mut self, hair: &Hair, tangent: Vec3, weight: Vec3) {
+        // The frame along the hair, seen from the viewer.
+        let along = tangent.normalized_or(STRAIGHT.x);
+        let across = self.wi.cross(along).normalized_or(STRAIGHT.y.cross(along));
+        let across = across.normalized_or(Frame::around(along).x);
+        let frame = Frame {
+            x: along,
+            y: across,
+            z: along.cross(across),
+        };
+        let wi = frame.to_local(self.wi);
+        let (shape, scale, p) = match hair {
+            Hair::Fiber(inputs) => {
+                // The normal's part across is the distance of the ray from the axis.
+                let offset = self.normals.own().dot(across);
+                let fiber = Fiber::new(inputs, wi, offset, self.filter.min_width);
+                (Shape::Fiber(fiber), weight, weight.mean())
+            }
+            Hair::Strand(strand, color) => {
+                let scale = weight * *color;
+                (Shape::Strand(*strand), scale, scale.mean())
+            }
+        };
+        self.push_lobe(Lobe {
+            frame,
+            wi,
+            shape,
+            scale,
+            p,
+        });
     }
 
     /// Adds a reflecting lobe in its own frame.

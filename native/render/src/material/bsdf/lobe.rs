@@ -10,6 +10,8 @@ use crate::material::bsdf::{Interface, Normals, cosine_direction};
 use crate::material::bump::bump_shadow;
 use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Subsurface, conductor};
 use crate::material::film::Film;
+use crate::material::hair::fiber::Fiber;
+use crate::material::hair::strand::Strand;
 use crate::material::microfacets::Microfacets;
 use crate::material::sheen::{Microfibers, velvet};
 use crate::math::trig::sin_cos_turns;
@@ -70,6 +72,10 @@ pub enum Shape {
     Translucent,
     /// The entrance to a walk below the surface, which no direction evaluates.
     Subsurface(Subsurface),
+    /// A fibre of hair, along the x axis.
+    Fiber(Fiber),
+    /// A lobe of the Hair BSDF, along the x axis.
+    Strand(Strand),
     /// Sheen.
     Fibers(Microfibers),
     /// Velvet of this roughness.
@@ -174,7 +180,11 @@ impl Lobe {
 
     /// Whether the lobe transmits light to the other side.
     pub fn transmits(&self) -> bool {
-        matches!(self.shape, Shape::Boundary(..) | Shape::Translucent)
+        match &self.shape {
+            Shape::Boundary(..) | Shape::Translucent | Shape::Fiber(_) => true,
+            Shape::Strand(strand) => strand.transmits,
+            _ => false,
+        }
     }
 
     /// Whether the lobe reflects off facets.
@@ -185,7 +195,9 @@ impl Lobe {
     /// Returns the kind of a ray that the lobe scatters to this side.
     fn kind(&self, above: bool) -> RayKind {
         match self.shape {
-            Shape::Facets(..) | Shape::ToonGlossy(_) => RayKind::Glossy,
+            Shape::Facets(..) | Shape::ToonGlossy(_) | Shape::Fiber(_) => RayKind::Glossy,
+            Shape::Strand(strand) if strand.transmits => RayKind::Transmission,
+            Shape::Strand(_) => RayKind::Glossy,
             Shape::Boundary(..) if above => RayKind::Glossy,
             Shape::Boundary(..) => RayKind::Transmission,
             _ => RayKind::Diffuse,
@@ -202,6 +214,9 @@ impl Lobe {
         }
         let own = normals.own();
         let lit = match self.shape {
+            // A fibre scatters to all sides; the Hair BSDF divides them by the normal.
+            Shape::Fiber(_) => 1.0,
+            Shape::Strand(strand) => f32::from(u8::from((own.dot(wo) < 0.0) == strand.transmits)),
             // The diffuse base sees bumps shadow it; facets end where normals disagree about the side.
             Shape::Facets(..) | Shape::Boundary(..) | Shape::Velvet(_) | Shape::ToonGlossy(_) => {
                 let above = normals.geometric.dot(wo) >= 0.0;
@@ -220,7 +235,7 @@ impl Lobe {
     }
 
     /// Returns BSDF × |cosine| and the density in the lobe's frame.
-    fn value(&self, wo: Vec3) -> (Vec3, f32) {
+    pub(super) fn value(&self, wo: Vec3) -> (Vec3, f32) {
         let alike = |value: f32| (Vec3::splat(value), value);
         let cos = wo.z.max(0.0);
         match &self.shape {
@@ -237,6 +252,8 @@ impl Lobe {
             Shape::Lambert => alike(cos * FRAC_1_PI),
             Shape::Rough(rough) if cos > 0.0 => (rough.eval(self.wi.dot(wo), cos), cos * FRAC_1_PI),
             Shape::Rough(_) | Shape::Subsurface(_) => alike(0.0),
+            Shape::Fiber(fiber) => fiber.eval(wo),
+            Shape::Strand(strand) => alike(strand.density(self.wi, wo)),
             Shape::Translucent => alike((-wo.z).max(0.0) * FRAC_1_PI),
             Shape::Fibers(fibers) => alike(fibers.density(around_viewer(self.wi).to_local(wo))),
             Shape::Velvet(_) if wo.z <= 0.0 => alike(0.0),
@@ -269,6 +286,13 @@ impl Lobe {
                 return self.sample_boundary(facets, interface, choice, u);
             }
             Shape::Lambert | Shape::Rough(_) => about,
+            Shape::Fiber(fiber) => {
+                let (local, reflected) = fiber.sample(choice, u);
+                return self.around_hair(local, reflected);
+            }
+            Shape::Strand(strand) => {
+                return self.around_hair(strand.sample(self.wi, u), !strand.transmits);
+            }
             Shape::Subsurface(_) => return None,
             Shape::Translucent => {
                 through = true;
@@ -292,6 +316,25 @@ impl Lobe {
             through,
             single: None,
         })
+    }
+
+    /// Returns a direction about a hair, which may leave to any side of the surface.
+    fn around_hair(&self, local: Vec3, reflected: bool) -> Option<Direction> {
+        Some(Direction {
+            wo: self.frame.to_world(local),
+            kind: if reflected {
+                RayKind::Glossy
+            } else {
+                RayKind::Transmission
+            },
+            through: !reflected,
+            single: None,
+        })
+    }
+
+    /// Whether the lobe scatters about a hair.
+    pub fn is_hair(&self) -> bool {
+        matches!(self.shape, Shape::Fiber(_) | Shape::Strand(_))
     }
 
     /// Samples a lobe that reflects and refracts.

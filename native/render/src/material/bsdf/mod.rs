@@ -18,13 +18,13 @@ mod assemble;
 mod evaluate;
 mod facets;
 mod layers;
-pub mod lobe;
+mod lobe;
 mod rough;
 mod sample;
 mod shares;
 
 pub use crate::material::bsdf::lobe::MAX_LOBES;
-pub use crate::material::bsdf::sample::cosine_direction;
+pub use crate::material::bsdf::sample::{Entrance, cosine_direction};
 
 /// The other normals at the point, in the shading frame, whose z axis is the normal of the facets.
 #[derive(Debug, Clone, Copy)]

@@ -3,13 +3,21 @@
 
 use crate::material::bsdf::lobe::{Lobe, Shape};
 use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
+use crate::material::closure::Subsurface;
 use crate::math::fresnel;
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Frame, Vec3, vec3};
-use crate::values::visibility::RayKind;
+use crate::values::visibility::{RayKind, Visibility};
 
-/// The largest number below 1.
-const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+/// Where a path enters a surface to walk below it.
+pub struct Entrance {
+    /// The medium.
+    pub below: Subsurface,
+    /// Factor on the throughput: the lobe's albedo over its probability.
+    pub weight: Vec3,
+    /// Direction in which the path enters, in the shading frame.
+    pub direction: Vec3,
+}
 
 impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLASS, LOBES> {
     /// Samples a direction by the lobes' probabilities; `None` ends the path. `choice`: random number in [0, 1)
@@ -56,10 +64,10 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         self.finish(wo, RayKind::Diffuse, false)
     }
 
-    /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction, and a random
-    /// number in [0, 1) for it.
+    /// Returns the entrance to a walk below the surface, if `choice` selects one instead of a direction. `choice`, `u`: as
+    /// for [`Self::sample`].
     #[inline(never)]
-    pub fn entrance(&self, choice: f32) -> Option<(&Lobe, f32)> {
+    pub fn entrance(&self, choice: f32, u: [f32; 2]) -> Option<Entrance> {
         // Entrances lie where those lobes do in `sample`.
         let facets = self.facets[..self.facet_count].iter().map(|f| f.p);
         let boundaries = self.boundaries[..self.boundary_count].iter().map(|b| b.p);
@@ -69,8 +77,15 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         for lobe in self.own_lobes() {
             if left < lobe.p {
-                let enters = matches!(lobe.shape, Shape::Subsurface(_));
-                return enters.then(|| (lobe, (left / lobe.p).min(BELOW_ONE)));
+                let Shape::Subsurface(below) = lobe.shape else {
+                    return None;
+                };
+                let local = below.enter(lobe.wi, left / lobe.p, u);
+                return Some(Entrance {
+                    below,
+                    weight: lobe.scale * (1.0 / lobe.p),
+                    direction: lobe.frame.to_world(local),
+                });
             }
             left -= lobe.p;
         }
@@ -81,6 +96,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     #[inline(never)]
     fn sample_lobe(&self, lobe: &Lobe, choice: f32, u: [f32; 2]) -> Option<Scatter> {
         let direction = lobe.sample(choice, u)?;
+        if lobe.is_hair() {
+            return self.finish_hair(lobe, direction.wo, direction.kind);
+        }
         let Some((weight, eta)) = direction.single else {
             return self.finish(direction.wo, direction.kind, direction.through);
         };
@@ -91,6 +109,25 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             kind: direction.kind,
             through: direction.through,
             eta,
+        })
+    }
+
+    /// Like [`Self::finish`], for a lobe about a hair: the triangle decides on the side to which the path goes. A
+    /// direction that light samples leave out for the sake of the normal is kept, as in Cycles.
+    fn finish_hair(&self, lobe: &Lobe, wo: Vec3, kind: RayKind) -> Option<Scatter> {
+        let (mut f, mut pdf) = self.eval(wo);
+        if lobe.eval(wo, &self.normals, Visibility::ALL).1 <= 0.0 {
+            let (value, density) = lobe.value(lobe.frame.to_local(wo));
+            f += value * lobe.scale;
+            pdf += lobe.p * density;
+        }
+        (pdf > 0.0).then(|| Scatter {
+            wo,
+            weight: f * (1.0 / pdf),
+            pdf,
+            kind,
+            through: self.normals.geometric.dot(wo) < 0.0,
+            eta: 1.0,
         })
     }
 

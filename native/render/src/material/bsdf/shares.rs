@@ -88,6 +88,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
                 Shape::Facets(_, reflectance) => {
                     glossy += scaled(reflectance.at(lobe.wi.z) * lobe.scale, energy);
                 }
+                Shape::Fiber(fiber) => glossy += lobe.scale * fiber.albedo(),
+                Shape::Strand(strand) if strand.transmits => transmitted += lobe.scale,
+                Shape::Strand(_) => glossy += lobe.scale,
                 Shape::ToonGlossy(_) => glossy += scaled(lobe.scale, energy),
                 Shape::Boundary(_, interface) => {
                     let (weight, split) = (scaled(lobe.scale, energy), interface.split(lobe.wi.z));

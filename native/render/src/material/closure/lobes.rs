@@ -97,7 +97,10 @@ impl Closure {
                 lobes.weight = 0.0;
             }
             // The lobe of these depends on the frame: see `Closure::special`.
-            ClosureKind::Sheen
+            ClosureKind::Hair
+            | ClosureKind::HairReflection
+            | ClosureKind::HairTransmission
+            | ClosureKind::Sheen
             | ClosureKind::Velvet
             | ClosureKind::ToonDiffuse
             | ClosureKind::ToonGlossy => {}

@@ -8,9 +8,9 @@
 
 use crate::material::albedo::Grids;
 use crate::material::microfacets::Distribution;
-use crate::medium::inversion::Method;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
+use crate::medium::inversion::Method;
 use crate::values::program::{Operand, Value, read, rgb};
 
 mod layering;
@@ -30,7 +30,7 @@ pub use crate::material::closure::params::{
     ClosureKind, ClosureParams, INPUTS, Input, MAX_CLOSURES, MAX_PRINCIPLED,
 };
 pub use crate::material::closure::reflectance::{Fresnel, Reflected, conductor};
-pub use crate::material::closure::special::{SheenLayer, Single, Special};
+pub use crate::material::closure::special::{Hair, SheenLayer, Single, Special};
 pub use crate::material::closure::subsurface::Subsurface;
 
 /// Light of a closure, or of a material, that no lobe scatters: emission and straight transmission.

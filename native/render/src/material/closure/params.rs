@@ -36,6 +36,12 @@ pub enum ClosureKind {
     ToonGlossy,
     /// Subsurface Scattering.
     Subsurface,
+    /// Principled Hair BSDF.
+    Hair,
+    /// Hair BSDF, reflection.
+    HairReflection,
+    /// Hair BSDF, transmission.
+    HairTransmission,
     /// Holdout: a hole in the picture.
     Holdout,
 }
@@ -77,7 +83,7 @@ pub enum Input {
     Anisotropy,
     /// Rotation of the tangent about the normal, in turns.
     Rotation,
-    /// Tangent of stretched facets in scene space; 0 = any.
+    /// Tangent of stretched facets, or direction along the hair, in scene space; 0 = any.
     Tangent,
     /// Normal of the coat in scene space; 0 = the surface's.
     CoatNormal,
@@ -107,6 +113,16 @@ pub enum Input {
     SubsurfaceIor,
     /// Mean cosine of scattering below the surface, -1..1.
     SubsurfaceAnisotropy,
+    /// Azimuthal roughness of hair.
+    RadialRoughness,
+    /// Tilt of the scales of hair in radians.
+    Offset,
+    /// Share of melanin in hair, 0..1.
+    Melanin,
+    /// Share of pheomelanin in it.
+    Redness,
+    /// Absorption coefficient of hair, to which those of melanin and `Color` are added.
+    Absorption,
 }
 
 /// Largest number of closures of a material; more are an error.
@@ -116,7 +132,7 @@ pub const MAX_CLOSURES: usize = 8;
 pub const MAX_PRINCIPLED: usize = 4;
 
 /// Number of inputs in [`Input`].
-pub const INPUTS: usize = 32;
+pub const INPUTS: usize = 37;
 
 /// Parameters of a closure.
 #[derive(Debug, Clone)]
@@ -153,6 +169,7 @@ impl ClosureParams {
         set(Input::SheenRoughness, 0.5);
         set(Input::SheenTint, 1.0);
         set(Input::FilmIor, 1.33);
+        set(Input::RadialRoughness, 0.3);
         set(Input::SubsurfaceScale, 0.05);
         set(Input::SubsurfaceIor, 1.4);
         inputs[Input::SubsurfaceRadius as usize] = Operand::color([1.0, 0.2, 0.1]);

@@ -4,6 +4,8 @@
 
 use crate::material::closure::{Closure, ClosureKind, Input, Subsurface, optical, positive};
 use crate::material::film::THINNEST;
+use crate::material::hair::fiber::FiberInputs;
+use crate::material::hair::strand::Strand;
 use crate::material::microfacets::Distribution;
 use crate::math::vector::Vec3;
 use crate::values::program::{Value, read, rgb};
@@ -28,6 +30,15 @@ pub enum Single {
     ToonDiffuse([f32; 2]),
     /// A cone about the mirror direction.
     ToonGlossy([f32; 2]),
+}
+
+/// Scattering about a hair.
+#[derive(Debug, Clone, Copy)]
+pub enum Hair {
+    /// A fibre.
+    Fiber(FiberInputs),
+    /// A lobe of the Hair BSDF, with its colour.
+    Strand(Strand, Vec3),
 }
 
 /// The inputs of a closure for lobes of their own frame or shape.
@@ -57,6 +68,8 @@ pub struct Special {
     pub film: Option<[f32; 2]>,
     /// The medium below the base.
     pub subsurface: Option<Subsurface>,
+    /// The lobe about a hair.
+    pub hair: Option<Hair>,
 }
 
 /// Sheen of less weight is dropped, as in Cycles.
@@ -66,13 +79,14 @@ impl Closure {
     /// Whether the closure needs lobes with frames or shapes of their own.
     pub fn needs_lobes(&self) -> bool {
         use ClosureKind::{
-            Conductor, Glass, Glossy, Principled, Refraction, Sheen, Subsurface, ToonDiffuse,
-            ToonGlossy, Velvet,
+            Conductor, Glass, Glossy, Hair, HairReflection, HairTransmission, Principled,
+            Refraction, Sheen, Subsurface, ToonDiffuse, ToonGlossy, Velvet,
         };
         let stretched = self.can_differ(Input::Anisotropy, 0.0);
         let other =
             self.distribution != Distribution::Ggx || self.can_differ(Input::FilmThickness, 0.0);
         match self.kind {
+            Hair | HairReflection | HairTransmission => true,
             Conductor | Sheen | Subsurface | Velvet | ToonDiffuse | ToonGlossy => true,
             Principled => {
                 let coated = self.can_differ(Input::CoatWeight, 0.0);
@@ -127,7 +141,43 @@ impl Closure {
                 .then(|| [Input::Color, Input::Extinction].map(|input| optical(get(input)))),
             film: (thickness > THINNEST).then(|| [thickness, get(Input::FilmIor).x]),
             subsurface: self.subsurface(registers),
+            hair: self.hair(registers),
         }
+    }
+
+    /// Whether the closure scatters about a hair.
+    pub fn is_hair(&self) -> bool {
+        use ClosureKind::{Hair, HairReflection, HairTransmission};
+        matches!(self.kind, Hair | HairReflection | HairTransmission)
+    }
+
+    /// Returns the lobe about a hair, for these registers of the material's program.
+    fn hair(&self, registers: &[Value]) -> Option<Hair> {
+        if !self.is_hair() {
+            return None;
+        }
+        let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
+        let number = |input: Input| get(input).x;
+        let roughness = [Input::Roughness, Input::RadialRoughness].map(number);
+        let tilt = number(Input::Offset);
+        Some(match self.kind {
+            ClosureKind::Hair => Hair::Fiber(FiberInputs {
+                absorption: get(Input::Absorption),
+                color: get(Input::Color),
+                melanin: number(Input::Melanin),
+                redness: number(Input::Redness),
+                roughness,
+                coat: number(Input::CoatWeight),
+                ior: number(Input::Ior),
+                tilt,
+            }),
+            // The cone is shifted against the tilt of the scales.
+            kind => {
+                let transmits = kind == ClosureKind::HairTransmission;
+                let strand = Strand::new(transmits, roughness, -tilt);
+                Hair::Strand(strand, positive(get(Input::Color)))
+            }
+        })
     }
 
     /// Returns the factors on the widths of facets along the tangent and across. Cycles stretches the facets of the

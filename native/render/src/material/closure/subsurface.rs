@@ -39,8 +39,8 @@ impl Subsurface {
         self.radius.map(open)
     }
 
-    /// Samples the direction in which light from `wi` enters, in the frame of the lobe. `choice`, `u`: random numbers in
-    /// [0, 1). Half of the light of the skin method enters diffusely.
+    /// Samples the direction in which light from `wi` enters, in the frame of the lobe. `choice`, `u`: random numbers
+    /// in [0, 1). Half of the light of the skin method enters diffusely.
     pub fn enter(&self, wi: Vec3, choice: f32, u: [f32; 2]) -> Vec3 {
         if self.method == Method::Skin && choice < 0.5 {
             return -cosine_direction(u);

@@ -238,7 +238,7 @@ impl<
         // Find the surface; rays to which it is invisible pass through it.
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
-        if features.hidden && !surface.material.visible.to(path.kind) {
+        if features.hidden && surface.is_passed(scene, path.kind) {
             return path
                 .pass_invisible(hit.t)
                 .then(|| surface.continued(ray, hit));

@@ -135,9 +135,9 @@ impl<
         // Light that enters the surface walks below it.
         if LOBES > 0
             && self.features.subsurface
-            && let Some(entrance) = bsdf.entrance(choice)
+            && let Some(entrance) = bsdf.entrance(choice, u)
         {
-            return self.enter(surface, frame, entrance, u, path, out);
+            return self.enter(surface, frame, &entrance, path, out);
         }
         // The expected weight of a sampled direction is the albedo.
         if path.camera

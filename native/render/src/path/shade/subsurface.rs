@@ -4,8 +4,7 @@
 //! pass the surfaces of other objects.
 
 use crate::light::Receiver;
-use crate::material::bsdf::Bsdf;
-use crate::material::bsdf::lobe::{Lobe, Shape};
+use crate::material::bsdf::{Bsdf, Entrance};
 use crate::math::sampler::Stream;
 use crate::math::vector::{Frame, Vec3};
 use crate::medium::inversion::Coefficients;
@@ -19,8 +18,8 @@ use crate::scene::surface::Surface;
 use crate::settings::Pass;
 use halfspace_ray::{Hit, Ray};
 
-/// Mean free paths below this share of the coordinates are shorter than rounding errors of positions allow: light leaves
-/// where it entered. 64 units in the last place (chosen).
+/// Mean free paths below this share of the coordinates are shorter than rounding errors of positions allow: light
+/// leaves where it entered. 64 units in the last place (chosen).
 const RESOLUTION: f32 = 64.0 * f32::EPSILON;
 
 /// Coordinate beyond which walks are dropped: that of the farthest vertex.
@@ -36,29 +35,27 @@ impl<
 > Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
     /// Enters a surface. Returns the first ray of the walk, or if light leaves at once, that of the next bounce.
-    /// `entrance`: see [`Bsdf::entrance`]; `u`: random numbers for the direction.
     #[cold]
     #[inline(never)]
     pub(super) fn enter(
         &self,
         surface: &Surface<'_>,
         frame: &Frame,
-        (lobe, choice): (&Lobe, f32),
-        u: [f32; 2],
+        entrance: &Entrance,
         path: &mut Path,
         out: &mut Output<'_, EXTRA>,
     ) -> Option<Ray> {
-        let Shape::Subsurface(below) = lobe.shape else {
-            return None;
-        };
-        let weight = lobe.scale * (1.0 / lobe.p);
+        let Entrance {
+            below,
+            weight,
+            direction,
+        } = *entrance;
         if path.camera && self.context.film.fills(Pass::Albedo) {
             out.sample.albedo = weight.array();
         }
         path.camera = false;
-        // Refract into the medium; directions that the triangle contradicts are lost.
-        let local = below.enter(lobe.wi, choice, u);
-        let d = frame.to_world(lobe.frame.to_world(local));
+        // Directions that the triangle contradicts are lost.
+        let d = frame.to_world(direction);
         let d = d.normalized_or(-surface.geometric);
         if d.dot(surface.geometric) >= 0.0 {
             return None;

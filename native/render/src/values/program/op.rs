@@ -60,6 +60,10 @@ pub enum Coordinate {
     TangentY,
     /// The same around Z.
     TangentZ,
+    /// Edge of the triangle from its first to its second corner, negated on its back.
+    EdgeU,
+    /// The same to its third corner.
+    EdgeV,
     /// Barycentric weights of the triangle's first two corners.
     Parametric,
     /// Position in camera space, with Z along the view.
