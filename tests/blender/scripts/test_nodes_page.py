@@ -38,10 +38,10 @@ def test_the_page_of_nodes_is_current() -> None:
 
 def test_a_record_becomes_a_table() -> None:
     lines = ['["test_b", ["ShaderNodeMath"]]', '["test_a", ["ShaderNodeMath", "ShaderNodeTexCoord"]]']
-    labels = {"ShaderNodeMath": "Math", "ShaderNodeTexCoord": "Texture Coordinate", "ShaderNodeBevel": "Bevel"}
+    labels = {"ShaderNodeMath": "Math", "ShaderNodeTexCoord": "Texture Coordinate", "ShaderNodeUnknown": "Unknown"}
     found = rows(nodes_page.page(labels, nodes_page.compared(lines), "9.9"))
     assert found == {
-        "Bevel": ("not rendered", []),
         "Math": ("supported", ["test_a", "test_b"]),
         "Texture Coordinate": ("in part", ["test_a"]),
+        "Unknown": ("not rendered", []),
     }

@@ -323,9 +323,7 @@ impl<
             out.sample.alpha = unscattered.opacity();
             out.dim_holes(path);
         }
-        if pass > 0.0 {
-            path.throughput *= 1.0 / (1.0 - pass);
-        }
+        path.throughput *= 1.0 / (1.0 - pass);
         // End the path by length or by Russian roulette.
         if u32::from(path.bounce) > self.settings.max_bounces || !path.survives(roulette) {
             return None;
