@@ -12,6 +12,7 @@ from .samples import operators
 from .session import building, reports
 from .settings import inspector_settings, overlay_settings, presets, properties
 from .ui import (
+    bake_panels,
     compare_panels,
     compat,
     data_panels,
@@ -44,6 +45,7 @@ def register() -> None:
     panels.register()
     data_panels.register()
     pass_panels.register()
+    bake_panels.register()
     overlay_panels.register()
     inspector_panels.register()
     compare_panels.register()
@@ -63,6 +65,7 @@ def unregister() -> None:
     compare_panels.unregister()
     inspector_panels.unregister()
     overlay_panels.unregister()
+    bake_panels.unregister()
     pass_panels.unregister()
     data_panels.unregister()
     panels.unregister()

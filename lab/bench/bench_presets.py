@@ -42,6 +42,11 @@ def as_published(spec: str) -> str:
     return specs.joined(spec, *parts)
 
 
+FAMILIES = "kd,rbsp-kd,bsp-wn-plus-kd,bih,bvh-sah,bbox-gs,octree-param,octree-net,grid"
+"""One structure of each family, which `scripts/bench.py` measures where none is chosen: two minutes for a model of
+100,000 triangles.
+"""
+
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
         "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",

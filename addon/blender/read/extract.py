@@ -151,6 +151,7 @@ def find(
             reader.visit(instance)
     placements = reader.placements()
     reader.note_layers()
+    reader.note_lights()
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
     sky_world = view_layers.world(depsgraph)
@@ -200,6 +201,8 @@ class _Reader:
         self._room = meshes.LayerRoom()
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
+        self._linked: dict[str, None] = {}  # glowing objects with light linking
+        self._made: dict[str, None] = {}  # lights that are no shadow catchers
         self._unreadable: set[texture_layers.Key] = set()
         self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
         self._volumes: dict[tuple[str, int], grids.Grids] = {}
@@ -239,6 +242,8 @@ class _Reader:
                 hidden = _hidden(item, parent)
                 light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
                 self.lights.append(light)
+                if not item.is_shadow_catcher:
+                    self._made.setdefault(item.name_full)
         elif kind == "VOLUME" and self._clouds:
             self._place_volume(instance, matrix)
 
@@ -292,11 +297,9 @@ class _Reader:
         if sheet is None:
             return
         visit = self.strands.visit_hair if hair else self.strands.visit
-        visit(
-            instance,
-            sheet,
-            self.palette.indices(item, item.data, hidden, self._sets(instance), hole=self._is_hole(instance)),
-        )
+        used = self.palette.indices(item, item.data, hidden, self._sets(instance), self._mask(instance))
+        self._note_linking(item, used)
+        visit(instance, sheet, used)
 
     def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
@@ -306,6 +309,7 @@ class _Reader:
         mesh_key, mesh, used = self._mesh(instance, hidden)
         if mesh is None or not len(mesh.triangles):
             return
+        self._note_linking(item, used)
         if mesh_key[0] == "mesh":  # other meshes may be dropped at the end
             self._room.placed(len(mesh.triangles))
         group_key = (mesh_key, used)
@@ -322,7 +326,7 @@ class _Reader:
         self._check_once(item, name)
         key = ("volume", data.as_pointer())
         if key not in self._volumes:
-            self._volumes[key] = grids.read_volume(data, name, self.notes)
+            self._volumes[key] = grids.read_volume(data, name, self.notes, sum(one.values.size for one in self.grids))
             first = len(self.grids) + 1
             self._grid_numbers[key] = {grid: float(first + i) for i, grid in enumerate(self._volumes[key].voxels)}
             self.grids += self._volumes[key].voxels.values()
@@ -341,10 +345,13 @@ class _Reader:
         values = replace(instance, grids=self._grid_numbers[key] | scale)
         group.values.append(values.values(self.palette.layers.object_values))
 
-    def _is_hole(self, instance: Instance) -> bool:
-        """Whether an instance is a holdout, as its instancer is, if any, or a collection of that."""
-        owner = instance.item if instance.parent is None else instance.parent
-        return bool(owner.is_holdout or self._marks.of(owner)[0])
+    def _mask(self, instance: Instance) -> materials.Mask:
+        """What camera rays see of an instance. It is a holdout as its instancer or its collections are, and a shadow
+        catcher as itself or its instancer is.
+        """
+        item, parent = instance.item, instance.parent
+        owner = item if parent is None else parent
+        return bool(owner.is_holdout or self._marks.of(owner)[0]), item.is_shadow_catcher or owner.is_shadow_catcher
 
     def _sets(self, instance: Instance) -> Sets:
         """The sets of linked lights that an object is in."""
@@ -354,14 +361,14 @@ class _Reader:
         self, instance: Instance, hidden: Hidden
     ) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
-        item, sets, hole = instance.item, self._sets(instance), self._is_hole(instance)
+        item, sets, mask = instance.item, self._sets(instance), self._mask(instance)
         # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
                 self._meshes[key] = self._read(data, item)
-            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, hole=hole)
+            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, mask)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
             # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
@@ -370,7 +377,7 @@ class _Reader:
                 return key, None, ()
             self._meshes[key] = self._read(data, item)
             item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, hole=hole)
+        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, mask)
 
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
         """A mesh with the layers that materials read."""
@@ -402,10 +409,19 @@ class _Reader:
             return hidden
         return ("camera", *hidden)
 
-    def _note_linking(self, item: Any, name: str) -> None:
-        linking = item.light_linking
-        if linking.receiver_collection is not None or linking.blocker_collection is not None:
+    def _note_linking(self, item: Any, used: tuple[int, ...]) -> None:
+        """Note an object that glows and links its light; used: its materials."""
+        linking, known = item.light_linking, self.palette.materials()
+        if (linking.receiver_collection or linking.blocker_collection) and any(known[i].glows for i in used):
+            self._linked.setdefault(item.name_full)
+
+    def note_lights(self) -> None:
+        """Note lights that shine on more than in Cycles."""
+        for name in self._linked:
             self.notes.add("Light linking is supported for lights only, not for glowing objects", name)
+        if any(material.catcher for material in self.palette.materials()):
+            for name in self._made:
+                self.notes.add("Not a shadow catcher, but shines on shadow catchers alone, too", name)
 
     def _check_once(self, item: Any, name: str) -> None:
         """Note an object's unsupported settings, once per object."""
@@ -417,9 +433,6 @@ class _Reader:
         self.matte_names[name] = item.name, _topmost(item).name
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
-        if item.is_shadow_catcher:
-            self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
-        self._note_linking(item, name)
 
 
 def _topmost(item: Any) -> Any:

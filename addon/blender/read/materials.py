@@ -39,6 +39,13 @@ BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
 """A material without a surface shader: absorbs everything, emits nothing."""
 
 
+Mask = tuple[bool, bool]
+"""Whether an object is a holdout, and whether it is a shadow catcher."""
+
+SEEN: Mask = (False, False)
+"""Of an object that camera rays see as it is."""
+
+
 @dataclass(frozen=True)
 class _Read:
     """A material with the notes to report once it is in use."""
@@ -71,7 +78,7 @@ class Palette:
         self.gallery = Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[tuple[int, Hidden, Sets, bool], int] = {(0, (), (ALL, ALL), False): 0}
+        self._numbers: dict[tuple[int, Hidden, Sets, Mask], int] = {(0, (), (ALL, ALL), SEEN): 0}
         self._pass_indices = [0.0]
         self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
@@ -87,12 +94,12 @@ class Palette:
                 self._of(block)
 
     def indices(
-        self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL), *, hole: bool = False
+        self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL), mask: Mask = SEEN
     ) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
         A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
-        ignore the object; sets: those of linked lights; hole: whether it is a holdout. In the scene, a material with
+        ignore the object; sets: those of linked lights; mask: what camera rays see of it. In the scene, a material with
         others is a separate one.
         """
         own = data.materials
@@ -100,8 +107,8 @@ class Palette:
         numbers = []
         for i in range(max(len(own), len(slots))):
             linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
-            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, hole))
-        return tuple(numbers) or (self._number(None, hidden, sets, hole),)
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, mask))
+        return tuple(numbers) or (self._number(None, hidden, sets, mask),)
 
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
@@ -132,16 +139,17 @@ class Palette:
         """The name of each of these materials."""
         return tuple(self._names)
 
-    def _number(self, material: Any, hidden: Hidden, sets: Sets, hole: bool) -> int:
+    def _number(self, material: Any, hidden: Hidden, sets: Sets, mask: Mask) -> int:
         """The number of a material, or of none, with these hidden rays and sets; added with its notes if new."""
         material = material if self._override is None else self._override
-        key = (0 if material is None else material.original.as_pointer(), hidden, sets, hole)
+        key = (0 if material is None else material.original.as_pointer(), hidden, sets, mask)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
             self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
-            own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole}
+            hole, catcher = mask
+            own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole, "catcher": catcher}
             self._materials.append(replace(found.material, **own))
             self._displacements.append(found.displacement)
             self._images |= found.images

@@ -77,6 +77,9 @@ VOLUME_PASSES = (
 )
 """The parts of the light that a volume scatters first, whose switches in Cycles belong to its add-on."""
 
+CATCHER_PASS = Pass("Shadow Catcher", "RGB", "COLOR", "use_pass_shadow_catcher", own=True)
+"""The shadow on shadow catchers, whose switch in Cycles belongs to its add-on."""
+
 OWN_PASSES = (
     Pass("Denoising Albedo", "RGB", "COLOR", "use_pass_albedo", own=True),
     Pass("Sample Count", "X", "VALUE", "use_pass_samples", own=True),
@@ -93,7 +96,7 @@ MATTES = {
 }
 """What Cryptomatte distinguishes, with the property of the view layer that enables it."""
 
-PASSES = (*DATA_PASSES, *LIGHT_PASSES, *VOLUME_PASSES, *OWN_PASSES)
+PASSES = (*DATA_PASSES, *LIGHT_PASSES, *VOLUME_PASSES, CATCHER_PASS, *OWN_PASSES)
 
 
 def wanted_passes(view_layer: Any) -> list[Pass]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .passes import MATTES, PASSES, VOLUME_PASSES
+from .passes import CATCHER_PASS, MATTES, PASSES, VOLUME_PASSES
 from .value_nodes import outputs
 
 SETTINGS = {"use_pass_combined", "use_pass_cryptomatte_accurate"}
@@ -46,7 +46,7 @@ def unknown_passes(view_layer: Any) -> list[str]:
     """The enabled passes of a view layer that are not rendered, by their names in Blender."""
     known = SETTINGS | set(MATTES.values()) | {render_pass.switch for render_pass in PASSES if not render_pass.own}
     # The switches of Cycles' add-on have the names of ours, which take their place.
-    known |= {render_pass.switch for render_pass in VOLUME_PASSES if render_pass.wanted(view_layer)}
+    known |= {one.switch for one in (*VOLUME_PASSES, CATCHER_PASS) if one.wanted(view_layer)}
     names = [
         item.name
         for group in (view_layer, getattr(view_layer, "cycles", None))

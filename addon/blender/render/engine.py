@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -27,17 +27,15 @@ from ..measure import comparing, workloads
 from ..read import extract, passes, remarks
 from ..session import reports, trees
 from ..settings import properties, quality
-from . import cameras, denoising, motion, moving, running
+from . import cameras, denoising, motion, moving, running, stages
+from .baking import Bake
 from .previews import Preview
 from .requested import render_settings
 from .result import Result, copy, summary
 from .viewport import Viewport
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ...core.base.arrays import F32, F64
-    from ...core.scene.instances import Layout
     from ...core.scene.scene import Camera, Scene
 
 ENGINE = "HALFSPACE"
@@ -92,7 +90,13 @@ class HalfspaceEngine(bpy.types.RenderEngine):
             with running.picture(self):
                 self._render(Preview(self, depsgraph) if self.is_preview else _Picture(self, depsgraph))
 
-    def _render(self, picture: _Picture | Preview) -> None:
+    def bake(self, depsgraph: Any, item: Any, pass_type: str, pass_filter: int, width: int, height: int) -> None:
+        """Bake one object into one image. An error is reported once, and no incomplete result is kept."""
+        if not running.closing():
+            with running.picture(self):
+                self._render(Bake(self, depsgraph, item, pass_type, pass_filter, (width, height)))
+
+    def _render(self, picture: _Picture | Preview | Bake) -> None:
         try:
             picture.render()
         except Cancelled:
@@ -121,41 +125,6 @@ class HalfspaceEngine(bpy.types.RenderEngine):
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         if self._viewport is not None:
             self._viewport.draw(self, context)
-
-
-@dataclass(frozen=True, eq=False)
-class _Read:
-    """A scene that was read. views: the camera of each view by name. moment: its `trees.moment`. seconds: the time to
-    read it. made: see `extract.Found`. motion: for the vector pass. times: the scene at the times that samples take in
-    turn, if it moves.
-    """
-
-    scene: Scene
-    views: Mapping[str, Camera]
-    layout: Layout
-    moment: int
-    seconds: float
-    made: tuple[str, ...] = ()
-    motion: motion.Motion | None = None
-    times: tuple[Scene, ...] = ()
-
-    @property
-    def view(self) -> Camera:
-        """The camera of the first view."""
-        return next(iter(self.views.values()))
-
-
-@dataclass(frozen=True, eq=False)
-class _Built:
-    """The session of a picture. reasons: of an automatic choice, as lines. answers: number of compared answers, as
-    text.
-    """
-
-    session: Session
-    spec: str
-    label: str
-    reasons: list[str] = field(default_factory=list)
-    answers: str = choice.NOT_COMPARED
 
 
 class _Picture:
@@ -195,7 +164,7 @@ class _Picture:
         self._report(job, read, built, tree)
         self._warn()
 
-    def _read(self, settings: RenderSettings) -> _Read:
+    def _read(self, settings: RenderSettings) -> stages.Read:
         """The scene and its camera. Raises the exceptions of extraction."""
         start, moment = time.perf_counter(), trees.moment(self.scene)
         quality.remark_unknown(self.group, self.notes)
@@ -225,7 +194,7 @@ class _Picture:
             self._reading,
         )
         self._fetch()
-        return _Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
+        return stages.Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
 
     def _find(self, uvs: bool, notes: Notes) -> extract.Found:
         """What the scene shows at the depsgraph's time."""
@@ -239,7 +208,7 @@ class _Picture:
         self._fetch()
         return found
 
-    def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+    def _build(self, module: Any, read: stages.Read, settings: RenderSettings) -> stages.Built:
         """The structure of the settings, or the automatically chosen one, with the scene around it."""
         two_level = read.layout.two_level
         if self.group.automatic and read.scene.geometry.count and not two_level:
@@ -253,7 +222,7 @@ class _Picture:
         self._note_dropped(read.scene.geometry, session.structure.statistics)
         return built
 
-    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> _Built:
+    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> stages.Built:
         """Build the structure of the settings, or of this specification."""
         spec = properties.spec(self.group) if spec is None else spec
         label = properties.structure(self.group).label
@@ -270,17 +239,17 @@ class _Picture:
         )
         done = session.building.done if session.building is not None else ""
         reasons = [f"Persistent data: the structure was {done}"] if done else []
-        return _Built(session, spec, label, reasons)
+        return stages.Built(session, spec, label, reasons)
 
-    def _build_chosen(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+    def _build_chosen(self, module: Any, read: stages.Read, settings: RenderSettings) -> stages.Built:
         """Choose the structure with the least predicted time, with the reasons and the number of compared answers."""
         seen = Notes()
         chosen = self._choose(module, read.scene, read.view, settings, seen)
         session = Session.over(module, read.scene, chosen.structure)
         answers = chosen.comparison.lines[0].answers
-        return _Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
+        return stages.Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
 
-    def _keep(self, read: _Read, built: _Built) -> trees.Tree | None:
+    def _keep(self, read: stages.Read, built: stages.Built) -> trees.Tree | None:
         """Keep the tree for the overlay, which can only show flattened geometry; None with instances."""
         if read.layout.two_level:
             trees.clear()
@@ -288,7 +257,7 @@ class _Picture:
         structure, geometry = built.session.structure, read.scene.geometry
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
-    def _trace(self, settings: RenderSettings, read: _Read, built: _Built, later: list[Session]) -> Any:
+    def _trace(self, settings: RenderSettings, read: stages.Read, built: stages.Built, later: list[Session]) -> Any:
         """Render all views into a result that is shown coarse at once, then while it converges. Returns the last job,
         finished.
 
@@ -308,7 +277,13 @@ class _Picture:
         return job
 
     def _trace_view(
-        self, settings: RenderSettings, view: Camera, read: _Read, built: _Built, later: list[Session], number: int
+        self,
+        settings: RenderSettings,
+        view: Camera,
+        read: stages.Read,
+        built: stages.Built,
+        later: list[Session],
+        number: int,
     ) -> Any:
         """Render one view of the open result. Returns the finished job."""
         assert self.result is not None
@@ -329,11 +304,11 @@ class _Picture:
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         copy(job, buffers, origin)
         if self.group.use_denoising:
-            self._denoise(buffers, settings)
+            self._denoise(buffers, settings, read.scene)
         result.fill(buffers, number)
         return job
 
-    def _show_coarse(self, settings: RenderSettings, view: Camera, built: _Built, number: int) -> F32 | None:
+    def _show_coarse(self, settings: RenderSettings, view: Camera, built: stages.Built, number: int) -> F32 | None:
         """Show a view in large pixels. Returns the last such picture, flat; None if there was none."""
         assert self.result is not None
         last = None
@@ -342,7 +317,7 @@ class _Picture:
             self.result.show()
         return last
 
-    def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
+    def _report(self, job: Any, read: stages.Read, built: stages.Built, tree: trees.Tree | None) -> None:
         """Report on the finished picture: in the status line, as Blender's memory use, and in the panel of the last
         render.
         """
@@ -413,11 +388,12 @@ class _Picture:
         self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
         return self._reading()
 
-    def _denoise(self, buffers: dict[str, F32], settings: RenderSettings) -> None:
+    def _denoise(self, buffers: dict[str, F32], settings: RenderSettings, scene: Scene) -> None:
         """Remove the picture's noise. Without the library the noise stays, and a note gives the reason."""
         self._show_status("Removing the noise")
         try:
-            denoising.apply(buffers, settings, self._reading)
+            shadows = any(material.catcher for material in scene.materials)
+            denoising.apply(buffers, settings, self._reading, shadows=shadows)
         except denoise.DenoiseError as error:
             self.notes.add(f"The noise could not be removed: {error}", self.scene.name)
 

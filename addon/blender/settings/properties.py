@@ -239,6 +239,12 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
         description="Light that a volume scatters first, from other volumes and surfaces",
         default=False,
     )
+    use_pass_shadow_catcher: BoolProperty(  # type: ignore[valid-type]
+        name="Shadow Catcher",
+        description="Factor by which other objects change the light of shadow catchers: multiply photographs by it. "
+        "Without this pass, Combined holds the shadow",
+        default=False,
+    )
     use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
         name="Denoising Albedo",
         description="Share of white light that each pixel's first surface scatters: with Normal, an input of the "

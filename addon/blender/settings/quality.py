@@ -86,6 +86,28 @@ _SAMPLING: dict[str, Any] = {
     ),
 }
 
+_BAKING: dict[str, Any] = {
+    "bake_type": EnumProperty(
+        name="Bake Type",
+        description="What the pixels of a baked picture show",
+        items=[
+            ("COMBINED", "Combined", "Light, by its parts", 0),
+            ("AO", "Ambient Occlusion", "Openness within the distance of that integrator", 1),
+            ("SHADOW", "Shadow", "Share of the light of lamps that reaches the surface", 2),
+            ("POSITION", "Position", "Position in the world", 11),
+            ("NORMAL", "Normal", "Shading normal", 3),
+            ("UV", "UV", "UV coordinates of the active map", 4),
+            ("ROUGHNESS", "Roughness", "Roughness of the shaders", 5),
+            ("EMIT", "Emission", "Light that the surface emits", 6),
+            ("ENVIRONMENT", "Environment", "Light of the world, from its origin in the direction of the surface", 7),
+            ("DIFFUSE", "Diffuse", "Light of diffuse shaders", 8),
+            ("GLOSSY", "Glossy", "Light of reflecting shaders", 9),
+            ("TRANSMISSION", "Transmission", "Light of refracting shaders", 10),
+        ],
+        default="COMBINED",
+    ),
+}
+
 _LIGHT_PATHS: dict[str, Any] = {
     "max_bounces": IntProperty(
         name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
@@ -178,7 +200,7 @@ _FILM: dict[str, Any] = {
     ),
 }
 
-PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_MOTION, **_FILM}
+PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_MOTION, **_FILM, **_BAKING}
 """Annotations of the property group."""
 
 

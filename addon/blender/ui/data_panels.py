@@ -162,7 +162,9 @@ class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
         shown.prop(item, "hide_viewport", text="Viewports", invert_checkbox=True, toggle=False)
         shown.prop(item, "hide_render", text="Renders", invert_checkbox=True, toggle=False)
         if item.type in SOLID:
-            column.column(heading="Mask").prop(item, "is_holdout")
+            mask = column.column(heading="Mask")
+            mask.prop(item, "is_shadow_catcher")
+            mask.prop(item, "is_holdout")
 
 
 class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):

@@ -49,6 +49,7 @@ class HALFSPACE_PT_passes_light(EnginePanel, bpy.types.Panel):
         rows = column.column(heading="Other", align=True)
         rows.prop(layer, "use_pass_emit", text="Emission")
         rows.prop(layer, "use_pass_environment")
+        rows.prop(layer.halfspace, "use_pass_shadow_catcher")
 
 
 class HALFSPACE_PT_passes_cryptomatte(EnginePanel, bpy.types.Panel):

@@ -200,6 +200,7 @@ class Native(Protocol):
         settings: Mapping[str, Any],
         *,
         threads: int = 0,
+        points: Mapping[str, Any] | None = None,
     ) -> RenderJob: ...
 
 

@@ -298,8 +298,8 @@ class Material:
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
     blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
-    camera rays see a hole in the picture. outputs: numbers of passes "Output" and the values that they show. portals:
-    colour, position and direction of each.
+    camera rays see a hole in the picture; catcher: whether they see only the shadows of other objects. outputs: numbers
+    of passes "Output" and the values that they show. portals: colour, position and direction of each.
     """
 
     name: str
@@ -318,6 +318,7 @@ class Material:
     receives: int = 0xFFFFFFFF
     blocks: int = 0xFFFFFFFF
     hole: bool = False
+    catcher: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
     portals: tuple[tuple[Operand, Operand, Operand], ...] = ()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -312,14 +312,21 @@ class Session:
         """Features that are not computed because this scene lacks them, one reason per line."""
         return list(self.render_scene.left_out)
 
-    def render(self, camera: Camera, settings: RenderSettings, times: Sequence[Session] = ()) -> RenderJob:
+    def render(
+        self,
+        camera: Camera,
+        settings: RenderSettings,
+        times: Sequence[Session] = (),
+        points: Mapping[str, Any] | None = None,
+    ) -> RenderJob:
         """Start a native job for one picture and return it at once.
 
         times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it stands
-        still.
+        still. points: of surfaces that the pixels show in place of what the camera sees, as the native module takes
+        them.
         """
         scenes = [session.render_scene for session in times] or self.render_scene
-        return self.native.render(scenes, camera.as_dict(), settings.as_dict(), threads=settings.threads)
+        return self.native.render(scenes, camera.as_dict(), settings.as_dict(), threads=settings.threads, points=points)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:

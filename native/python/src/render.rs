@@ -3,7 +3,7 @@
 
 use crate::args::arrays::describe;
 use crate::args::integers::{Milliseconds, Threads};
-use crate::args::{camera_settings, scene as scene_args, shader, surface, volume};
+use crate::args::{camera_settings, points, scene as scene_args, shader, surface, volume};
 use crate::errors::raise;
 use crate::float_mode::DefaultMode;
 use crate::instances::Instances;
@@ -48,7 +48,8 @@ use std::time::Duration;
 ///     "hidden_from" names the kinds of rays
 ///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
 ///     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
-///     "hole" (False): camera rays see a hole in the picture, except where it is transparent.
+///     "hole" (False): camera rays see a hole in the picture, except where it is transparent. "catcher" (False): camera
+///     rays see only what the other objects take from the light of its surfaces, as alpha or in a pass.
 ///     "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
 ///     "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
 ///     with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"
@@ -285,10 +286,13 @@ impl RenderJob {
     /// renormalised. "Mist" is a mean, 1 where nothing is hit, "Denoising Albedo" the mean albedo of the first
     /// surface. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf tested) are means per camera
     /// ray. "Sample Count" is the number of samples of each pixel. Light passes are those of Cycles: the direct
-    /// and indirect light of diffuse, glossy and transmitting lobes divided by their colours, which with emission and
-    /// environment add up to Combined. "CryptoObject00" to "CryptoAsset07" are two identities with their shares each,
+    /// and indirect light of diffuse, glossy and transmitting lobes divided by their colours, which multiplied by them
+    /// add up to Combined with the direct and indirect light of volumes, emission and environment; light of shadow
+    /// catchers is in none of them. "CryptoObject00" to "CryptoAsset07" are two identities with their shares each,
     /// "Output 0" to "Output 63" means of what the materials of the first surfaces output, with 1 as fourth channel.
     /// "Vector" is the motion of the first surface in pixels, to the picture before and from the one after.
+    /// "Shadow Catcher" is the light of shadow catchers among all objects divided by that among catchers alone; without
+    /// it, Combined holds the shadow. "Roughness" is a mean, as the nodes of the first surfaces give it.
     /// "Light Group 0" to "Light Group 63" are the parts of Combined that come from the emitters of each group.
     ///
     /// Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
@@ -385,6 +389,11 @@ enum Moving<'py> {
 ///     biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
 ///     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
 /// threads: 0 = one per core.
+/// points: the points of surfaces that the pixels show in place of what the camera sees, to bake pictures, row by row
+///     from the bottom; for scenes without instances: "triangle" (n,) uint32, 2^32 - 1 = none, "place" (n, 6) float32,
+///     the barycentric weights of the second and third corner at the pixel's centre, then their changes from pixel to
+///     pixel to the right, and upwards. "seen" from "above" (default: along the shading normal), or from the "camera";
+///     with "background", the background in the direction of the points from the world's origin at "origin" (3,).
 ///
 /// The image depends only on scene, camera and settings, bit for bit: not on the structure, the number of threads
 /// or step_samples; and a border shows the same pixels as the full frame. With a noise threshold a border may stop
@@ -393,25 +402,27 @@ enum Moving<'py> {
 /// Raises SpecError, ShapeError or NonFiniteError naming the key. An error during the render does not raise: see
 /// RenderJob.error.
 #[pyfunction]
-#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL), text_signature = "(scene, camera, settings, *, threads=0)")]
+#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL, points=None), text_signature = "(scene, camera, settings, *, threads=0, points=None)")]
 fn render(
     py: Python<'_>,
     scene: Moving<'_>,
     camera: &Bound<'_, PyDict>,
     settings: &Bound<'_, PyDict>,
     threads: Threads,
+    points: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<RenderJob> {
     let _mode = DefaultMode::set(py)?;
     let (camera, settings) = (
         camera_settings::camera(camera).map_err(raise)?,
         camera_settings::settings(settings).map_err(raise)?,
     );
+    let points = points.map(points::points).transpose().map_err(raise)?;
     let scenes = Moments(match scene {
         Moving::Still(scene) => vec![Arc::clone(&scene.get().0)],
         Moving::Times(scenes) => scenes.iter().map(|s| Arc::clone(&s.get().0)).collect(),
     });
     let job = py
-        .detach(|| Job::start(scenes, &camera, settings, threads.0))
+        .detach(|| Job::start_at(scenes, &camera, settings, threads.0, points))
         .map_err(raise)?;
     Ok(RenderJob(job))
 }

@@ -16,6 +16,7 @@ use crate::camera::{Camera, CameraParams};
 use crate::check::{Error, Result};
 use crate::film::{Film, Unsampled};
 use crate::path::beams::polygons::Polygons;
+use crate::path::points::Points;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
@@ -40,6 +41,8 @@ struct Shared {
     film: Film,
     /// The polygons that mirror and refract beams, scene by scene, if secondary rays go as beams; otherwise none.
     polygons: Vec<Polygons>,
+    /// The points of surfaces that the pixels show, in place of what the camera sees.
+    points: Option<Points>,
     /// Samples done per tile; locked while a step of the tile is rendered.
     tile_samples: Vec<Mutex<u32>>,
     /// Number of steps handed out so far, over all tiles.
@@ -103,6 +106,20 @@ impl Job {
         settings: Settings,
         threads: usize,
     ) -> Result<Self> {
+        Self::start_at(scenes, camera, settings, threads, None)
+    }
+
+    /// Like [`Self::start`]. `points`: what the pixels show in place of what the camera sees.
+    ///
+    /// # Errors
+    /// As for [`Self::start`], and of [`Points::prepared`].
+    pub fn start_at(
+        scenes: impl Into<Moments>,
+        camera: &CameraParams,
+        settings: Settings,
+        threads: usize,
+        points: Option<Points>,
+    ) -> Result<Self> {
         // Check everything before the first thread starts.
         settings.check()?;
         let Moments(scenes) = scenes.into();
@@ -112,10 +129,15 @@ impl Job {
                 scenes.len()
             )));
         }
-        check_room("settings: the film", Film::bytes(&settings))?;
+        let pixels = settings.width as usize * settings.height as usize;
+        let points = points.map(|points| points.prepared(pixels, &scenes[0]));
+        let points = points.transpose()?;
+        // Points show shadow catchers as they are.
+        let catches = points.is_none() && scenes.iter().any(|scene| scene.features().catchers);
+        check_room("settings: the film", Film::bytes(&settings, catches))?;
         let camera = Camera::new(camera, settings.width, settings.height)?;
         let filter = Filter::new(settings.filter, settings.filter_width)?;
-        let film = Film::new(&settings);
+        let film = Film::new(&settings, catches);
         // Count the steps that each tile needs.
         let mut steps = 0;
         let mut done = 0;
@@ -152,6 +174,7 @@ impl Job {
             settings,
             film,
             polygons,
+            points,
         });
         let mut job = Self {
             shared: Arc::clone(&shared),
@@ -303,6 +326,7 @@ impl Shared {
             film: &self.film,
             polygons: self.polygons.first(),
             all_polygons: &self.polygons,
+            points: self.points.as_ref(),
             stop: &self.stop,
         };
         let mut active = Vec::new();

@@ -105,7 +105,7 @@ def test_worlds_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -> N
         found.append(exr(stage, tmp_path / f"{engine}.exr"))
     ours, theirs = found
     for name in ("Fade.X", "Waves.R", "Waves.G", "Waves.B", "Waves.A"):
-        assert theirs[name].std() > 0.05, name
+        assert theirs[name].std() > 0.05 or name == "Waves.A", name
         assert np.abs(ours[name] - theirs[name]).mean() < 0.01, name
 
 

@@ -94,9 +94,23 @@ def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: 
     assert [m.hidden_from for m in read()[0].materials[1:]] == [("camera",)]
 
 
-def test_shadow_catchers_are_reported(layer: Any) -> None:
+def test_lamps_that_are_no_shadow_catchers_are_reported_where_there_are_any(layer: Any, add: Any) -> None:
+    lamp = add("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    add("Other", bpy.data.lights.new("Other", "POINT"))
+    lamp.is_shadow_catcher = False
+    assert read()[1] == []
     bpy.data.objects["Bare"].is_shadow_catcher = True
-    assert [line for line in read()[1] if line.startswith("Shadow catchers") and line.endswith(": Bare")]
+    found, notes = read()
+    assert notes == ["Not a shadow catcher, but shines on shadow catchers alone, too: Lamp"]
+    assert [material.catcher for material in found.materials].count(True) == 1
+
+
+def test_light_linking_is_reported_where_an_object_glows(layer: Any) -> None:
+    item = bpy.data.objects["Bare"]
+    item.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
+    assert read()[1] == []
+    item.data.materials.append(material("Glow", Emission_Strength=2.0))
+    assert read()[1] == ["Light linking is supported for lights only, not for glowing objects: Bare"]
 
 
 def test_passes_that_are_not_rendered_are_reported(layer: Any, scene: Any, tmp_path: Path) -> None:
@@ -127,7 +141,8 @@ def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add
     scene.collection.objects.link(wanted.objects[0])
     here = add("Same", cube("Here"), location=(4, 0, 0), pass_index=7)
     assert here.name == wanted.objects[0].name
-    here.is_shadow_catcher = True
+    here.data.materials.append(material("Glow", Emission_Strength=2.0))
+    here.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
     found, notes = read()
     arrays = found.numbers.arrays(found.geometry.runs())
     assert sorted(arrays["object"]) == [3, 7]

@@ -332,7 +332,8 @@ def test_every_view_layer_shows_what_it_holds(stage: Any, tmp_path: Path) -> Non
 @pytest.mark.parametrize("persistent", [False, True])
 def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool) -> None:
     stage.render.use_persistent_data = persistent
-    stage.objects["Cube"].is_shadow_catcher = True
+    add("Other", cube())
+    stage.objects["Cube"].scale = (0, 0, 1)
     second = stage.view_layers.new("Second")
     second.use_pass_shadow = True
     away = bpy.data.collections.new("Away")
@@ -346,8 +347,8 @@ def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool
         return [line.partition(" ")[0] + line.partition(":")[2] for line in report.warnings]
 
     bpy.ops.render.render()
-    assert sorted(warnings()) == ["Shadow Cube", "Skipped, Fog", "The Second"]
-    stage.objects["Cube"].is_shadow_catcher = False
+    assert sorted(warnings()) == ["Dropped, Cube", "Skipped, Fog", "The Second"]
+    stage.objects["Cube"].scale = (1, 1, 1)
     bpy.ops.render.render()
     assert sorted(warnings()) == ["Skipped, Fog", "The Second"]
     stage.view_layers["ViewLayer"].use = False

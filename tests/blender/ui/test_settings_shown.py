@@ -21,6 +21,7 @@ from addon.blender.ui.data_panels import OF_PANORAMAS
 SOURCES = Path(compat.__file__).parents[1]
 
 READ = {
+    "BakeSettings": "view_from",
     "Camera": "lens clip_start clip_end dof panorama_type fisheye_fov fisheye_lens latitude_min latitude_max "
     "longitude_min longitude_max fisheye_polynomial_k0 fisheye_polynomial_k1 fisheye_polynomial_k2 "
     "fisheye_polynomial_k3 fisheye_polynomial_k4 central_cylindrical_range_u_min central_cylindrical_range_u_max "
@@ -31,9 +32,9 @@ READ = {
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_adaptive noise_threshold time_limit "
     "render_seed max_bounces volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective "
     "caustics_refractive secondary_beams "
-    "film_exposure pixel_filter_type filter_width automatic instancing memory_limit structure",
-    "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_albedo use_pass_samples "
-    "use_pass_steps use_pass_tests use_pass_depth",
+    "film_exposure pixel_filter_type filter_width bake_type automatic instancing memory_limit structure",
+    "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_shadow_catcher "
+    "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
     "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
     "PointLight": "energy shadow_soft_size use_soft_falloff",
     "SpotLight": "energy shadow_soft_size use_soft_falloff spot_size spot_blend",
@@ -41,7 +42,7 @@ READ = {
     "AreaLight": "energy shape size size_y spread",
     "Material": "pass_index displacement_method",
     "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow "
-    "visible_volume_scatter is_holdout pass_index lightgroup",
+    "visible_volume_scatter is_holdout is_shadow_catcher pass_index lightgroup",
     "World": "lightgroup",
     "RenderSettings": "use_motion_blur motion_blur_position motion_blur_shutter "
     "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
@@ -57,6 +58,9 @@ READ = {
 """What the sources of the extension read, by type of Blender's data."""
 
 CARRIED_OUT = {
+    "BakeSettings": "use_pass_direct use_pass_indirect use_pass_color use_pass_diffuse use_pass_glossy "
+    "use_pass_transmission use_pass_emit normal_space normal_r normal_g normal_b use_selected_to_active use_cage "
+    "cage_object cage_extrusion max_ray_distance target use_clear margin margin_type",
     "Camera": "type angle lens_unit ortho_scale shift_x shift_y sensor_fit sensor_width sensor_height",
     "CameraDOFSettings": "focus_subtarget",
     "Light": "temperature",
@@ -66,7 +70,7 @@ CARRIED_OUT = {
     "SpotLight": "show_cone",
     "ViewLayer": "use use_pass_combined",
 }
-"""What takes effect through Blender: its projection matrix, its objects, its editor."""
+"""What takes effect through Blender: its projection matrix, its objects, its editor, its operators."""
 
 HIDDEN = {("Camera", "dof"), ("Light", "temperature_color"), ("ViewLayer", "world_override")}
 """Read through their parts or another property; the last is not in Blender 4.5."""

@@ -25,7 +25,10 @@ CHANNELS = {"FLOAT": 1, "DOUBLE": 1, "INT": 1, "INT64": 1, "MASK": 1, "BOOLEAN":
 """Kinds of grids that are read, with the numbers of a voxel."""
 
 MOST_VOXELS = 1 << 28
-"""Largest number of voxels of a dense grid: 1 GiB of numbers."""
+"""Largest number of numbers of a dense grid: 1 GiB."""
+
+MOST_OF_ALL = 1 << 29
+"""Largest number of numbers of all grids of a scene."""
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
 FACES = np.array(
@@ -46,8 +49,10 @@ class Grids:
     voxels: Mapping[str, Voxels]
 
 
-def read_volume(data: Any, name: str, notes: Notes) -> Grids:
-    """The grids of an evaluated volume; those that cannot be read are noted for the object `name`."""
+def read_volume(data: Any, name: str, notes: Notes, taken: int = 0) -> Grids:
+    """The grids of an evaluated volume; those that cannot be read are noted for the object `name`. taken: number of
+    numbers of the scene's other grids.
+    """
     grids = data.grids
     if not grids.is_loaded and not grids.load():
         notes.add(f"The volume could not be loaded ({grids.error_message})", name)
@@ -63,12 +68,13 @@ def read_volume(data: Any, name: str, notes: Notes) -> Grids:
                 return Grids(None, {})
         for grid in grids:
             try:
-                voxels, box = _dense(str(path), grid)
+                voxels, box = _dense(str(path), grid, MOST_OF_ALL - taken)
             except (Unsupported, OSError, RuntimeError, ValueError) as error:
                 notes.add(f"The grid {grid.name!r} is left out ({error})", name)
                 continue
             if box is not None:
                 found[grid.name] = voxels
+                taken += voxels.values.size
                 corners.append(box)
     if not corners:
         return Grids(None, {})
@@ -89,8 +95,10 @@ def density_scale(matrix: F64, data: Any) -> float:
     return 1.0 / length if length > 0 else 1.0
 
 
-def _dense(path: str, grid: Any) -> tuple[Voxels, F64 | None]:
-    """The active voxels of a grid, and the corners of their box in object space; None if there are none."""
+def _dense(path: str, grid: Any, left: int) -> tuple[Voxels, F64 | None]:
+    """The active voxels of a grid, and the corners of their box in object space; None if there are none. left: number
+    of numbers that the scene's grids may still have.
+    """
     channels = CHANNELS.get(grid.data_type)
     if channels is None:
         raise Unsupported(f"its type {grid.data_type} is not supported yet")
@@ -100,8 +108,10 @@ def _dense(path: str, grid: Any) -> tuple[Voxels, F64 | None]:
         return nothing, None
     low, high = (np.array(end) for end in sparse.evalActiveVoxelBoundingBox())
     size = high - low + 1
-    if np.prod(size.astype(float)) * channels > MOST_VOXELS:
-        raise Unsupported(f"its box of {' × '.join(map(str, size))} voxels is too large")
+    needed = np.prod(size.astype(float)) * channels
+    if needed > min(MOST_VOXELS, left):
+        why = "is too large" if needed > MOST_VOXELS else "is too large beside the scene's other grids"
+        raise Unsupported(f"its box of {' × '.join(map(str, size))} voxels {why}")
     shape = tuple(size.tolist()) if channels == 1 else (*size.tolist(), channels)
     values = np.zeros(shape, np.float32)
     sparse.copyToArray(values, ijk=tuple(low.tolist()))

@@ -78,13 +78,7 @@ const INPUTS: &[(&str, Input)] = &[
 
 /// Reads the closures of a material.
 pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
-    let mut known = vec![
-        "kind",
-        "normal",
-        "multiscatter",
-        "distribution",
-        "method",
-    ];
+    let mut known = vec!["kind", "normal", "multiscatter", "distribution", "method"];
     known.extend(INPUTS.iter().map(|(name, _)| *name));
     let name = format!("{}['closures']", keys.name);
     list(&name, keys.find("closures").as_ref(), |dict, index| {

@@ -7,6 +7,7 @@ pub mod camera_settings;
 pub mod closures;
 pub mod integers;
 pub mod keys;
+pub mod points;
 pub mod rays;
 pub mod scene;
 pub mod shader;

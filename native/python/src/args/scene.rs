@@ -33,6 +33,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "receives",
         "blocks",
         "hole",
+        "catcher",
         "outputs",
         "portals",
     ];
@@ -65,6 +66,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
                 blocks: bits(&keys, "blocks")?,
             },
             hole: keys.flag_or("hole", false)?,
+            catcher: keys.flag_or("catcher", false)?,
             outputs: outputs(&keys)?,
             portals: portals(&keys)?,
         })

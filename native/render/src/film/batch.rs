@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The samples of a tile that are rendered together, with what passes that are rarely filled need of them.
 
+use crate::film::catcher::Caught;
 use crate::film::{Film, Identities, LightParts, PixelSample};
 use crate::settings::Pass;
 
@@ -20,6 +21,8 @@ pub struct Batch {
     pub groups: Vec<[f32; 3]>,
     /// The motion of each sample's first surface, and 1 where there is one.
     pub motion: Vec<[f32; 5]>,
+    /// What each sample's shadow catcher shows.
+    pub caught: Vec<Caught>,
 }
 
 impl Batch {
@@ -40,6 +43,10 @@ impl Batch {
         self.motion.clear();
         if film.fills(Pass::Vector) {
             self.motion.resize(count, [0.0; 5]);
+        }
+        self.caught.clear();
+        if film.catches() {
+            self.caught.resize(count, Caught::default());
         }
         self.groups.clear();
         self.groups.resize(count * film.groups(), [0.0; 3]);

@@ -9,6 +9,7 @@ use crate::settings::{Mist, Pass, Settings};
 pub mod adaptive;
 mod area;
 mod batch;
+pub mod catcher;
 mod light_parts;
 mod matte;
 mod read;
@@ -17,6 +18,7 @@ mod sample;
 use crate::film::area::TILE;
 pub use crate::film::area::{BLOCK, TileArea};
 pub use crate::film::batch::Batch;
+use crate::film::catcher::SUMS;
 pub use crate::film::light_parts::{LightParts, Shares};
 pub use crate::film::matte::Identities;
 use crate::film::matte::Mattes;
@@ -58,8 +60,8 @@ pub enum Unsampled {
 pub struct Film {
     /// Half-open range of pixels: x0, y0, x1, y1.
     region: [u32; 4],
-    /// Passes without repetitions, in the order of their channels: first those of the settings, then those by which
-    /// they are divided.
+    /// Passes without repetitions, in the order of their channels: first those of the settings, then those that they
+    /// are computed from.
     passes: Vec<Pass>,
     /// Number of passes of the settings.
     shown: usize,
@@ -71,6 +73,10 @@ pub struct Film {
     groups: usize,
     /// Whether a pass is filled for which [`Batch`] has an array of its own.
     extra: bool,
+    /// Whether shadow catchers are in the scene; their sums are the last ones of each pixel.
+    catches: bool,
+    /// Whether camera rays do not see the background.
+    transparent: bool,
     mist: Mist,
     /// Factor on the colours of the combined pass.
     exposure: f32,
@@ -78,11 +84,14 @@ pub struct Film {
 }
 
 impl Film {
-    /// Returns an upper bound of the memory of a film with these settings, in bytes.
-    pub fn bytes(settings: &Settings) -> u64 {
+    /// Returns an upper bound of the memory of a film with these settings, in bytes. `catches`: see [`Self::new`].
+    pub fn bytes(settings: &Settings, catches: bool) -> u64 {
         let [x0, y0, x1, y1] = settings.region();
         let (passes, _) = stored(&settings.passes);
         let mut channels: usize = passes.iter().map(|p| p.sums()).sum();
+        if catches {
+            channels += SUMS;
+        }
         // Adaptive sampling keeps two sums of RGB per pixel.
         if settings.noise_threshold > 0.0 {
             channels += 6;
@@ -90,15 +99,15 @@ impl Film {
         u64::from(x1 - x0) * u64::from(y1 - y0) * (channels * size_of::<f64>()) as u64
     }
 
-    /// A film without samples.
-    pub fn new(settings: &Settings) -> Self {
+    /// A film without samples. `catches`: whether shadow catchers are in the scene.
+    pub fn new(settings: &Settings, catches: bool) -> Self {
         let region @ [x0, y0, x1, y1] = settings.region();
         let (passes, shown) = stored(&settings.passes);
-        let stride = passes.iter().map(|p| p.sums()).sum();
+        let stride = passes.iter().map(|p| p.sums()).sum::<usize>() + usize::from(catches) * SUMS;
         let count = |last: Option<u8>| last.map_or(0, |last| usize::from(last) + 1);
         let outputs = count(passes.iter().filter_map(|p| p.output()).max());
         let groups = count(passes.iter().filter_map(|p| p.group()).max());
-        let extra = passes.iter().any(|p| p.is_extra());
+        let extra = catches || passes.iter().any(|p| p.is_extra());
         let mattes = || passes.iter().filter_map(|p| p.matte());
         // Divide the region into tiles, cut off at its upper and right edge.
         let mut tiles = Vec::new();
@@ -135,6 +144,8 @@ impl Film {
             outputs,
             groups,
             extra,
+            catches,
+            transparent: settings.film_transparent,
             mist: settings.mist,
             exposure: settings.exposure,
             tiles,
@@ -164,6 +175,11 @@ impl Film {
     /// Whether a pass is filled for which [`Batch`] has an array of its own.
     pub fn wants_extra(&self) -> bool {
         self.extra
+    }
+
+    /// Whether shadow catchers are in the scene.
+    pub fn catches(&self) -> bool {
+        self.catches
     }
 
     /// Whether a matte is filled.
@@ -290,6 +306,7 @@ impl Film {
                 Pass::TraversalSteps => sum(&[sample.steps as f32]),
                 Pass::TriangleTests => sum(&[sample.tests as f32]),
                 Pass::LeafDepth => sum(&[sample.leaf_depth as f32]),
+                Pass::Roughness => sum(&[sample.roughness]),
                 Pass::SampleCount => sum(&[1.0]),
                 Pass::Light(pass) => sum(batch.parts[slot].at(*pass)),
                 Pass::Vector => sum(&batch.motion[slot]),
@@ -299,14 +316,17 @@ impl Film {
                 Pass::Output(number) => {
                     sum(&batch.outputs_of(slot, self.outputs)[usize::from(*number)]);
                 }
-                // These count identities instead of adding values.
-                Pass::Matte(_) => {}
+                // These count identities instead of adding values, or are computed from other sums.
+                Pass::Matte(_) | Pass::ShadowCatcher => {}
             }
+        }
+        if self.catches {
+            sum(&batch.caught[slot].values(sample));
         }
     }
 }
 
-/// Returns the passes to store for these: each once, then those by which they are divided. Also the number of the
+/// Returns the passes to store for these: each once, then those that they are computed from. Also the number of the
 /// first kind.
 fn stored(wanted: &[Pass]) -> (Vec<Pass>, usize) {
     let mut passes = Vec::new();
@@ -317,7 +337,7 @@ fn stored(wanted: &[Pass]) -> (Vec<Pass>, usize) {
         }
         shown = passes.len();
     }
-    for pass in wanted.iter().filter_map(|pass| pass.divisor()) {
+    for pass in wanted.iter().filter_map(|pass| pass.source()) {
         if !passes.contains(&pass) {
             passes.push(pass);
         }
@@ -342,7 +362,7 @@ mod tests {
 
     #[test]
     fn pixels_of_a_border_keep_their_positions() {
-        let film = Film::new(&settings());
+        let film = Film::new(&settings(), false);
         for tile in 0..film.tiles() {
             let area = film.area(tile);
             for second in [0.0, 2.0] {
@@ -393,7 +413,7 @@ mod tests {
 
     #[test]
     fn pixels_without_samples_are_zero_or_keep_their_values() {
-        let film = Film::new(&settings());
+        let film = Film::new(&settings(), false);
         let area = film.area(0);
         let mut batch = Batch::default();
         batch.reset(&film, area.pixels());

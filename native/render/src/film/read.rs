@@ -2,6 +2,7 @@
 //! Reading of the film: the means of the samples so far.
 
 use crate::check::{Error, Result};
+use crate::film::catcher::{Means, SUMS};
 use crate::film::light_parts::divided;
 use crate::film::{Film, TileArea, Unsampled};
 use crate::settings::Pass;
@@ -72,7 +73,11 @@ impl Film {
                     } else {
                         1.0
                     };
-                    if let Pass::Matte(pass) = pass {
+                    if self.catches && matches!(pass, Pass::Combined | Pass::ShadowCatcher) {
+                        self.write_catcher(pass, values, scale, pixel);
+                    } else if pass == Pass::ShadowCatcher {
+                        pixel.fill(1.0);
+                    } else if let Pass::Matte(pass) = pass {
                         let ranks = sums.mattes.ranks(pass, number - 1, samples);
                         pixel.copy_from_slice(&ranks);
                     } else if let Some(color) = divisor {
@@ -91,6 +96,25 @@ impl Film {
             }
         }
         Ok(())
+    }
+
+    /// Writes a pixel of the combined pass or of the shadow, of a scene with shadow catchers. `values`: its sums;
+    /// `scale`: of the mean.
+    fn write_catcher(&self, pass: Pass, values: &[f64], scale: f64, pixel: &mut [f32]) {
+        let mean = |at: usize| values.get(at).map_or(0.0, |sum| sum * scale);
+        let first = self.stride - SUMS;
+        let combined = self.offset(Pass::Combined);
+        let means = Means {
+            combined: [0, 1, 2, 3].map(|k| combined.map_or(0.0, |at| mean(at + k))),
+            caught: std::array::from_fn(|k| mean(first + k)),
+        };
+        let apart = self.fills(Pass::ShadowCatcher);
+        if pass == Pass::ShadowCatcher {
+            (pixel.iter_mut().zip(means.pass())).for_each(|(o, v)| *o = v as f32);
+        } else {
+            let picture = means.picture(apart, self.transparent);
+            (pixel.iter_mut().zip(picture)).for_each(|(o, v)| *o = v as f32);
+        }
     }
 
     /// Returns the first channel of a pass, if it is stored.

@@ -29,6 +29,8 @@ pub struct PixelSample {
     pub material: f32,
     /// Albedo of the first surface.
     pub albedo: [f32; 3],
+    /// Roughness of the first surface.
+    pub roughness: f32,
     /// Depth of the last leaf whose triangles the camera ray tested.
     pub leaf_depth: u32,
     /// Number of inner nodes that the camera ray visited.
@@ -50,6 +52,7 @@ impl PixelSample {
         object: 0.0,
         material: 0.0,
         albedo: [0.0; 3],
+        roughness: 0.0,
         leaf_depth: 0,
         steps: 0,
         tests: 0,

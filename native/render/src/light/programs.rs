@@ -28,7 +28,7 @@ pub struct Lit<'a> {
     pub images: &'a [Image],
     /// Data of the scene.
     pub varying: &'a Varying,
-    /// The path that arrives at the lamp, whose length is set here.
+    /// The path that arrives at the lamp. Its length is added to the distance to the lamp.
     pub history: History,
     /// Registers of programs.
     pub registers: &'a mut Vec<Value>,
@@ -117,7 +117,7 @@ impl Shader {
         };
         let [u, v] = self.parametric(shape, position, direction, normal);
         let mut history = lit.history;
-        history.length = if distance.is_finite() { distance } else { 0.0 };
+        history.length += if distance.is_finite() { distance } else { 0.0 };
         let point = ShadingPoint {
             position,
             normal,

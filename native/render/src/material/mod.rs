@@ -55,6 +55,8 @@ pub struct Material {
     pub boundary: bool,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
     pub hole: bool,
+    /// Whether its objects are shadow catchers, see [`crate::film::catcher`].
+    pub catcher: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
@@ -122,6 +124,7 @@ impl Material {
             boundary: false,
             sets: params.sets,
             hole: params.hole,
+            catcher: params.catcher && !params.hole,
             transparent: any(Closure::may_be_transparent),
             traces_rays,
             emits: any(Closure::may_emit),

@@ -42,6 +42,8 @@ pub struct MaterialParams {
     pub sets: ObjectSets,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
     pub hole: bool,
+    /// Whether its objects are shadow catchers; holes are none.
+    pub catcher: bool,
     /// Values for passes: the number of each and the operand.
     pub outputs: Vec<(u8, Operand)>,
     /// Portals: colour multiplied by weight, position in world space, direction of each.
@@ -67,6 +69,7 @@ impl Default for MaterialParams {
             visible: Visibility::ALL,
             sets: ObjectSets::ALL,
             hole: false,
+            catcher: false,
             outputs: Vec::new(),
             portals: Vec::new(),
         }

@@ -4,6 +4,7 @@
 pub mod beams;
 pub mod calls;
 pub mod media;
+pub mod points;
 pub mod random;
 mod shade;
 mod shadow_rays;

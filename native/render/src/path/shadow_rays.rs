@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The shadow rays of a wavefront, each with the light that arrives if nothing occludes it.
 
+use crate::film::catcher::{Catch, Caught};
 use crate::film::{LightParts, PixelSample, Shares};
 use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
@@ -27,6 +28,8 @@ struct Light {
     invisible: u16,
     /// The set of the objects that block the ray.
     blockers: u8,
+    /// Whether only shadow catchers block the ray.
+    catchers_alone: bool,
 }
 
 /// The samples that shadow rays add their light to.
@@ -39,6 +42,8 @@ pub struct Samples<'a> {
     pub groups: &'a mut [[f32; 3]],
     /// Number of light groups.
     pub group_count: usize,
+    /// What their shadow catchers show; empty without shadow catchers.
+    pub caught: &'a mut [Caught],
 }
 
 impl Samples<'_> {
@@ -46,10 +51,17 @@ impl Samples<'_> {
     #[inline(always)]
     fn add(&mut self, light: &Light, scattered: Option<&Scattered>) {
         let slot = light.slot as usize;
-        self.pixels[slot].add(light.value);
         let Some(of) = scattered else {
+            self.pixels[slot].add(light.value);
             return;
         };
+        if of.catch != Catch::Alone {
+            self.pixels[slot].add(light.value);
+        }
+        // Light of catchers is in no light pass or group.
+        if of.catch != Catch::None {
+            return self.caught[slot].add(of.catch, light.value);
+        }
         if let Some(parts) = self.parts.get_mut(slot) {
             parts.add_scattered(light.value, &of.shares, of.indirect);
         }
@@ -68,7 +80,7 @@ pub fn add_to_group(groups: &mut [[f32; 3]], group: u8, light: Vec3) {
     }
 }
 
-/// What the light passes and light groups need of the light of a shadow ray.
+/// What light passes, light groups and shadow catchers need of the light of a shadow ray.
 #[derive(Clone, Copy)]
 pub struct Scattered {
     /// Shares of the lobes of the first surface.
@@ -77,6 +89,8 @@ pub struct Scattered {
     pub indirect: bool,
     /// The light group of the emitter, counted from 1; 0 = none.
     pub group: u8,
+    /// The sum of a shadow catcher that the light belongs to.
+    pub catch: Catch,
 }
 
 /// The media that a shadow ray is in, and its random numbers for them.
@@ -102,7 +116,7 @@ pub struct ShadowRays {
     /// The rays to lights at a finite distance, then those to suns and the background.
     apart: Vec<Ray>,
     light: Vec<Light>,
-    /// For light passes, one per ray; empty without such passes.
+    /// For light passes and shadow catchers, one per ray; empty without any.
     scattered: Vec<Scattered>,
     blocked: Vec<bool>,
     hits: Vec<Hit>,
@@ -129,7 +143,7 @@ impl ShadowRays {
     }
 
     /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample; `scattered`: for all
-    /// rays if light passes or light groups are filled, else for none; `blockers`: the set of the objects that stop it.
+    /// rays if light passes or light groups are filled or there are shadow catchers, else for none; `blockers`: the set of the objects that stop it.
     #[inline(always)]
     pub fn push(
         &mut self,
@@ -146,6 +160,7 @@ impl ShadowRays {
             history: path.shadow_history(),
             invisible: 0,
             blockers,
+            catchers_alone: path.catch == Catch::Alone,
         });
         if let Some(scattered) = scattered {
             self.scattered.push(scattered);
@@ -295,7 +310,8 @@ impl Light {
         let d = Vec3::from(ray.d).normalized();
         let surface = Surface::of(scene, hit, d);
         self.history.length += hit.t * Vec3::from(ray.d).length();
-        let visible = surface.material.visible.to(RayKind::Shadow);
+        let visible = surface.material.visible.to(RayKind::Shadow)
+            && (surface.material.catcher || !self.catchers_alone);
         let in_media = passing.is_some();
         if let Some(passing) = passing.filter(|_| visible) {
             passing.stack.cross(surface.medium_behind(), surface.inside);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The state of a path between two vertices.
 
+use crate::film::catcher::Catch;
 use crate::light::Receiver;
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
 use crate::path::random::VertexSamples;
 use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
+use halfspace_ray::Ray;
 
 /// Largest number of transparent surfaces that a path, or a shadow ray, passes.
 pub const MAX_TRANSPARENT: u16 = 64;
@@ -28,6 +30,8 @@ pub struct Path {
     pub receiver: Receiver,
     /// Distance from there to the origin of the current ray, which starts anew at each surface passed.
     pub passed: f32,
+    /// Length of the camera ray in front of the near clipping plane, which programs do not count; 0 after a bounce.
+    pub clipped: f32,
     sampler: PixelSampler,
     /// Index of the pixel's sample.
     sample: u32,
@@ -43,6 +47,8 @@ pub struct Path {
     invisible: u16,
     /// Whether the current ray still is the camera ray.
     pub camera: bool,
+    /// Whether the path began at a shadow catcher.
+    pub catch: Catch,
     /// How the path scattered last.
     pub kind: RayKind,
     last: Turn,
@@ -55,18 +61,19 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path of a camera ray with origin `o`, of sample number `sample` of its pixel.
-    pub fn from_camera(o: [f32; 3], sampler: PixelSampler, sample: u32, slot: u32) -> Self {
+    /// The path of a camera ray, of sample number `sample` of its pixel.
+    pub fn from_camera(ray: &Ray, sampler: PixelSampler, sample: u32, slot: u32) -> Self {
         Self {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
             min_pdf: f32::INFINITY,
             receiver: Receiver {
-                point: Vec3::from(o),
+                point: Vec3::from(ray.o),
                 normal: Vec3::ZERO,
                 sets: u32::MAX,
             },
             passed: 0.0,
+            clipped: ray.t_min,
             sampler,
             sample,
             slot,
@@ -75,6 +82,7 @@ impl Path {
             transparent: 0,
             invisible: 0,
             camera: true,
+            catch: Catch::None,
             kind: RayKind::Camera,
             last: Turn::default(),
             portals: 0,
@@ -83,11 +91,29 @@ impl Path {
         }
     }
 
+    /// Splits the path of a camera ray at a shadow catcher: it goes on in the whole scene. Returns the path that goes
+    /// on among catchers alone, with the same random numbers.
+    pub fn split(&mut self) -> Self {
+        self.catch = Catch::Whole;
+        Self {
+            catch: Catch::Alone,
+            ..*self
+        }
+    }
+
+    /// Returns the path as which lamps that it meets are seen: before any catcher, if its ray is the camera ray.
+    #[inline(always)]
+    pub fn before_catcher(&self) -> Self {
+        let catch = if self.camera { Catch::None } else { self.catch };
+        Self { catch, ..*self }
+    }
+
     /// Scatters with a ray of this kind.
     #[inline(always)]
     pub fn scatter(&mut self, kind: RayKind, last: Turn) {
         self.kind = kind;
         self.last = last;
+        self.clipped = 0.0;
         self.bounce += 1;
         // Count the bounce by its kind.
         let Bounces {
@@ -135,7 +161,7 @@ impl Path {
     #[inline(always)]
     pub fn history(&self, distance: f32) -> History {
         History {
-            length: self.passed + distance,
+            length: self.passed + distance - self.clipped,
             transparent: self.transparent,
             portals: self.portals,
             last: self.last,
@@ -180,7 +206,7 @@ impl Path {
         self.portals = self.portals.saturating_add(1);
         self.pdf = f32::INFINITY;
         let goes_on = self.pass(0.0);
-        self.passed = 0.0;
+        (self.passed, self.clipped) = (0.0, 0.0);
         goes_on
     }
 

@@ -15,12 +15,14 @@ use crate::camera::Camera;
 use crate::camera::filter::Filter;
 use crate::film::{Batch, Film, Shares, TileArea};
 use crate::math::sampler::PixelSampler;
+use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::beams::groups::Groups;
 use crate::path::beams::polygons::Polygons;
 use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::media::{Scratch, enclosure};
+use crate::path::points::Points;
 use crate::path::shade::{self, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
@@ -53,6 +55,8 @@ pub struct Context<'a> {
     pub polygons: Option<&'a Polygons>,
     /// The same for each scene.
     pub all_polygons: &'a [Polygons],
+    /// The points of surfaces that the pixels show, in place of what the camera sees.
+    pub points: Option<&'a Points>,
     /// Set to cancel the render.
     pub stop: &'a AtomicBool,
 }
@@ -180,6 +184,7 @@ impl Wavefront {
                     parts: &mut self.batch.parts,
                     groups: &mut self.batch.groups,
                     group_count: context.film.groups(),
+                    caught: &mut self.batch.caught,
                 };
                 self.work.rays_shadow +=
                     self.shadows.cast(context, &mut self.calls, &mut samples)?;
@@ -204,6 +209,7 @@ impl Wavefront {
             ..
         } = context;
         self.rays.clear();
+        self.hits.clear();
         self.paths.clear();
         // A cancelled render leaves shadow rays behind.
         self.shadows.clear();
@@ -214,22 +220,34 @@ impl Wavefront {
                 // Jitter each ray by the pixel filter, and by the lens if there is one.
                 let (x, y) = (area.x + dx, area.y + dy);
                 let sampler = PixelSampler::new(x, y, settings.seed);
-                let [u, v] = sampler.pair(sample, 0);
+                let random @ [u, v] = sampler.pair(sample, 0);
+                // The slot is the pixel's sample in the tile's batch.
+                let slot = base + (dy * area.width + dx) as usize;
+                if let Some(points) = context.points {
+                    let pixel = (y * settings.width + x) as usize;
+                    // The first sample is at the centre, whose data are those of the passes of one sample. As in Cycles.
+                    let random = if sample == 0 { [0.5; 2] } else { random };
+                    if let Some((ray, hit)) = points.ray(pixel, random, context.scene, camera) {
+                        let path = Path::from_camera(&ray, sampler, sample, slot as u32);
+                        self.paths.push(path);
+                        self.rays.push(ray);
+                        self.hits.push(hit);
+                    }
+                    continue;
+                }
                 let ray = camera.ray_at(
                     x as f32 + 0.5 + filter.offset(u),
                     y as f32 + 0.5 + filter.offset(v),
                     || sampler.pair(sample, 1),
                     || context.time(sampler.pair(sample, 2)[0]),
                 );
-                // The slot is the pixel's sample in the tile's batch.
-                let slot = base + (dy * area.width + dx) as usize;
                 if !camera.sees(&ray) {
                     // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
                     self.batch.samples[slot].alpha = 1.0;
                     continue;
                 }
+                let path = Path::from_camera(&ray, sampler, sample, slot as u32);
                 self.rays.push(ray);
-                let path = Path::from_camera(ray.o, sampler, sample, slot as u32);
                 self.paths.push(path);
             }
         }
@@ -257,18 +275,39 @@ impl Wavefront {
             return Ok(());
         }
         let (scene, stop) = (context.scene, context.stop);
-        if let Source::Point(pinhole) = context.camera.source() {
-            // The rays of a pinhole share their media.
-            let around = match self.around {
-                Some((moment, around)) if moment == context.moment => around,
-                _ => enclosure::media_at(scene, &[pinhole.array()], &mut self.calls, stop)?[0],
-            };
-            self.around = Some((context.moment, around));
-            self.media.resize(self.rays.len(), around);
-        } else {
-            let origins: Vec<_> = self.rays.iter().map(|ray| ray.o).collect();
-            self.media = enclosure::media_at(scene, &origins, &mut self.calls, stop)?;
-        }
+        // Camera rays begin on the near clipping plane, as in Cycles.
+        let begin = |ray: &Ray| (Vec3::from(ray.o) + Vec3::from(ray.d) * ray.t_min).array();
+        let shared = context.points.is_none().then(|| context.camera.source());
+        let Some(Source::Point(pinhole)) = shared else {
+            let points: Vec<_> = self.rays.iter().map(begin).collect();
+            self.media = enclosure::media_at(scene, &points, &mut self.calls, stop)?;
+            return Ok(());
+        };
+        // The rays of a pinhole share their media, but for those that cross a surface before that plane.
+        let around = match self.around {
+            Some((moment, around)) if moment == context.moment => around,
+            _ => enclosure::media_at(scene, &[pinhole.array()], &mut self.calls, stop)?[0],
+        };
+        self.around = Some((context.moment, around));
+        self.media.resize(self.rays.len(), around);
+        let before: Vec<_> = self
+            .rays
+            .iter()
+            .map(|ray| Ray {
+                t_min: 0.0,
+                t_max: ray.t_min,
+                ..*ray
+            })
+            .collect();
+        let mut crosses = vec![false; before.len()];
+        self.calls.cover(before.len(), stop, |range| {
+            let (rays, crosses) = (&before[range.clone()], &mut crosses[range]);
+            scene.tracer.occluded(rays, crosses, None);
+        })?;
+        let rays = (0..before.len()).filter(|&i| crosses[i]);
+        let points: Vec<_> = rays.clone().map(|i| begin(&self.rays[i])).collect();
+        let found = enclosure::media_at(scene, &points, &mut self.calls, stop)?;
+        rays.zip(found).for_each(|(i, stack)| self.media[i] = stack);
         Ok(())
     }
 
@@ -276,6 +315,10 @@ impl Wavefront {
     fn trace(&mut self, context: &Context<'_>, primary: bool) -> Result<(), Cancelled> {
         let n = self.rays.len();
         let tracer = &*context.scene.tracer;
+        // Points of surfaces are known.
+        if primary && context.points.is_some() {
+            return Ok(());
+        }
         // Reset the outputs; only camera rays are ever counted.
         self.hits.clear();
         self.hits.resize(n, Hit::MISS);

@@ -27,8 +27,8 @@ pub struct Features {
     pub lobes: bool,
     /// At least one material scatters light below its surface.
     pub subsurface: bool,
-    /// At least one material is not opaque, or does not shade all lights: rays pass through it, shadow rays accumulate
-    /// its transmittance.
+    /// At least one material is not opaque, does not shade all lights, or is that of shadow catchers: rays pass through
+    /// surfaces, shadow rays accumulate their transmittance.
     pub transparency: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
@@ -36,6 +36,8 @@ pub struct Features {
     pub holes: bool,
     /// At least one material has a portal.
     pub portals: bool,
+    /// At least one material is that of shadow catchers.
+    pub catchers: bool,
     /// At least one material emits.
     pub emission: bool,
     /// The background depends on the direction.
@@ -67,12 +69,13 @@ impl Features {
             glass: any(|m| m.refracts),
             lobes: any(|m| m.lobes),
             subsurface: any(|m| m.subsurface),
-            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow))
+            transparency: any(|m| m.transparent || m.catcher || !m.visible.to(RayKind::Shadow))
                 || any(|m| !m.portals.is_empty())
                 || lights.any_blockers(),
             hidden: any(|m| !m.visible.is_all()),
             holes: any(|m| m.hole),
             portals: any(|m| !m.portals.is_empty()),
+            catchers: any(|m| m.catcher),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             media: false,

@@ -39,6 +39,11 @@ pub enum Pass {
     /// Motion of the first surface or the background in pixels: from its place in this picture to that in the one
     /// before, and from that in the one after to its place; mean of the samples that have one.
     Vector,
+    /// Light of shadow catchers among all objects, divided by that among shadow catchers alone; see
+    /// [`crate::film::catcher`].
+    ShadowCatcher,
+    /// Roughness of the first surface, as its nodes give it; mean of the samples.
+    Roughness,
     /// A part of the light.
     Light(LightPass),
     /// Two ranks of the surfaces in a pixel.
@@ -58,7 +63,7 @@ impl Pass {
     pub const GROUPS: u8 = 64;
 
     /// The passes that are neither light nor mattes nor numbered.
-    const PLAIN: [Self; 14] = [
+    const PLAIN: [Self; 16] = [
         Self::Combined,
         Self::Depth,
         Self::Mist,
@@ -73,6 +78,8 @@ impl Pass {
         Self::LeafDepth,
         Self::SampleCount,
         Self::Vector,
+        Self::ShadowCatcher,
+        Self::Roughness,
     ];
 
     /// All passes that are not numbered.
@@ -90,6 +97,14 @@ impl Pass {
         }
     }
 
+    /// Returns the other pass whose sums this one is computed from.
+    pub fn source(self) -> Option<Self> {
+        match self {
+            Self::ShadowCatcher => Some(Self::Combined),
+            _ => self.divisor(),
+        }
+    }
+
     /// Returns the number of the output.
     pub fn output(self) -> Option<u8> {
         match self {
@@ -102,7 +117,12 @@ impl Pass {
     pub fn is_extra(self) -> bool {
         matches!(
             self,
-            Self::Light(_) | Self::Matte(_) | Self::Output(_) | Self::Group(_) | Self::Vector
+            Self::Light(_)
+                | Self::Matte(_)
+                | Self::Output(_)
+                | Self::Group(_)
+                | Self::Vector
+                | Self::Roughness
         )
     }
 
@@ -139,6 +159,8 @@ impl Pass {
             Self::LeafDepth => "Leaf Depth",
             Self::SampleCount => "Sample Count",
             Self::Vector => "Vector",
+            Self::ShadowCatcher => "Shadow Catcher",
+            Self::Roughness => "Roughness",
             Self::Light(pass) => pass.name(),
             Self::Matte(pass) => return Cow::Owned(pass.name()),
             Self::Output(number) => return Cow::Owned(format!("Output {number}")),
@@ -154,17 +176,18 @@ impl Pass {
             | Self::Position
             | Self::Uv
             | Self::Albedo
+            | Self::ShadowCatcher
             | Self::Light(_)
             | Self::Group(_) => 3,
             _ => 1,
         }
     }
 
-    /// Returns the number of sums that the film keeps per pixel: one for each channel. Mattes are counted instead, and
-    /// vectors have a number of samples of their own.
+    /// Returns the number of sums that the film keeps per pixel: one for each channel. Mattes are counted instead,
+    /// shadow catchers have sums of their own, and vectors a number of samples of their own.
     pub fn sums(self) -> usize {
         match self {
-            Self::Matte(_) => 0,
+            Self::Matte(_) | Self::ShadowCatcher => 0,
             Self::Vector => 5,
             _ => self.channels(),
         }

@@ -13,6 +13,7 @@ mod passes;
 mod same_picture;
 mod secondary_beams;
 pub(crate) mod setup;
+mod shadow_catchers;
 mod shadows;
 mod subsurface;
 mod volumes;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Pictures of volumes against closed forms.
 
-use crate::camera::CameraParams;
+use crate::camera::{CameraParams, Projection};
 use crate::light::LightKind;
 use crate::light::world::WorldParams;
 use crate::material::MaterialParams;
@@ -285,6 +285,34 @@ fn a_camera_inside_of_a_volume_and_a_world_of_fog() {
     });
     let world = mean(&run(&scene, &from_above(0.5), deep(4, 1), 1).0);
     assert!((world - expected).abs() < 1e-4, "{world}");
+}
+
+#[test]
+fn media_begin_on_the_near_clipping_plane() {
+    // The camera is 3 units above the origin, outside of a cube of half size 1; the plane cuts the cube.
+    let mut mesh = Mesh::default();
+    mesh.cube(1.0, 0);
+    let scene = mesh.scene(SceneParams {
+        materials: vec![only(volume([0.0; 3], [0.4; 3], 0.0, 0.0))],
+        world: [1.0; 3].into(),
+        ..Default::default()
+    });
+    for projection in [Projection::Perspective, Projection::Orthographic] {
+        let camera = CameraParams {
+            projection,
+            to_world: at(0.05, 0.03, 3.0),
+            window: [-0.01, 0.01, -0.01, 0.01],
+            clip_start: 2.5,
+            clip_end: 100.0,
+            ..Default::default()
+        };
+        let through = mean(&run(&scene, &camera, deep(4, 1), 1).0);
+        let expected = (-1.5_f64 * 0.4).exp();
+        assert!(
+            (through - expected).abs() < 1e-3,
+            "{projection:?}: {through}"
+        );
+    }
 }
 
 #[test]

@@ -32,6 +32,11 @@ impl RoughDiffuse {
         weight: Vec3::ZERO,
     };
 
+    /// Returns the roughness of the lobe.
+    pub fn roughness(&self) -> f32 {
+        self.b / self.a
+    }
+
     /// A lobe of this roughness, 0..1. `weight`: its albedo without roughness; `color`: of the surface, for further
     /// bounces; `cos_i`: between normal and viewer.
     #[inline(always)]

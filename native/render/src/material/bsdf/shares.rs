@@ -60,6 +60,40 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         sum / 16.0
     }
 
+    /// Returns the mean roughness of the lobes by their weights, as in Cycles: that of Lambertian and translucent lobes
+    /// does not count, and without other lobes it is 1.
+    #[cold]
+    #[inline(never)]
+    pub fn roughness(&self) -> f32 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        let mut add = |weight: Vec3, roughness: f32| {
+            sum += weight.mean_abs() * roughness;
+            weights += weight.mean_abs();
+        };
+        // The roughness is the square root of the width.
+        for facets in &self.facets[..self.facet_count] {
+            add(facets.scale, facets.ggx.alpha2.sqrt().sqrt());
+        }
+        for boundary in &self.boundaries[..self.boundary_count] {
+            add(boundary.scale, boundary.ggx.alpha2.sqrt().sqrt());
+        }
+        for rough in &self.rough[..self.rough_count] {
+            add(rough.weight, rough.roughness());
+        }
+        for lobe in self.own_lobes() {
+            match &lobe.shape {
+                Shape::Facets(facets, _) | Shape::Boundary(facets, _) => {
+                    let [a, b] = facets.width;
+                    add(lobe.scale, (a * b).sqrt().sqrt());
+                }
+                Shape::Rough(rough) => add(rough.weight * lobe.scale, rough.roughness()),
+                Shape::ToonGlossy(_) => add(lobe.scale, 1.0),
+                _ => {}
+            }
+        }
+        if weights > 0.0 { sum / weights } else { 1.0 }
+    }
+
     /// Returns the albedos of the diffuse, glossy and transmitting lobes at the viewing direction, as in Cycles:
     /// refraction as if it were smooth, rough diffuse lobes as if they were Lambertian.
     #[cold]

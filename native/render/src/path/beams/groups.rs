@@ -110,7 +110,13 @@ mod tests {
             t_max: 1.0,
         };
         let mut rays: Vec<_> = (0..100).map(ray).collect();
-        let path = |i| Path::from_camera([0.0; 3], PixelSampler::new(0, 0, 0), 0, i);
+        let from = Ray {
+            o: [0.0; 3],
+            d: [0.0; 3],
+            t_min: 0.0,
+            t_max: 0.0,
+        };
+        let path = |i| Path::from_camera(&from, PixelSampler::new(0, 0, 0), 0, i);
         let mut paths: Vec<_> = (0..100).map(path).collect();
         let share = |i: f32| Shares::of(Vec3::splat(i), Vec3::ZERO, Vec3::ONE);
         let mut shares: Vec<_> = (0..100).map(|i| share(i as f32)).collect();

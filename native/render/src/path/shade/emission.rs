@@ -28,6 +28,7 @@ impl<
         {
             return;
         }
+        let path = &path.before_catcher();
         out.work.lights_tested += 1;
         // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
         // The virtual origin of a beam lies behind that point.
@@ -40,7 +41,7 @@ impl<
             let lit = &mut Lit {
                 images: &scene.images,
                 varying: &scene.varying,
-                history: path.history(0.0),
+                history: path.history(-path.passed),
                 registers,
             };
             let lights = &scene.lights;

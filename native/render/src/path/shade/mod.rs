@@ -2,12 +2,13 @@
 //! Shading of a wavefront's hits: adds emission, collects shadow rays, and replaces the rays by those of the next
 //! bounce.
 
-use crate::film::Shares;
+use crate::film::catcher::Catch;
+use crate::film::{PixelSample, Shares};
 use crate::material::bsdf::{Bsdf, MAX_LOBES};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
 use crate::path::calls::Cancelled;
-use crate::path::shade::output::{Extra, Output, part};
+use crate::path::shade::output::{Extra, Output};
 use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
@@ -20,6 +21,7 @@ use halfspace_ray::{Hit, Ray};
 use std::sync::atomic::Ordering;
 
 mod around;
+mod catcher;
 mod emission;
 mod light_samples;
 mod output;
@@ -98,6 +100,8 @@ fn shade<
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
     let ahead = Ahead::new(context.scene);
     let mut kept = 0;
+    let mut splits = Vec::new();
+    let mut unseen = PixelSample::EMPTY;
     let mut bsdf = Bsdf::empty();
     for i in 0..rays.len() {
         if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
@@ -106,17 +110,24 @@ fn shade<
         ahead.fetch(hits, i);
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
+        let ray = rays[i];
         let slot = path.slot as usize;
+        let (sample, extra) = if EXTRA {
+            if let Some(alone) =
+                catcher::split(context, &ray, &hits[i], &mut path, batch, light_registers)
+            {
+                let beside = (sources.get(i), media.get(i), shares.get(i), walks.get(i));
+                splits.push(catcher::Split::new(alone, ray, beside));
+            }
+            let shares = shares.get(i).copied().unwrap_or(Shares::DIFFUSE);
+            let (sample, extra) = Extra::of(&path, shares, context.film, batch, &mut unseen);
+            (sample, Some(extra))
+        } else {
+            (&mut batch.samples[slot], None)
+        };
         let mut out = Output::<EXTRA> {
-            sample: &mut batch.samples[slot],
-            extra: EXTRA.then(|| Extra {
-                parts: batch.parts.get_mut(slot),
-                shares: shares.get(i).copied().unwrap_or(Shares::DIFFUSE),
-                groups: part(&mut batch.groups, slot, context.film.groups()),
-                identities: batch.identities.get_mut(slot),
-                motion: batch.motion.get_mut(slot),
-                outputs: part(&mut batch.outputs, slot, context.film.outputs()),
-            }),
+            sample,
+            extra,
             shadows: &mut *shadows,
             registers: &mut *registers,
             light_registers: &mut *light_registers,
@@ -128,7 +139,7 @@ fn shade<
             scratch: &mut *scratch,
             seed: 0,
         };
-        if let Some(next) = shader.shade_hit(&rays[i], &hits[i], &mut path, &mut bsdf, &mut out) {
+        if let Some(next) = shader.shade_hit(&ray, &hits[i], &mut path, &mut bsdf, &mut out) {
             rays[kept] = next;
             if !sources.is_empty() {
                 sources[kept] = out.next;
@@ -155,6 +166,8 @@ fn shade<
     shares.truncate(kept);
     media.truncate(kept);
     walks.truncate(kept);
+    // Append the paths that shadow catchers split off.
+    splits.into_iter().for_each(|split| split.append(wave));
     Ok(())
 }
 
@@ -199,7 +212,7 @@ impl<
             scene,
             settings,
             features,
-            camera_sees_lamps: scene.lights.any_camera_visible(),
+            camera_sees_lamps: scene.lights.any_camera_visible() && context.points.is_none(),
             albedo: context.film.fills(Pass::Albedo),
             last_ray_counts: features.lights_hittable
                 || features.emission
@@ -243,7 +256,9 @@ impl<
         // Find the surface; rays to which it is invisible pass through it.
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
-        if features.hidden && !surface.material.visible.to(path.kind) {
+        if features.hidden && !surface.material.visible.to(path.kind) && !self.is_point(path)
+            || EXTRA && path.catch == Catch::Alone && !surface.material.catcher
+        {
             return path
                 .pass_invisible(hit.t)
                 .then(|| surface.continued(ray, hit));
@@ -346,6 +361,11 @@ impl<
         if let Some(normal) = material.normal(out.registers) {
             surface.bend(normal, d);
         }
+    }
+
+    /// Whether the path is at the point of a surface that its pixel shows, which need not be visible.
+    fn is_point(&self, path: &Path) -> bool {
+        self.context.points.is_some() && path.camera
     }
 
     /// Whether the settings select this integrator.

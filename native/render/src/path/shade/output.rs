@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The outputs of shading: the light of a sample, its shadow rays and what the passes need.
 
-use crate::film::{Identities, LightParts, PixelSample, Shares};
+use crate::film::catcher::{Catch, Caught};
+use crate::film::{Batch, Film, Identities, LightParts, PixelSample, Shares};
 use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::beams::source::Source;
@@ -94,10 +95,55 @@ pub(super) struct Extra<'a> {
     pub(super) motion: Option<&'a mut [f32; 5]>,
     /// The outputs of the first surface's material.
     pub(super) outputs: &'a mut [[f32; 4]],
+    /// What the sample's shadow catcher shows, if the scene has any.
+    caught: Option<&'a mut Caught>,
 }
 
-/// Returns the `count` values of a slot.
-pub(super) fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
+impl<'a> Extra<'a> {
+    /// The outputs of a path for passes that are rarely filled, and its sample. Light of shadow catchers is in no light
+    /// pass or group, as in Cycles. `unseen`: takes what a path among catchers alone writes.
+    pub(super) fn of(
+        path: &Path,
+        shares: Shares,
+        film: &Film,
+        batch: &'a mut Batch,
+        unseen: &'a mut PixelSample,
+    ) -> (&'a mut PixelSample, Self) {
+        let slot = path.slot as usize;
+        let lit = path.catch == Catch::None;
+        let seen = path.catch != Catch::Alone;
+        let Batch {
+            samples,
+            parts,
+            identities,
+            outputs,
+            groups,
+            motion,
+            caught,
+        } = batch;
+        let sample = if seen { &mut samples[slot] } else { unseen };
+        let extra = Self {
+            parts: parts.get_mut(slot).filter(|_| lit),
+            shares,
+            groups: part(groups, slot, film.groups() * usize::from(lit)),
+            identities: identities.get_mut(slot).filter(|_| seen),
+            motion: motion.get_mut(slot).filter(|_| seen),
+            outputs: part(outputs, slot, film.outputs() * usize::from(seen)),
+            caught: caught.get_mut(slot),
+        };
+        (sample, extra)
+    }
+
+    /// Adds light that the path finds to what its shadow catcher shows.
+    fn catch(&mut self, catch: Catch, light: Vec3) {
+        if let Some(caught) = &mut self.caught {
+            caught.add(catch, light);
+        }
+    }
+}
+
+/// Returns the `count` values of a slot; none if the count is 0.
+fn part<T>(values: &mut [T], slot: usize, count: usize) -> &mut [T] {
     &mut values[slot * count..(slot + 1) * count]
 }
 
@@ -122,6 +168,7 @@ impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
         let Some(extra) = self.extra() else {
             return;
         };
+        extra.catch(path.catch, light);
         if !extra.groups.is_empty() {
             add_to_group(extra.groups, group(), light);
         }
@@ -134,7 +181,8 @@ impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
         }
     }
 
-    /// Returns what the light passes and light groups need of light that the path's vertex scatters, if they are filled.
+    /// Returns what light passes, light groups and shadow catchers need of light that the path's vertex scatters, if
+    /// there are any.
     /// `shares`: returns the shares of the vertex's lobes, which count at the first one; `group`: returns the light
     /// group of the emitter.
     #[inline(always)]
@@ -146,7 +194,7 @@ impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
     ) -> Option<Scattered> {
         let extra = self.extra.as_ref().filter(|_| EXTRA)?;
         let divided = extra.parts.is_some();
-        if !divided && extra.groups.is_empty() {
+        if !divided && extra.groups.is_empty() && extra.caught.is_none() {
             return None;
         }
         let indirect = path.bounce > 0;
@@ -155,6 +203,7 @@ impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
             shares: if first { shares() } else { extra.shares },
             indirect,
             group: group(),
+            catch: path.catch,
         })
     }
 
@@ -163,6 +212,7 @@ impl<'a, const EXTRA: bool> Output<'a, EXTRA> {
     pub(super) fn add_unoccluded(&mut self, light: Vec3, scattered: Option<Scattered>) {
         self.sample.add(light);
         if let (Some(extra), Some(of)) = (self.extra(), scattered) {
+            extra.catch(of.catch, light);
             add_to_group(extra.groups, of.group, light);
             if let Some(parts) = &mut extra.parts {
                 parts.add_scattered(light, &of.shares, of.indirect);

@@ -11,6 +11,7 @@ use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
+use crate::settings::Pass;
 use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
@@ -65,6 +66,9 @@ impl<
         out.work.shaded_glass += u64::from(bsdf.transmits());
         if path.camera {
             out.add_colors(path.throughput, || bsdf.colors());
+            if EXTRA && self.context.film.fills(Pass::Roughness) {
+                out.sample.roughness = bsdf.roughness();
+            }
         }
         // Light from behind reaches a surface only if it transmits.
         let normal = if bsdf.transmits() {

@@ -142,7 +142,10 @@ fn add_lamps<const EXTRA: bool>(
     out: &mut Output<'_, EXTRA>,
 ) {
     let (scene, settings) = (context.scene, context.settings);
-    let hidden = !scene.lights.any_camera_visible() || (settings.film_transparent && !hit.is_hit());
+    let path = &path.before_catcher();
+    let hidden = !scene.lights.any_camera_visible()
+        || context.points.is_some()
+        || (settings.film_transparent && !hit.is_hit());
     if !scene.features().lights_hittable || (path.camera && hidden) {
         return;
     }
@@ -159,7 +162,7 @@ fn add_lamps<const EXTRA: bool>(
         let lit = &mut Lit {
             images: &scene.images,
             varying: &scene.varying,
-            history: path.history(0.0),
+            history: path.history(-path.passed),
             registers: &mut *registers,
         };
         let light = lights.radiance_through(reach, path.pdf, path.kind, group, lit, |distance| {

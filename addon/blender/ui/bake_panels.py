@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels of baking. Labels and places are those of Cycles; Blender's operator reads most of the settings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .panels import EnginePanel
+
+LIT = ("DIFFUSE", "GLOSSY", "TRANSMISSION")
+"""Bakes of the light of one kind of shaders."""
+
+VIEWED = ("COMBINED", "SHADOW", "EMIT", *LIT)
+"""Bakes that depend on the direction from which the surface is seen."""
+
+
+class HALFSPACE_PT_bake(EnginePanel, bpy.types.Panel):
+    """What is baked, of the selected objects into the images of their materials."""
+
+    bl_label = "Bake"
+    section = "Baking"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        scene = context.scene
+        wanted = scene.halfspace.bake_type
+        column.operator("object.bake", icon="RENDER_STILL").type = wanted
+        column.prop(scene.halfspace, "bake_type")
+        if wanted in VIEWED:
+            row = column.row()
+            row.active = scene.camera is not None
+            row.prop(scene.render.bake, "view_from")
+
+
+class HALFSPACE_PT_bake_influence(EnginePanel, bpy.types.Panel):
+    """The parts of what is baked."""
+
+    bl_label = "Influence"
+    bl_parent_id = "HALFSPACE_PT_bake"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.scene.halfspace.bake_type in ("NORMAL", "COMBINED", *LIT)
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        bake, wanted = context.scene.render.bake, context.scene.halfspace.bake_type
+        if wanted == "NORMAL":
+            column.prop(bake, "normal_space", text="Space")
+            for axis, text in (("r", "Swizzle R"), ("g", "G"), ("b", "B")):
+                column.prop(bake, f"normal_{axis}", text=text)
+            return
+        light = column.column(heading="Lighting", align=True)
+        light.prop(bake, "use_pass_direct")
+        light.prop(bake, "use_pass_indirect")
+        if wanted in LIT:
+            light.prop(bake, "use_pass_color")
+            return
+        parts = column.column(heading="Contributions", align=True)
+        for part in ("diffuse", "glossy", "transmission", "emit"):
+            parts.prop(bake, f"use_pass_{part}")
+
+
+class HALFSPACE_PT_bake_selected_to_active(EnginePanel, bpy.types.Panel):
+    """Whether the surfaces of the selected objects are baked into the image of the active one."""
+
+    bl_label = "Selected to Active"
+    bl_parent_id = "HALFSPACE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.render.bake, "use_selected_to_active", text="")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        bake = context.scene.render.bake
+        column.active = bake.use_selected_to_active
+        column.prop(bake, "use_cage", text="Cage")
+        if bake.use_cage:
+            column.prop(bake, "cage_object")
+        column.prop(bake, "cage_extrusion", text="Extrusion")
+        column.prop(bake, "max_ray_distance")
+
+
+class HALFSPACE_PT_bake_output(EnginePanel, bpy.types.Panel):
+    """Where the pixels go."""
+
+    bl_label = "Output"
+    bl_parent_id = "HALFSPACE_PT_bake"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        bake = context.scene.render.bake
+        column.prop(bake, "target")
+        if bake.target == "IMAGE_TEXTURES":
+            column.prop(bake, "use_clear", text="Clear Image")
+            column.prop(bake, "margin_type", text="Margin")
+            column.prop(bake, "margin", text="Size")
+
+
+CLASSES = (
+    HALFSPACE_PT_bake,
+    HALFSPACE_PT_bake_influence,
+    HALFSPACE_PT_bake_selected_to_active,
+    HALFSPACE_PT_bake_output,
+)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
