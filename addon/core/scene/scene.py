@@ -300,8 +300,8 @@ class Material:
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
     blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
     camera rays see a hole in the picture; catcher: whether they see only the shadows of other objects. outputs: numbers
-    of passes "Output" and the values that they show. portals: colour, position and direction of each. strands: the layer
-    that is 1 on tubes around hairs, whose inside rays do not see.
+    of passes "Output" and the values that they show. portals: colour, position and direction of each. strands: the
+    layer that is 1 on tubes around hairs, whose inside rays do not see.
     """
 
     name: str
