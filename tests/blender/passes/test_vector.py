@@ -66,12 +66,10 @@ def both(scene: Any, folder: Path) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_vectors_are_those_of_cycles(track: Any, tmp_path: Path, kind: str) -> None:
+    if bpy.app.version < (5, 0):
+        pytest.skip("Cycles of Blender 4.5 leaves out the motion of the background")
     track.camera.data.type, track.camera.data.ortho_scale = kind, 9.0
     ours, theirs = both(track, tmp_path)
-    if bpy.app.version < (5, 0):  # Cycles leaves the motion of the background out
-        background = (theirs == 0).all(axis=2)
-        assert background.mean() > 0.05
-        ours[background] = 0
     assert (np.abs(theirs).max(axis=(0, 1)) > 0.5).all()
     assert (np.abs(theirs - ours).mean(axis=(0, 1)) < 0.02 * np.abs(theirs).max(axis=(0, 1))).all()
     # Apart from edges, where samples see one surface or the other, each pixel has the same vector.
