@@ -2,7 +2,6 @@
 //! Instances return bit for bit the hits of brute force over the flattened scene, for all transforms and all
 //! structures of the meshes.
 
-use fearless_simd::Level;
 use halfspace::base::Monitor;
 use halfspace::geom::Transform;
 use halfspace::oracle::cases::{Random, Size, aimed, cases, grid, lattice_rays, soup};
@@ -351,6 +350,7 @@ fn every_instruction_set_and_counting_give_the_same_answers() {
     assert!(counters.iter().any(|c| c.tests > 0 && c.leaves > 0));
     #[cfg(target_arch = "x86_64")]
     {
+        use fearless_simd::Level;
         let best = Level::new();
         let mut levels = vec![best];
         levels.extend(best.as_sse4_2().map(Level::Sse4_2));
