@@ -204,7 +204,9 @@ mod tests {
                 let total = |c: f32| at(c).albedo.x * at(c).factor.x;
                 for k in 0..100 {
                     let c = k as f32 / 100.0;
-                    assert!(total(c + 0.01) > total(c), "{method:?} {g} {c}");
+                    // The fits of the older methods reach 1 before the colour does.
+                    let full = method != Method::RandomWalk && total(c) >= MAX_ALBEDO;
+                    assert!(full || total(c + 0.01) > total(c), "{method:?} {g} {c}");
                 }
                 assert!(total(1.0) > 0.999, "{method:?} {g}: {}", total(1.0));
                 assert!(total(0.0) < 1e-3 && at(0.0).albedo.x == MIN_ALBEDO);
