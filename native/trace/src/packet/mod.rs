@@ -10,7 +10,6 @@
 //! other rays.
 
 pub mod boxes;
-mod bundle;
 pub mod kernel;
 pub mod leaf;
 pub mod nodes;

@@ -18,7 +18,6 @@
 
 pub mod kernel;
 
-mod blockers;
 mod boxes;
 mod intervals;
 mod lists;
