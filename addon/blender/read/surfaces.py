@@ -94,11 +94,12 @@ class Surface:
 
     def _unknown(self, kind: str, node: Place, weight: Operand) -> None:
         """Read a surface shader that is not rendered as a diffuse one of its colour. Raises Unsupported without one."""
-        if node.input("Color") is None or kind.startswith("ShaderNodeVolume"):
+        color = next((name for name in ("Color", "Base Color") if node.input(name) is not None), None)
+        if color is None or kind.startswith("ShaderNodeVolume"):
             raise Unsupported(node.node.bl_label)
         self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
         if self._has_room(principled=False):
-            self.add("diffuse", weight, node, color=self.color(node))
+            self.add("diffuse", weight, node, color=self.color(node, color))
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
         """Read both shaders of a Mix Shader, each with its part of the weight."""

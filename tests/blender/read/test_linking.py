@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from shapes import cube, read
+from shapes import cube, material, read
 
 from addon.blender.read import linking
 
@@ -85,6 +85,11 @@ def test_more_collections_than_sets_are_listed(add: Any) -> None:
 
 
 def test_linked_glowing_objects_are_listed(add: Any) -> None:
-    item = add("Glow", cube())
+    mesh = cube()
+    mesh.materials.append(material("Glow", Emission_Strength=1.0))
+    item = add("Glow", mesh)
     item.light_linking.receiver_collection = bpy.data.collections.new("Apart")
-    assert [line for line in read()[1] if line.startswith("Light linking") and line.endswith(": Glow")]
+    notes = [line for line in read()[1] if line.startswith("Light linking")]
+    assert [line.endswith(": Glow") for line in notes] == [True]
+    mesh.materials.clear()
+    assert not [line for line in read()[1] if line.startswith("Light linking")]

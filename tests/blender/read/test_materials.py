@@ -159,15 +159,14 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
     tree = block.node_tree
     shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Base Color"])
-    tree.links.new(tree.nodes.new("ShaderNodeBevel").outputs[0], shader.inputs["Roughness"])
+    tree.links.new(tree.nodes.new("ShaderNodeShaderToRGB").outputs[0], shader.inputs["Base Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeShaderToRGB").outputs[1], shader.inputs["Roughness"])
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
     assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    words = ("Ambient Occlusion", "Bevel")
-    assert [word for word in words if not any(word in n for n in notes)] == []
+    assert any("Shader to RGB" in line for line in notes)
 
 
 def test_a_coat_over_emission_is_supported() -> None:
@@ -222,15 +221,15 @@ def test_bad_nodes_make_remarks_not_exceptions() -> None:
 
 
 def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
-    block = material("Portal")
-    plug(block, "ShaderNodeBsdfRayPortal")
-    portal = next(n for n in block.node_tree.nodes if n.type == "BSDF_RAY_PORTAL")
-    portal.inputs["Color"].default_value = (0.2, 0.5, 0.7, 1)
+    block = material("Specular")
+    plug(block, "ShaderNodeEeveeSpecular")
+    specular = next(n for n in block.node_tree.nodes if n.bl_idname == "ShaderNodeEeveeSpecular")
+    specular.inputs["Base Color"].default_value = (0.2, 0.5, 0.7, 1)
     found, notes = converted(block)
     assert [closure.kind for closure in found.closures] == ["diffuse"]
     assert found.closures[0].inputs["color"] == pytest.approx((0.2, 0.5, 0.7, 1.0))
     assert len(notes) == 1
-    assert "Ray Portal" in notes[0]
+    assert "Specular BSDF" in notes[0]
 
 
 def test_subsurface_scattering_keeps_its_method_and_lets_objects_be_told_apart() -> None:
@@ -281,14 +280,14 @@ def test_principled_hair_has_the_pigments_of_its_parametrisation() -> None:
     assert "Huang" in notes[0]
 
 
-def test_an_unknown_shader_without_a_colour_falls_back_to_the_viewport_look() -> None:
+def test_a_shader_of_volumes_as_a_surface_falls_back_to_the_viewport_look() -> None:
     block = material("Cut out")
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    plug(block, "ShaderNodeEeveeSpecular")
+    plug(block, "ShaderNodeVolumeScatter")
     found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert len(notes) == 1
-    assert "Specular" in notes[0]
+    assert "Volume Scatter" in notes[0]
 
 
 def test_materials_without_output_or_shader_are_black() -> None:
@@ -311,10 +310,10 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     notes = Notes()
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
-    unknown = world.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
+    unknown = world.node_tree.nodes.new("ShaderNodeShaderToRGB")
     world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
-    assert any("Ambient Occlusion" in line and "World" in line for line in notes.lines())
+    assert any("Shader to RGB" in line and "World" in line for line in notes.lines())
     assert read_world(None, notes)[0].color == (0, 0, 0)
 
 
