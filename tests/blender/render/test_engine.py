@@ -175,9 +175,7 @@ def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.Mo
 def test_unsupported_nodes_and_triangles_without_area_are_reported_once(stage: Any, tmp_path: Path) -> None:
     odd = material("Odd")
     shader = node(odd.node_tree, "ShaderNodeBsdfPrincipled")
-    odd.node_tree.links.new(
-        odd.node_tree.nodes.new("ShaderNodeAmbientOcclusion").outputs[0], shader.inputs["Roughness"]
-    )
+    odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeShaderToRGB").outputs[0], shader.inputs["Roughness"])
     for name in ("Cube", "Other"):
         mesh = cube(name)
         mesh.materials.append(odd)
