@@ -342,13 +342,15 @@ impl Wavefront {
             RayOrder::None
         };
         self.calls.cover(n, context.stop, |range| {
-            let counters = counts.then(|| &mut self.counters[range.clone()]);
-            tracer.closest_ordered(
-                &self.rays[range.clone()],
-                &mut self.hits[range],
-                counters,
-                order,
-            );
+            if counts {
+                for i in range {
+                    let own = Some(&mut self.counters[i..=i]);
+                    tracer.closest(&self.rays[i..=i], &mut self.hits[i..=i], own);
+                }
+            } else {
+                let (rays, hits) = (&self.rays[range.clone()], &mut self.hits[range]);
+                tracer.closest_ordered(rays, hits, None, order);
+            }
         })?;
         // Attribute the counters to the pixels.
         if counts {
