@@ -162,7 +162,7 @@ impl Walk {
     fn scatter(&mut self, d: Vec3, throughput: Vec3) -> Vec3 {
         if self.segments == SIMILAR {
             let absorption = self.extinction - self.scattering;
-            self.scattering = self.scattering * (1.0 - self.anisotropy);
+            self.scattering *= 1.0 - self.anisotropy;
             self.extinction = absorption + self.scattering;
             self.anisotropy = 0.0;
         }

@@ -311,6 +311,16 @@ impl Wavefront {
         Ok(())
     }
 
+    /// Drops all but the first paths.
+    pub(super) fn truncate(&mut self, kept: usize) {
+        self.rays.truncate(kept);
+        self.paths.truncate(kept);
+        self.sources.truncate(kept);
+        self.shares.truncate(kept);
+        self.media.truncate(kept);
+        self.walks.truncate(kept);
+    }
+
     /// Finds the nearest hits of all rays. `primary`: whether they are camera rays.
     fn trace(&mut self, context: &Context<'_>, primary: bool) -> Result<(), Cancelled> {
         let n = self.rays.len();

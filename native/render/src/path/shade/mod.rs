@@ -111,7 +111,6 @@ fn shade<
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let ray = rays[i];
-        let slot = path.slot as usize;
         let (sample, extra) = if EXTRA {
             if let Some(alone) =
                 catcher::split(context, &ray, &hits[i], &mut path, batch, light_registers)
@@ -123,7 +122,7 @@ fn shade<
             let (sample, extra) = Extra::of(&path, shares, context.film, batch, &mut unseen);
             (sample, Some(extra))
         } else {
-            (&mut batch.samples[slot], None)
+            (&mut batch.samples[path.slot as usize], None)
         };
         let mut out = Output::<EXTRA> {
             sample,
@@ -160,15 +159,17 @@ fn shade<
             kept += 1;
         }
     }
-    rays.truncate(kept);
-    paths.truncate(kept);
-    sources.truncate(kept);
-    shares.truncate(kept);
-    media.truncate(kept);
-    walks.truncate(kept);
+    wave.truncate(kept);
     // Append the paths that shadow catchers split off.
     splits.into_iter().for_each(|split| split.append(wave));
     Ok(())
+}
+
+/// Continues a ray behind a surface that does not exist for it.
+#[inline(always)]
+fn pass_invisible(surface: &Surface<'_>, ray: &Ray, hit: &Hit, path: &mut Path) -> Option<Ray> {
+    path.pass_invisible(hit.t)
+        .then(|| surface.continued(ray, hit))
 }
 
 /// Shading, compiled for a set of features.
@@ -220,6 +221,22 @@ impl<
         }
     }
 
+    /// Adds the emission of a surface, dimmed by its coats.
+    #[inline(always)]
+    fn add_surface_emission(
+        &self,
+        surface: &Surface<'_>,
+        emission: Vec3,
+        d: Vec3,
+        hit: &Hit,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) {
+        let cosine = || surface.cosine(d);
+        let emission = (surface.material).coated_emission(emission, out.registers, cosine);
+        self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
+    }
+
     /// Shades one hit. Returns the next ray if the path continues.
     #[inline(always)]
     fn shade_hit(
@@ -259,16 +276,12 @@ impl<
         if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
             || EXTRA && path.catch == Catch::Alone && !surface.material.catcher
         {
-            return path
-                .pass_invisible(hit.t)
-                .then(|| surface.continued(ray, hit));
+            return pass_invisible(&surface, ray, hit, path);
         }
         // Pass the boundaries of volumes.
         if out.media.is_some() && surface.material.boundary {
             out.cross(&surface);
-            return path
-                .pass_invisible(hit.t)
-                .then(|| surface.continued(ray, hit));
+            return pass_invisible(&surface, ray, hit, path);
         }
         self.run_program(&mut surface, d, hit.t, path, out);
         // Add the emission of the surface.
@@ -280,9 +293,7 @@ impl<
             && !self.is(Integrator::Ambient)
             && unscattered.emission != Vec3::ZERO
         {
-            let cosine = || surface.cosine(d);
-            let emission = material.coated_emission(unscattered.emission, out.registers, cosine);
-            self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
+            self.add_surface_emission(&surface, unscattered.emission, d, hit, path, out);
         }
         // Draw the random numbers of this vertex.
         let random = path.next_vertex();
@@ -291,7 +302,7 @@ impl<
         } else {
             [0.0; 2]
         };
-
+        // Go on at another place with the probability of the portals.
         if features.portals && !hole && !material.portals.is_empty() {
             match portal::pass(scene, &surface, &unscattered, d, opacity, path, out) {
                 Ok(rest) => opacity = rest,
