@@ -191,8 +191,8 @@ def seen_portals(tree: Any) -> Any:
 
 
 def test_portals_are_those_of_cycles(scene: Any) -> None:
-    if not hasattr(bpy.types, "ShaderNodeBsdfRayPortal"):
-        pytest.skip("this Blender has no portals")
+    if bpy.app.version < (5, 0):
+        pytest.skip("this Blender has no depth of portals")
     makers = {
         "down": portal((0.9, 0.6, 0.3), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)),
         "aside": portal((1.0, 1.0, 1.0), (0.2, 0.1, -0.5), (0.3, 0.2, -1.0)),

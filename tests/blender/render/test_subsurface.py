@@ -81,6 +81,7 @@ def lights(scene: Any, add: Any) -> Any:
     return scene
 
 
+@pytest.mark.skipif(not NEW, reason="Cycles before Blender 5.2 differs by up to 4 % in thin media")
 def test_walks_are_those_of_cycles(lit: Any) -> None:
     atlas.sheet(lit, BALLS, ball())
     ours, theirs = atlas.both(lit, BALLS, samples=256, bounces=BOUNCES)

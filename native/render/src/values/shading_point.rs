@@ -168,7 +168,6 @@ impl<'a> ShadingPoint<'a> {
             Coordinate::GlossyRay => {
                 truth(matches!(self.ray, RayKind::Glossy | RayKind::Transmission))
             }
-            Coordinate::TransmissionRay => truth(self.ray == RayKind::Transmission),
             Coordinate::VolumeRay => truth(self.ray == RayKind::Volume),
             Coordinate::EdgeU => self.edges[0] * self.facing(),
             Coordinate::EdgeV => self.edges[1] * self.facing(),
