@@ -132,7 +132,7 @@ def test_lights_look_as_in_cycles(dark: Any) -> None:
     assert not atlas.differences(ours, theirs)
     report = reports.last(dark)
     assert report is not None
-    assert not report.warnings
+    assert [line for line in report.warnings if "no surface" not in line] == []
 
 
 def stage(scene: Any) -> None:
