@@ -13,7 +13,7 @@ from mathutils import Vector
 from addon.core.base.arrays import F32, F64
 from addon.core.scene.workload import View
 
-from . import stage
+from .camera import see
 
 Color = tuple[float, float, float]
 
@@ -35,7 +35,7 @@ def new_world(scene: Any, color: Color) -> Any:
 def look(scene: Any, eye: Color, target: Color, field: float) -> None:
     """Place the camera; field: vertical field of view in degrees."""
     view = View(np.array(eye, np.float64), np.array(target, np.float64), np.array((0.0, 0.0, 1.0)), float(field))
-    stage.see(scene, view)
+    see(scene, view)
 
 
 def lamp(scene: Any, kind: str, place: Color, target: Color, **values: float) -> Any:

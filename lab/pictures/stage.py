@@ -12,6 +12,7 @@ from mathutils import Matrix, Vector
 from addon.core.scene.workload import bounds
 
 from . import proving_parts as parts
+from .camera import looking, see
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,18 +69,6 @@ def _mesh(workload: Workload) -> Any:
     return mesh
 
 
-def see(scene: Any, view: View) -> None:
-    """Add a camera with this view to the scene, and make it active."""
-    data = bpy.data.cameras.new("Camera")
-    data.sensor_fit = "VERTICAL"
-    data.angle = np.radians(view.vertical_fov)
-    distance = float(np.linalg.norm(view.target - view.eye))
-    data.clip_start, data.clip_end = 1e-3 * distance, 1e4 * distance
-    scene.camera = bpy.data.objects.new("Camera", data)
-    scene.camera.matrix_world = _looking(view.eye, view.target, view.up)
-    scene.collection.objects.link(scene.camera)
-
-
 def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:
     """Add those lights that are chosen: a sun high behind the left shoulder, a lamp ahead above the line of sight, a
     blue sky.
@@ -93,7 +82,7 @@ def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> N
     if "sun" in chosen:
         sun = bpy.data.lights.new("Sun", "SUN")
         sun.energy, sun.angle, sun.color = SUN, np.radians(0.53), (1.0, 0.93, 0.82)
-        _add(scene, sun, _looking(np.zeros(3), -up - 0.25 * left + 0.2 * forward, up + 1e-3 * forward))
+        _add(scene, sun, looking(np.zeros(3), -up - 0.25 * left + 0.2 * forward, up + 1e-3 * forward))
     if "lamp" in chosen or "point" in chosen:
         distance = 0.1 * diagonal
         lamp = bpy.data.lights.new("Lamp", "POINT")
@@ -106,7 +95,7 @@ def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> N
         area = bpy.data.lights.new("Area", "AREA")
         area.size, area.energy = side, SUN * 4 * np.pi * side**2
         place = np.array(view.eye) + 1.5 * side * forward + side * up
-        _add(scene, area, _looking(place, place - up, forward))
+        _add(scene, area, looking(place, place - up, forward))
     if "sky" in chosen:
         _sky(scene)
     if "panorama" in chosen:
@@ -142,14 +131,3 @@ def _add(scene: Any, light: Any, matrix: Any) -> None:
     item = bpy.data.objects.new(light.name, light)
     item.matrix_world = matrix
     scene.collection.objects.link(item)
-
-
-def _looking(eye: F64, target: F64, up: F64) -> Any:
-    """Transform of a camera or light at `eye` whose -Z points to `target` and whose +Y leans towards `up`."""
-    back = np.array(eye, np.float64) - target
-    back /= np.linalg.norm(back)
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :] = np.stack([right, np.cross(back, right), back, eye], axis=1)
-    return Matrix(matrix.tolist())

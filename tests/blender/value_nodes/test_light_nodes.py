@@ -172,7 +172,9 @@ def test_lights_shine_as_in_cycles(dark: Any, case: str) -> None:
         dark.render.engine = engine
         found.append(pictures.render(dark)[..., :3])
     assert found[1].std() > 0.01
-    assert not atlas.differences({"all": found[0]}, {"all": found[1]})
+    # Cycles of Blender 4.5 interpolates between the angles otherwise.
+    mean = 0.02 if case == "photometry" and bpy.app.version < (5, 0) else 0.01
+    assert not atlas.differences({"all": found[0]}, {"all": found[1]}, mean=mean)
 
 
 @pytest.mark.parametrize(
