@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 if TYPE_CHECKING:
     from addon.core.base.arrays import F64

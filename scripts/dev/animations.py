@@ -114,12 +114,12 @@ def ray(size: tuple[int, int]) -> Iterator[Any]:
     from addon.blender.overlay import replaying
     from addon.core.inspector import replay
     from addon.core.scene import workload
-    from lab.pictures import stage
+    from lab.pictures import camera
 
     scene = opened()
     tree = build(scene, STRUCTURE)
     eye, target = (np.array(point) for point in VIEW)
-    stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
+    camera.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
     scene.halfspace.overlay.parts = {"RAY"}
     origin, towards = (np.array(point) for point in RAY)
     operators: Any = bpy.ops

@@ -98,7 +98,7 @@ def run(asked: argparse.Namespace) -> int:
     from addon.blender.measure import pictures
     from addon.blender.overlay import drawing as overlay
     from addon.blender.settings import presets
-    from lab.pictures import scenes, stage
+    from lab.pictures import camera, scenes
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")
@@ -128,7 +128,7 @@ def run(asked: argparse.Namespace) -> int:
         operators.halfspace.pick_ray(origin=start, direction=towards - start, pixel=asked.pixel)
     if asked.view is not None:
         eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
-        stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
+        camera.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
     # Draw at a multiple of the size, save the average, and print what is in the picture.
     if scene.camera is None:
         raise ValueError("the scene has no camera; give it a --view")
