@@ -72,11 +72,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="SCENE",
         help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
     )
-    add(
-        "--structures",
-        metavar="SPEC[,SPEC...]",
-        help="configurations, families, or all (default: one of each family); k=2..10 works",
-    )
+    add("--structures", metavar="SPEC[,SPEC...]", help="specs, families or all (default: one a family); k=2..10 works")
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
     add("--alpha", metavar="RANGE", help="values of alpha, e.g. 0.1,0.5,1")
     add("--seeds", metavar="RANGE", help="seeds of the structures, e.g. 1-7")
@@ -414,9 +410,8 @@ def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
     }
     given = {name: specs.numbers(text, option) for name, (option, text) in ranges.items() if text is not None}
     left_out: list[str] = []
-    wanted = asked.structures or preset.get("structures")
-    if wanted is None:
-        wanted = FAMILIES
+    wanted = asked.structures or preset.get("structures") or FAMILIES
+    if wanted is FAMILIES:
         say(f"one structure of each family: {FAMILIES}; --structures all measures all {len(module.structures())}")
     chosen = specs.expand(wanted, module.structures(), given, left_out)
     chosen = specs.prove(module, chosen)

@@ -860,17 +860,23 @@ class RenderScene:
         of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
         the index of an earlier step (an int) or a constant (a float, or three or four floats). A
         closure has a "kind" (principled, diffuse, translucent, glossy, glass, refraction, transparent,
-        emission, conductor, sheen, velvet, toon_diffuse, toon_glossy, holdout), inputs of the names above and "weight",
-        "color", "specular_tint", "coat_weight", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+        emission, conductor, sheen, velvet, toon_diffuse, toon_glossy, subsurface, hair, hair_reflection,
+        hair_transmission, holdout), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
+        "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
         "anisotropy", "rotation" (turns), "tangent", "coat_normal" (scene space, 0 = the surface's), "sheen_weight",
         "sheen_roughness", "sheen_tint", "smooth" (a toon lobe's edge), "extinction" (a conductor's, whose "color" is
-        the index), "film_thickness" (nm), "film_ior", each an argument as in a program, and "normal",
-        "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley). At most 8 closures, 4 of them
-        principled. "hidden_from" names the kinds of rays
+        the index), "film_thickness" (nm), "film_ior", "subsurface_weight", "subsurface_radius" (a colour),
+        "subsurface_scale", "subsurface_ior", "subsurface_anisotropy", "radial_roughness", "offset", "melanin",
+        "redness", "absorption" (those of hair), each an argument as in a program, and "normal",
+        "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley), "method" (of subsurface scattering:
+        random_walk, random_walk_skin, random_walk_legacy). At most 8 closures, 4 of them principled.
+        "hidden_from" names the kinds of rays
         that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
         "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
         "hole" (False): camera rays see a hole in the picture, except where it is transparent. "catcher" (False): camera
         rays see only what the other objects take from the light of its surfaces, as alpha or in a pass.
+        "strands": the number of a layer that is 1 on tubes around hairs, whose inside rays do not see if the material
+        has a closure of hair.
         "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
         "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
         with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"

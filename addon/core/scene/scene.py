@@ -56,9 +56,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
-    """A grid in the space of an object. values: (x, y, z, 1 or 3) float32. to_index: (3, 4), object space to the
-    array's indices, where the voxels lie at whole numbers.
-    """
+    """A grid. values: (x, y, z, 1 or 3) float32. to_index: (3, 4), object space to whole indices of voxels."""
 
     values: F32
     to_index: list[list[float]]
@@ -73,8 +71,7 @@ class ObjectFrame:
     """An object's coordinate frames for textures.
 
     to_object: (3, 4), scene frame to object space. generated: (2, 3), offset added to a position in object space, then
-    scale, which map the object's box to 0 to 1. values: other values of the object, by the numbers of "object_value"
-    steps; missing ones are 0.
+    scale, which map its box to 0 to 1. values: others, by the numbers of "object_value" steps; missing ones are 0.
     """
 
     to_object: tuple[tuple[float, ...], ...]
@@ -247,7 +244,6 @@ Operand = int | float | tuple[float, ...]
 Step = Mapping[str, Any]
 """One step of a program: "op", its "args", which are operands, and its settings, as the native module takes them."""
 
-
 Hidden = tuple[str, ...]
 """Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission, volume."""
 
@@ -298,10 +294,9 @@ class Material:
     """A surface: closures whose inputs are computed per point by a program.
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
-    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether
-    camera rays see a hole in the picture; catcher: whether they see only the shadows of other objects. outputs: numbers
-    of passes "Output" and the values that they show. portals: colour, position and direction of each. strands: the
-    layer that is 1 on tubes around hairs, whose inside rays do not see.
+    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether camera
+    rays see a hole; catcher: whether they see only shadows of others. outputs: numbers of passes "Output" and values.
+    portals: colour, position, direction. strands: the layer that is 1 on tubes of hairs, whose inside rays do not see.
     """
 
     name: str

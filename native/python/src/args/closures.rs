@@ -6,7 +6,7 @@ use crate::args::shader::operand;
 use halfspace_base::error::Result;
 use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
 use halfspace_render::material::microfacets::Distribution;
-use halfspace_render::medium::inversion::Method;
+use halfspace_render::medium::inversion::Inversion;
 
 /// Closures by their names in dictionaries.
 const KINDS: &[(&str, ClosureKind)] = &[
@@ -38,10 +38,10 @@ const DISTRIBUTIONS: &[(&str, Distribution)] = &[
 ];
 
 /// Methods of subsurface scattering by their names in dictionaries.
-const METHODS: &[(&str, Method)] = &[
-    ("random_walk", Method::RandomWalk),
-    ("random_walk_skin", Method::Skin),
-    ("random_walk_legacy", Method::Legacy),
+const METHODS: &[(&str, Inversion)] = &[
+    ("random_walk", Inversion::RandomWalk),
+    ("random_walk_skin", Inversion::Skin),
+    ("random_walk_legacy", Inversion::Legacy),
 ];
 
 /// Inputs of closures by their keys.

@@ -3,7 +3,7 @@
 
 use crate::args::keys::Keys;
 use halfspace_base::error::Result;
-use halfspace_render::path::points::{Place, Points, Seen};
+use halfspace_render::path::points::{Points, Seen, SurfacePoint};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -25,7 +25,7 @@ pub fn points(dict: &Bound<'_, PyDict>) -> Result<Points> {
         .filter(|array| array.shape().get(1) == Some(&6))
         .and_then(|array| array.readonly().as_slice().map(<[f32]>::to_vec).ok())
         .ok_or_else(|| keys.wrong("place", "an (n, 6) float32 array", &place))?;
-    let places = rows.chunks_exact(6).map(|row| Place {
+    let places = rows.chunks_exact(6).map(|row| SurfacePoint {
         at: [row[0], row[1]],
         right: [row[2], row[3]],
         up: [row[4], row[5]],

@@ -19,7 +19,7 @@ pub enum Catch {
     /// The whole scene, after the camera ray met a catcher.
     Whole,
     /// Shadow catchers alone, after the camera ray met one.
-    Alone,
+    OnlyCatchers,
 }
 
 /// Number of sums per pixel.
@@ -50,7 +50,7 @@ impl Caught {
         let sum = match catch {
             Catch::None => return,
             Catch::Whole => &mut self.whole,
-            Catch::Alone => &mut self.alone,
+            Catch::OnlyCatchers => &mut self.alone,
         };
         for (sum, value) in sum.iter_mut().zip(light.array()) {
             *sum += value;

@@ -70,7 +70,8 @@ impl Lights {
         emissive: &[EmissiveTriangle],
         map: Option<Arc<DirectionMap>>,
         map_visible: Visibility,
-        (images, varying): (&[Image], &Varying),
+        images: &[Image],
+        varying: &Varying,
     ) -> Result<Self> {
         // Compile the lamps; those without power are left out.
         let mut lights = Vec::new();

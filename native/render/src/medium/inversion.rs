@@ -9,7 +9,7 @@ use crate::math::vector::Vec3;
 
 /// How radius and colour of a surface give its medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
+pub enum Inversion {
     /// "Random Walk": the radius is the mean free path.
     RandomWalk,
     /// "Random Walk (Skin)": the radius is scaled by colour and index of refraction.
@@ -40,15 +40,15 @@ const LEGACY: f32 = 0.25 * std::f32::consts::FRAC_1_PI;
 
 impl Coefficients {
     /// The medium of a surface of this colour. `radius`: in scene units; `g`: anisotropy; `ior`: of the boundary.
-    pub fn new(method: Method, color: Vec3, radius: Vec3, g: f32, ior: f32) -> Self {
+    pub fn new(method: Inversion, color: Vec3, radius: Vec3, g: f32, ior: f32) -> Self {
         let radius = match method {
-            Method::RandomWalk => radius,
-            Method::Legacy => radius * LEGACY,
-            Method::Skin => radius * color.map(|c| skin_scale(c, ior)),
+            Inversion::RandomWalk => radius,
+            Inversion::Legacy => radius * LEGACY,
+            Inversion::Skin => radius * color.map(|c| skin_scale(c, ior)),
         };
         let free = radius.map(|r| r.max(1e-16));
         // The fits of the older methods are for scattering forwards.
-        let (albedo, extinction) = if method == Method::RandomWalk || g < 0.0 {
+        let (albedo, extinction) = if method == Inversion::RandomWalk || g < 0.0 {
             (color.map(|c| van_de_hulst(c, g)), free.map(|r| 1.0 / r))
         } else {
             let extinction = free.map(|r| 1.0 / r / (1.0 - g));
@@ -198,14 +198,14 @@ mod tests {
 
     #[test]
     fn albedos_rise_with_the_colour_and_white_scatters_everything() {
-        for method in [Method::RandomWalk, Method::Skin, Method::Legacy] {
+        for method in [Inversion::RandomWalk, Inversion::Skin, Inversion::Legacy] {
             for g in [-0.9, 0.0, 0.5, 0.9] {
                 let at = |c: f32| Coefficients::new(method, Vec3::splat(c), Vec3::ONE, g, 1.4);
                 let total = |c: f32| at(c).albedo.x * at(c).factor.x;
                 for k in 0..100 {
                     let c = k as f32 / 100.0;
                     // The fits of the older methods reach 1 before the colour does.
-                    let full = method != Method::RandomWalk && total(c) >= MAX_ALBEDO;
+                    let full = method != Inversion::RandomWalk && total(c) >= MAX_ALBEDO;
                     assert!(full || total(c + 0.01) > total(c), "{method:?} {g} {c}");
                 }
                 assert!(total(1.0) > 0.999, "{method:?} {g}: {}", total(1.0));
@@ -221,12 +221,12 @@ mod tests {
                 .extinction
                 .x
         };
-        assert_eq!(of(Method::RandomWalk, 0.25, 0.5), 4.0);
-        assert!((of(Method::Legacy, 0.25, 0.5) - 4.0 / LEGACY / 0.5).abs() < 1e-3);
+        assert_eq!(of(Inversion::RandomWalk, 0.25, 0.5), 4.0);
+        assert!((of(Inversion::Legacy, 0.25, 0.5) - 4.0 / LEGACY / 0.5).abs() < 1e-3);
         // The dipole reflects half of the light at an albedo of 0.97763.
-        assert!((1.0 / of(Method::Skin, 1.0, 0.0) - 0.2591).abs() < 2e-3);
+        assert!((1.0 / of(Inversion::Skin, 1.0, 0.0) - 0.2591).abs() < 2e-3);
         for r in [0.0, f32::MIN_POSITIVE, f32::MAX] {
-            assert!(of(Method::Skin, r, 0.0).is_finite() && of(Method::Legacy, r, 0.0) > 0.0);
+            assert!(of(Inversion::Skin, r, 0.0).is_finite() && of(Inversion::Legacy, r, 0.0) > 0.0);
         }
     }
 }

@@ -31,7 +31,7 @@ pub enum Seen {
 
 /// Where a pixel lies on its triangle: barycentric weights of the second and the third corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct SurfacePoint {
     /// The weights at the pixel's centre.
     pub at: [f32; 2],
     /// Their changes from pixel to pixel, to the right.
@@ -46,7 +46,7 @@ pub struct Points {
     /// The triangle of each pixel, or [`NO_TRIANGLE`].
     pub triangles: Vec<u32>,
     /// The place of each pixel on it.
-    pub places: Vec<Place>,
+    pub places: Vec<SurfacePoint>,
     /// From where they are seen.
     pub seen: Seen,
 }
@@ -84,7 +84,7 @@ impl Points {
                     "points['triangle']: {triangle} is out of range for {count}"
                 )));
             };
-            let Place { at, right, up } = place;
+            let SurfacePoint { at, right, up } = place;
             if ![at, right, up].into_iter().flatten().all(|x| x.is_finite()) {
                 return Err(Error::NonFinite("points['place']".into()));
             }
@@ -165,7 +165,7 @@ fn visible_direction(camera: &Camera, surface: &Surface<'_>) -> Vec3 {
     direction
 }
 
-impl Place {
+impl SurfacePoint {
     /// Returns the weights at a random point of the pixel that lies on the triangle: the point is moved half as far
     /// until it does.
     fn moved(&self, random: [f32; 2]) -> [f32; 2] {
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn points_stay_on_their_triangle() {
-        let place = Place {
+        let place = SurfacePoint {
             at: [0.9, 0.05],
             right: [0.5, 0.0],
             up: [0.0, 0.5],
@@ -200,7 +200,7 @@ mod tests {
             assert!(u >= 0.0 && v >= 0.0 && u + v <= 1.0, "{u} {v}");
         }
         assert_eq!(place.moved([0.5; 2]), place.at);
-        let beyond = Place {
+        let beyond = SurfacePoint {
             at: [1.5, -0.5],
             right: [0.0; 2],
             up: [0.0; 2],

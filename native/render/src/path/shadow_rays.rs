@@ -55,7 +55,7 @@ impl Samples<'_> {
             self.pixels[slot].add(light.value);
             return;
         };
-        if of.catch != Catch::Alone {
+        if of.catch != Catch::OnlyCatchers {
             self.pixels[slot].add(light.value);
         }
         // Light of catchers is in no light pass or group.
@@ -160,7 +160,7 @@ impl ShadowRays {
             history: path.shadow_history(),
             invisible: 0,
             blockers,
-            catchers_alone: path.catch == Catch::Alone,
+            catchers_alone: path.catch == Catch::OnlyCatchers,
         });
         if let Some(scattered) = scattered {
             self.scattered.push(scattered);

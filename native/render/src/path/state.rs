@@ -96,7 +96,7 @@ impl Path {
     pub fn split(&mut self) -> Self {
         self.catch = Catch::Whole;
         Self {
-            catch: Catch::Alone,
+            catch: Catch::OnlyCatchers,
             ..*self
         }
     }

@@ -29,7 +29,7 @@ const SIMILAR: u16 = 10;
 
 /// A walk between two of its vertices.
 #[derive(Debug, Clone, Copy)]
-pub struct Walk {
+pub struct RandomWalk {
     /// Object that was entered, whose surface alone ends the walk.
     pub object: u32,
     /// Triangle that was entered, which the first segment does not meet.
@@ -74,7 +74,7 @@ pub enum End {
     Dropped,
 }
 
-impl Walk {
+impl RandomWalk {
     /// Begins a walk. `normal`: at the entrance, outwards; `throughput`: of the path within the medium; `seed`: of its
     /// random numbers.
     pub fn new(
@@ -233,13 +233,13 @@ fn diffusion_length(albedo: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medium::inversion::Method;
+    use crate::medium::inversion::Inversion;
 
     /// Walks in a half space below z = 0 until they leave or are dropped. Returns the mean throughput of those that
     /// leave, and of its square.
     fn reflected(color: Vec3, g: f32, walks: u32) -> (Vec3, Vec3) {
         let up = vec3(0.0, 0.0, 1.0);
-        let medium = Coefficients::new(Method::RandomWalk, color, vec3(1.0, 0.5, 0.1), g, 1.4);
+        let medium = Coefficients::new(Inversion::RandomWalk, color, vec3(1.0, 0.5, 0.1), g, 1.4);
         let (mut sum, mut squares) = (Vec3::ZERO, Vec3::ZERO);
         for seed in 0..walks {
             let mut throughput = medium.factor;
@@ -247,7 +247,7 @@ mod tests {
             // Enter diffusely.
             let cos = stream.number().sqrt();
             let mut d = vec3((1.0 - cos * cos).sqrt(), 0.0, -cos);
-            let mut walk = Walk::new(&medium, g, up, [0, 0], throughput, seed);
+            let mut walk = RandomWalk::new(&medium, g, up, [0, 0], throughput, seed);
             let mut z = 0.0;
             loop {
                 let surface = -z / d.z;
@@ -292,10 +292,10 @@ mod tests {
     fn extremes_neither_hang_nor_leave_the_numbers() {
         for (color, radius) in [(1.0, 1e-30), (0.0, 1.0), (1.0, f32::MAX), (f32::NAN, 1.0)] {
             let (color, radius) = (Vec3::splat(color), Vec3::splat(radius));
-            let medium = Coefficients::new(Method::Legacy, color, radius, 0.9, 1.4);
+            let medium = Coefficients::new(Inversion::Legacy, color, radius, 0.9, 1.4);
             let mut throughput = Vec3::ONE;
             let down = vec3(0.0, 0.0, -1.0);
-            let mut walk = Walk::new(&medium, 0.9, -down, [0, 0], throughput, 1);
+            let mut walk = RandomWalk::new(&medium, 0.9, -down, [0, 0], throughput, 1);
             let mut d = down;
             let mut count = 0;
             while let End::Scattered(next) = walk.end(d, None, &mut throughput) {

@@ -26,7 +26,7 @@ use crate::path::points::Points;
 use crate::path::shade::{self, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
-use crate::path::walk::Walk;
+use crate::path::walk::RandomWalk;
 use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::scene::features::Features;
@@ -103,7 +103,7 @@ pub struct Wavefront {
     /// The media that each ray is in; empty if the scene has none.
     pub(super) media: Vec<Stack>,
     /// The walks below surfaces that the rays are part of; empty if the scene has none.
-    pub(super) walks: Vec<Option<Walk>>,
+    pub(super) walks: Vec<Option<RandomWalk>>,
     pub(super) scratch: Scratch,
     /// The media around the pinhole in one of the scenes, once known.
     around: Option<(usize, Stack)>,

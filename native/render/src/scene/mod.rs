@@ -123,7 +123,8 @@ impl RenderScene {
             &probe.emissive_triangles(),
             world.take_map(),
             world.visible,
-            (&params.images, &varying),
+            &params.images,
+            &varying,
         )?;
         let media = Media::new(world_volume(&params.world)?);
         let features = Features {

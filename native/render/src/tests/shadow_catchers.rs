@@ -48,13 +48,14 @@ fn settings(film_transparent: bool) -> Settings {
 }
 
 /// The scene of a mesh.
-fn scene((mesh, params): (Mesh, SceneParams)) -> Arc<RenderScene> {
+fn scene(mesh: &Mesh, params: SceneParams) -> Arc<RenderScene> {
     Arc::new(RenderScene::new(mesh.tracer(false), params).unwrap())
 }
 
 #[test]
 fn a_catcher_alone_shows_nothing() {
-    let scene = scene(floor(None));
+    let (mesh, params) = floor(None);
+    let scene = scene(&mesh, params);
     let (picture, _) = run(&scene, &from_above(3.0), settings(true), 2);
     assert!(picture.iter().all(|&value| value == 0.0), "no shadow");
     let (picture, _) = run(&scene, &from_above(3.0), settings(false), 2);
@@ -67,7 +68,8 @@ fn a_catcher_alone_shows_nothing() {
 
 #[test]
 fn alpha_or_a_pass_holds_the_shadow_of_an_object() {
-    let scene = scene(floor(Some(matte(0.0))));
+    let (mesh, params) = floor(Some(matte(0.0)));
+    let scene = scene(&mesh, params);
     let (picture, _) = run(&scene, &from_above(3.0), settings(true), 2);
     let pixels: Vec<_> = picture.chunks_exact(4).collect();
     assert!(pixels.iter().all(|p| p[..3] == [0.0; 3]), "black object");
@@ -130,7 +132,7 @@ fn other_rays_see_catchers_as_they_are() {
     params.materials.push(mirror);
     params.material_index = Some(mesh.materials.clone());
     params.world = [0.0; 3].into();
-    let scene = scene((mesh, params));
+    let scene = scene(&mesh, params);
     let (picture, _) = run(&scene, &from_above(3.0), settings(true), 2);
     let lit = picture.chunks_exact(4).filter(|p| p[0] > 0.1).count();
     assert!(lit > 20, "{lit} pixels reflect the floor");

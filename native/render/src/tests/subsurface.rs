@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::light::LightKind;
 use crate::material::MaterialParams;
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
-use crate::medium::inversion::Method;
+use crate::medium::inversion::Inversion;
 use crate::scene::{RenderScene, SceneParams};
 use crate::settings::{Integrator, Settings};
 use crate::tests::setup::{Mesh, at, from_above, light, matte, mean, run, square};
@@ -14,7 +14,7 @@ use crate::values::program::Operand;
 use crate::values::varying::{ObjectFrame, Varying};
 
 /// A material of subsurface scattering.
-fn skin(color: [f32; 3], radius: f32, anisotropy: f32, method: Method) -> MaterialParams {
+fn skin(color: [f32; 3], radius: f32, anisotropy: f32, method: Inversion) -> MaterialParams {
     let mut closure = ClosureParams::new(ClosureKind::Subsurface);
     let mut set = |input: Input, value: Operand| closure.inputs[input as usize] = value;
     set(Input::Color, Operand::color(color));
@@ -60,14 +60,14 @@ fn brightness(materials: Vec<MaterialParams>, settings: Settings) -> f64 {
 
 #[test]
 fn a_white_sphere_neither_gains_nor_loses_light() {
-    for method in [Method::RandomWalk, Method::Skin, Method::Legacy] {
+    for method in [Inversion::RandomWalk, Inversion::Skin, Inversion::Legacy] {
         for (radius, g) in [(0.5, 0.0), (0.5, 0.6), (20.0, -0.5), (0.0, 0.0)] {
             // Skin of this colour has a mean free path of 0.0017 radii, legacy radii are divided by 4π.
             let radius = radius
                 * match method {
-                    Method::RandomWalk => 1.0,
-                    Method::Skin => 600.0,
-                    Method::Legacy => 12.0,
+                    Inversion::RandomWalk => 1.0,
+                    Inversion::Skin => 600.0,
+                    Inversion::Legacy => 12.0,
                 };
             let white = skin([1.0; 3], radius, g, method);
             // Guided walks have weights: one sample has a standard deviation of up to 0.6. With 4096 samples for each of
@@ -85,7 +85,7 @@ fn a_white_sphere_neither_gains_nor_loses_light() {
 fn a_large_sphere_has_the_colour_of_its_surface() {
     // The fit's case is light that enters diffusely. Light that is refracted enters deeper, and less of it returns.
     let found = brightness(
-        vec![skin([0.5; 3], 0.02, 0.0, Method::RandomWalk)],
+        vec![skin([0.5; 3], 0.02, 0.0, Inversion::RandomWalk)],
         square(16, 256, 0),
     );
     assert!((0.45..0.5).contains(&found), "{found}");
@@ -94,7 +94,7 @@ fn a_large_sphere_has_the_colour_of_its_surface() {
 #[test]
 fn walks_end_at_their_own_object() {
     let settings = || square(8, 256, 4);
-    let outer = || skin([0.8; 3], 0.5, 0.0, Method::RandomWalk);
+    let outer = || skin([0.8; 3], 0.5, 0.0, Inversion::RandomWalk);
     let alone = brightness(vec![outer()], settings());
     let around_another = brightness(vec![outer(), matte(0.0)], settings());
     assert!(
@@ -112,7 +112,7 @@ fn pictures_do_not_depend_on_structure_or_threads() {
         let params = SceneParams {
             material_index: Some(mesh.materials.clone()),
             materials: vec![
-                skin([0.9, 0.6, 0.3], 0.3, 0.3, Method::RandomWalk),
+                skin([0.9, 0.6, 0.3], 0.3, 0.3, Inversion::RandomWalk),
                 matte(0.5),
             ],
             lights: vec![light(
@@ -140,7 +140,7 @@ fn absurd_values_give_a_picture() {
         (1.0, 1e6),
         (1.0, 0.0),
     ] {
-        let material = skin([color; 3], radius, 5.0, Method::RandomWalk);
+        let material = skin([color; 3], radius, 5.0, Inversion::RandomWalk);
         let found = brightness(vec![material], square(4, 8, 4));
         assert!((0.0..=1.2).contains(&found), "{radius} {color}: {found}");
     }
@@ -148,7 +148,7 @@ fn absurd_values_give_a_picture() {
     let mut floor = Mesh::default();
     floor.floor(2.0, 0.0, 0);
     let scene = floor.scene(SceneParams {
-        materials: vec![skin([0.8; 3], 1.0, 0.0, Method::RandomWalk)],
+        materials: vec![skin([0.8; 3], 1.0, 0.0, Inversion::RandomWalk)],
         world: [1.0; 3].into(),
         ..Default::default()
     });

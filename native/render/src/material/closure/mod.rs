@@ -10,7 +10,7 @@ use crate::material::albedo::Grids;
 use crate::material::microfacets::Distribution;
 use crate::math::fresnel;
 use crate::math::vector::Vec3;
-use crate::medium::inversion::Method;
+use crate::medium::inversion::Inversion;
 use crate::values::program::{Operand, Value, read, rgb};
 
 mod layering;
@@ -92,7 +92,7 @@ pub struct Closure {
     /// Distribution of the facets.
     distribution: Distribution,
     /// How light scatters below the surface.
-    method: Method,
+    method: Inversion,
     /// Whether its normal differs from that of the material.
     pub turned: bool,
     /// Whether the normal of the coat differs from that of the material.

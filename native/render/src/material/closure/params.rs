@@ -2,7 +2,7 @@
 //! Parameters of closures.
 
 use crate::material::microfacets::Distribution;
-use crate::medium::inversion::Method;
+use crate::medium::inversion::Inversion;
 use crate::values::program::Operand;
 
 /// The shader node of a closure.
@@ -148,7 +148,7 @@ pub struct ClosureParams {
     /// Distribution of the facets.
     pub distribution: Distribution,
     /// How light scatters below the surface.
-    pub method: Method,
+    pub method: Inversion,
 }
 
 impl ClosureParams {
@@ -179,7 +179,7 @@ impl ClosureParams {
             normal: None,
             multiscatter: true,
             distribution: Distribution::Ggx,
-            method: Method::RandomWalk,
+            method: Inversion::RandomWalk,
         }
     }
 }

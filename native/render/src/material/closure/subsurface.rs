@@ -5,7 +5,7 @@ use crate::material::bsdf::cosine_direction;
 use crate::material::closure::{Closure, ClosureKind, Input, clamp_index, layer_index, positive};
 use crate::material::ggx::Ggx;
 use crate::math::vector::{Vec3, vec3};
-use crate::medium::inversion::Method;
+use crate::medium::inversion::Inversion;
 use crate::values::program::{Value, read, rgb};
 
 /// Mean free paths below which a channel is diffuse, as in Cycles.
@@ -26,7 +26,7 @@ pub struct Subsurface {
     /// Index of refraction of the boundary.
     pub ior: f32,
     /// How the medium follows from radius and colour.
-    pub method: Method,
+    pub method: Inversion,
     /// Roughness² of the facets through which light enters.
     width: f32,
 }
@@ -42,7 +42,7 @@ impl Subsurface {
     /// Samples the direction in which light from `wi` enters, in the frame of the lobe. `choice`, `u`: random numbers
     /// in [0, 1). Half of the light of the skin method enters diffusely.
     pub fn enter(&self, wi: Vec3, choice: f32, u: [f32; 2]) -> Vec3 {
-        if self.method == Method::Skin && choice < 0.5 {
+        if self.method == Inversion::Skin && choice < 0.5 {
             return -cosine_direction(u);
         }
         // Refract at a visible facet. No light is reflected: the lobes above the base stand for that.
@@ -77,7 +77,7 @@ impl Closure {
         }
         let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
         let roughness = get(Input::Roughness).x.clamp(0.0, 1.0);
-        let skin = self.method == Method::Skin;
+        let skin = self.method == Inversion::Skin;
         // Light enters a Principled closure through the facets of its layer, but for the skin method.
         let (own, width) = if self.kind == ClosureKind::Principled {
             let specular = get(Input::Specular).x.clamp(0.0, 1e3);
@@ -91,7 +91,7 @@ impl Closure {
         } else {
             own
         };
-        let most = if self.method == Method::RandomWalk {
+        let most = if self.method == Inversion::RandomWalk {
             0.99
         } else {
             0.9

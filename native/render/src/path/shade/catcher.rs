@@ -7,7 +7,7 @@ use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::beams::source::Source;
 use crate::path::state::Path;
-use crate::path::walk::Walk;
+use crate::path::walk::RandomWalk;
 use crate::path::wavefront::{Context, Wavefront};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Ray};
@@ -19,7 +19,7 @@ pub(super) struct Split {
     source: Option<Source>,
     media: Option<Stack>,
     shares: Option<Shares>,
-    walk: Option<Option<Walk>>,
+    walk: Option<Option<RandomWalk>>,
 }
 
 /// What the wavefront keeps of a path, where it does.
@@ -27,7 +27,7 @@ type Beside<'a> = (
     Option<&'a Source>,
     Option<&'a Stack>,
     Option<&'a Shares>,
-    Option<&'a Option<Walk>>,
+    Option<&'a Option<RandomWalk>>,
 );
 
 impl Split {

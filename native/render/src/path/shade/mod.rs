@@ -274,7 +274,7 @@ impl<
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
         out.work.normals_fetched += u64::from(SMOOTH);
         if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
-            || EXTRA && path.catch == Catch::Alone && !surface.material.catcher
+            || EXTRA && path.catch == Catch::OnlyCatchers && !surface.material.catcher
         {
             return pass_invisible(&surface, ray, hit, path);
         }

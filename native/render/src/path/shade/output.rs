@@ -9,7 +9,7 @@ use crate::path::beams::source::Source;
 use crate::path::media::Scratch;
 use crate::path::shadow_rays::{Passing, Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
-use crate::path::walk::Walk;
+use crate::path::walk::RandomWalk;
 use crate::path::work::Work;
 use crate::scene::surface::Surface;
 use crate::settings::{LightPass, LobeKind};
@@ -34,7 +34,7 @@ pub(super) struct Output<'a, const EXTRA: bool> {
     /// The media that the ray is in; `None` if the scene has none, or they are not rendered.
     pub(super) media: Option<Stack>,
     /// The walk below a surface that the ray is part of.
-    pub(super) walk: Option<Walk>,
+    pub(super) walk: Option<RandomWalk>,
     pub(super) scratch: &'a mut Scratch,
     /// Seed of the streams of random numbers within media; set where there are any.
     pub(super) seed: u32,
@@ -111,7 +111,7 @@ impl<'a> Extra<'a> {
     ) -> (&'a mut PixelSample, Self) {
         let slot = path.slot as usize;
         let lit = path.catch == Catch::None;
-        let seen = path.catch != Catch::Alone;
+        let seen = path.catch != Catch::OnlyCatchers;
         let Batch {
             samples,
             parts,

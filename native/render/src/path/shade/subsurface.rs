@@ -13,7 +13,7 @@ use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::shade::scatter::FramedBsdf;
 use crate::path::state::Path;
-use crate::path::walk::{End, Walk};
+use crate::path::walk::{End, RandomWalk};
 use crate::scene::surface::Surface;
 use crate::settings::Pass;
 use halfspace_ray::{Hit, Ray};
@@ -77,7 +77,7 @@ impl<
             return None;
         }
         let seed = Stream::new(path.stream()).fork(5);
-        let walk = Walk::new(
+        let walk = RandomWalk::new(
             &medium,
             below.anisotropy,
             surface.shading,
@@ -99,7 +99,7 @@ impl<
     #[inline(never)]
     pub(super) fn walk(
         &self,
-        mut walk: Walk,
+        mut walk: RandomWalk,
         ray: &Ray,
         hit: &Hit,
         path: &mut Path,
