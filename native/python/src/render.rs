@@ -77,7 +77,8 @@ use std::time::Duration;
 ///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
 ///     in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
 ///     such rays. Negative power darkens. Lights without power are left out.
-///     "group" (0): the light group, from 1 to 64, 0 = none.
+///     "group" (0): the light group, from 1 to 64, 0 = none. With "program" and "radiance", an argument as in a
+///     material, the power is multiplied by the result; "frame" is a list of one object, the light's own space.
 /// world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
 ///     an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must not
 ///     vary, as for materials. "group" as for lights.
