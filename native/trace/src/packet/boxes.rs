@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Packet traversal of box trees: each box of a node is tested against all rays, one ray per lane. The next box
-//! is the one that the first active ray in it enters soonest.
+//! Packet traversal of box trees: all boxes of a node are tested against the bounds of the group at once, then those
+//! that are left against all rays, one ray per lane. The next box is the one that the first active ray in it enters
+//! soonest, or, for any hits, the one in the last slot.
 
 use crate::input::Input;
+use crate::packet::bundle::{Bundle, farthest};
 use crate::packet::leaf::{self, Active};
 use crate::packet::traversal::PacketTree;
 use crate::packet::{self, Group, MOST, Packet, Width};
@@ -23,6 +25,8 @@ pub struct BoxEntry {
     first: f32,
     link: u32,
     count: u32,
+    /// Mask of the rays that hit the box.
+    lanes: u64,
     enter: Row,
 }
 
@@ -49,6 +53,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
             first: 0.0,
             link: 0,
             count: 0,
+            lanes: 0,
             enter: [0.0; MOST],
         };
         // Each level leaves at most all children but one on the stack, and the lowest level all of them.
@@ -67,21 +72,30 @@ impl<const W: usize> PacketTree for BoxTree<W> {
     ) {
         let charged = packet.places[group.lead];
         let slabs = slabs::<S, L>(simd, packet);
+        let bundle = Bundle::new(simd, packet, group);
+        let mut far = farthest(simd, packet, group);
         // Leaves need no exit distances of boxes, only the ends of the rays.
         let ends = packet::load::<S, L>(simd, &packet.reach);
         let mut enters = packet.enter(group);
         let mut size = 0;
-        let mut hits = Hits::none();
         let mut node = &self.nodes[0];
         loop {
             counters[charged].step_boxes();
-            let inside = packet::load::<S, L>(simd, &enters);
-            let reach = packet::load::<S, L>(simd, &packet.reach);
+            let rays: Rays<'_, S, L> = Rays {
+                slabs: &slabs,
+                signs: group.signs,
+                inside: packet::load::<S, L>(simd, &enters),
+                reach: packet::load::<S, L>(simd, &packet.reach),
+            };
             if C::COUNTS {
-                packet.join(packet::live::<S, L>(inside, reach), group, counters);
+                packet.join(
+                    packet::live::<S, L>(rays.inside, rays.reach),
+                    group,
+                    counters,
+                );
             }
-            let met = hits.test::<S, L>(simd, node, &slabs, group.signs, inside, reach);
-            hits.push(node, met, stack, &mut size);
+            let some = bundle.meets(simd, node, far);
+            rays.push::<Q, W>(simd, node, some, stack, &mut size);
 
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
@@ -89,16 +103,22 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     return;
                 }
                 size -= 1;
-                // Drop rays whose best hit has come before this box since it was pushed.
+                // Drop rays that have ended, or whose best hit has come before this box, since it was pushed.
                 let next = &stack[size];
-                let enter = packet::load::<S, L>(simd, &next.enter);
-                let reach = packet::load::<S, L>(simd, &packet.reach);
-                let lanes = packet::live::<S, L>(enter, reach) & group.lanes;
+                let lanes = if Q::ANY {
+                    next.lanes & !u64::from(packet.blocked)
+                } else {
+                    let enter = packet::load::<S, L>(simd, &next.enter);
+                    let reach = packet::load::<S, L>(simd, &packet.reach);
+                    packet::live::<S, L>(enter, reach) & group.lanes
+                };
                 if lanes == 0 {
                     continue;
                 }
                 if next.count == INNER {
-                    enters = next.enter;
+                    if !Q::ANY {
+                        enters = next.enter;
+                    }
                     break &self.nodes[next.link as usize];
                 }
                 let own = Leaf {
@@ -117,79 +137,75 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     leave: &ends,
                 };
                 leaf::test::<S, Q, C, L>(simd, input, own, packet, active, counters);
+                far = farthest(simd, packet, group);
             };
         }
     }
 }
 
-/// The rays that hit each box of a node.
-struct Hits<const W: usize> {
-    /// Mask of the rays, per box.
-    lanes: [u64; W],
-    /// Entry distances, infinite for rays that miss the box.
-    enter: [Row; W],
+/// The rays of a group at a node.
+struct Rays<'a, S: Simd, L: Width> {
+    slabs: &'a [[L::Vector<S>; 3]; 3],
+    /// The common direction signs.
+    signs: u32,
+    /// Distances at which the rays enter the node, infinite for rays that miss it.
+    inside: L::Vector<S>,
+    reach: L::Vector<S>,
 }
 
-impl<const W: usize> Hits<W> {
+impl<S: Simd, L: Width> Rays<'_, S, L> {
+    /// Tests the rays against the boxes of `some` and pushes those that any of them hits: for nearest hits the box that
+    /// its first ray enters soonest on top, for any hits in the order of the slots.
     #[inline(always)]
-    fn none() -> Self {
-        Self {
-            lanes: [0; W],
-            enter: [[f32::INFINITY; MOST]; W],
-        }
-    }
-
-    /// Tests rays of common direction signs, inside the node between `inside` and `reach`, against all boxes of
-    /// the node. Returns the mask of the boxes that some ray hits.
-    #[inline(always)]
-    fn test<S: Simd, L: Width>(
-        &mut self,
+    fn push<Q: Query, const W: usize>(
+        &self,
         simd: S,
         node: &Wide<W>,
-        slabs: &[[L::Vector<S>; 3]; 3],
-        signs: u32,
-        inside: L::Vector<S>,
-        reach: L::Vector<S>,
-    ) -> u32 {
+        some: u64,
+        stack: &mut [BoxEntry],
+        size: &mut usize,
+    ) {
         // Choose the near and the far plane row of each axis; the signs are the same for all rays.
-        let side = |k: usize, far: u32| &node.bounds[k + 3 * ((signs >> k & 1) ^ far) as usize];
+        let side =
+            |k: usize, far: u32| &node.bounds[k + 3 * ((self.signs >> k & 1) ^ far) as usize];
         let near = [side(0, 0), side(1, 0), side(2, 0)];
         let far = [side(0, 1), side(1, 1), side(2, 1)];
-        // Test all boxes before the first is pushed: a branch for each would often be mispredicted.
-        let mut met = 0_u32;
-        for child in 0..W {
-            let (mut enter, mut leave) = (inside, reach);
-            for (k, &[inv, before, behind]) in slabs.iter().enumerate() {
+        let base = *size;
+        let mut left = some;
+        while left != 0 {
+            let child = left.trailing_zeros() as usize % W;
+            left &= left - 1;
+            let (mut enter, mut leave) = (self.inside, self.reach);
+            for (k, &[inv, before, behind]) in self.slabs.iter().enumerate() {
                 let (soon, late) = (near[k][child], far[k][child]);
                 // Ignore a distance that is NaN.
                 enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
                 leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
             }
+            // The inverted bounds of an empty slot do not stop a ray that no axis bounds, so check the count.
+            let lanes = packet::live::<S, L>(enter, leave);
+            if lanes == 0 || node.count[child] == 0 {
+                continue;
+            }
+            let (link, count) = (node.link[child], node.count[child]);
+            if Q::ANY {
+                let entry = &mut stack[*size];
+                (entry.link, entry.count, entry.lanes) = (link, count, lanes);
+                *size += 1;
+                continue;
+            }
             // Rays that miss this box are inactive in the subtree.
             let outside = L::Vector::splat(simd, f32::INFINITY);
-            let entered = enter.simd_le(leave).select(enter, outside);
-            packet::store::<S, L>(entered, &mut self.enter[child]);
-            self.lanes[child] = packet::live::<S, L>(enter, leave);
-            met |= u32::from(self.lanes[child] != 0 && node.count[child] != 0) << child;
-        }
-        met
-    }
-
-    /// Pushes the boxes of `met`, sorted by entry distance with the nearest on top.
-    #[inline(always)]
-    fn push(&self, node: &Wide<W>, mut met: u32, stack: &mut [BoxEntry], size: &mut usize) {
-        let base = *size;
-        while met != 0 {
-            let child = met.trailing_zeros() as usize % W;
-            met &= met - 1;
-            let (lanes, enter) = (self.lanes[child], self.enter[child]);
-            let first = enter[lanes.trailing_zeros() as usize % MOST];
+            let mut row = [f32::INFINITY; MOST];
+            packet::store::<S, L>(enter.simd_le(leave).select(enter, outside), &mut row);
+            let first = row[lanes.trailing_zeros() as usize % MOST];
             let at = make_room(stack, base, size, first);
             stack[at] = BoxEntry {
                 first,
-                link: node.link[child],
-                count: node.count[child],
-                enter,
+                link,
+                count,
+                lanes,
+                enter: row,
             };
         }
     }

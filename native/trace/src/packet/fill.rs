@@ -24,7 +24,7 @@ fn middle(low: [f32; 3], high: [f32; 3]) -> [[f32; 3]; 2] {
 
 /// Minimum and maximum of a row over the lanes of the mask.
 #[inline(always)]
-fn ends<S: Simd>(simd: S, lanes: mask32x16<S>, row: f32x16<S>) -> (f32, f32) {
+pub fn ends<S: Simd>(simd: S, lanes: mask32x16<S>, row: f32x16<S>) -> (f32, f32) {
     let none = f32x16::splat(simd, f32::INFINITY);
     let below: f32x16<S> = lanes.select(row, none);
     let above: f32x16<S> = lanes.select(row, -none);

@@ -10,6 +10,7 @@
 //! other rays.
 
 pub mod boxes;
+mod bundle;
 pub mod kernel;
 pub mod leaf;
 pub mod nodes;

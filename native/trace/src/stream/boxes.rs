@@ -2,11 +2,13 @@
 //! Streams through nodes of eight boxes. The children of a node lie in slots named by its corners, so the rays of
 //! one octant share an order, the one of [`crate::flight::boxes`].
 
+use crate::stream::blockers::gather;
 use crate::stream::lists::{Entry, Stream, small};
 use crate::stream::ray_state::{Line, RayState};
 use crate::stream::{OCTANTS, Steps};
 use fearless_simd::{
-    Bytes, Simd, SimdBase, SimdMask, f32x8, f32x16, mask32x16, u8x16, u32x16, u64x2,
+    Bytes, Simd, SimdBase, SimdMask, f32x8, f32x16, mask32x8, mask32x16, u8x16, u32x8, u32x16,
+    u64x2,
 };
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
@@ -19,6 +21,9 @@ const CHILDREN: usize = 8;
 
 /// Number of rays of a list whose masks are distributed at once.
 const GROUP: usize = 16;
+
+/// Length of lists that take eight lanes.
+const FEW: usize = 8;
 
 /// For each octant and each mask of children, the same mask in stack order, the farthest child in the lowest
 /// bit: child `c` has bit [`rank`].
@@ -50,6 +55,14 @@ pub struct Child {
     count: u32,
     /// Sides of its box through which the rays enter.
     near: [f32; 3],
+}
+
+impl Child {
+    /// The index of an inner node.
+    #[inline(always)]
+    pub fn index(&self) -> usize {
+        self.link as usize
+    }
 }
 
 impl Steps for BoxTree<CHILDREN> {
@@ -98,38 +111,139 @@ impl Steps for BoxTree<CHILDREN> {
         states: &[RayState],
         masks: &mut Vec<u8x16<S>>,
     ) {
-        let node = &self.nodes[own.node.link as usize];
-        let sides = Sides::new(simd, node, stream.octant);
-        let list = stream.list(&own);
-        if own.rays == 1 {
-            let line = &states[list[0] as usize].line;
-            if !line.enters(own.node.near) {
-                return;
-            }
-            let octant = stream.octant % OCTANTS;
-            let mut left = RANKED[octant][line.meets(simd, &sides.near, &sides.far) as usize];
-            while let Some(child) = take(octant, &mut left) {
-                // All children share the parent's list.
-                push(stream, node, child, own.first, 1);
-            }
-        } else if own.rays as usize <= GROUP {
-            // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
-            let Met { masks, some } = met(simd, list, states, &sides);
-            distribute(simd, stream, node, own, std::slice::from_ref(&masks), some);
-        } else {
-            masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
-            let mut some = 0;
-            for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
-                let met = met(simd, group, states, &sides);
-                *masks = met.masks;
-                some |= met.some;
-            }
-            distribute(simd, stream, node, own, masks, some);
-        }
+        let order = Corners(stream.octant);
+        visit(simd, self, order, stream, own, states, masks);
     }
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+/// The order in which the children of a node are visited.
+pub trait Order: Copy {
+    /// Turns a mask of children into one of their positions on the stack; the highest position is visited first.
+    fn positions(self, children: u64) -> u64;
+
+    /// The child at a position.
+    fn child(self, position: usize) -> usize;
+
+    /// Removes the lowest position of a mask and returns its child.
+    #[inline(always)]
+    fn take(self, left: &mut u64) -> Option<usize> {
+        if *left == 0 {
+            return None;
+        }
+        let child = self.child(left.trailing_zeros() as usize % CHILDREN);
+        *left &= *left - 1;
+        Some(child)
+    }
+}
+
+/// The child at the corner that rays of an octant come from first.
+#[derive(Clone, Copy)]
+pub struct Corners(pub usize);
+
+impl Order for Corners {
+    #[inline(always)]
+    fn positions(self, children: u64) -> u64 {
+        u64::from(RANKED[self.0 % OCTANTS][children as usize % (1 << CHILDREN)])
+    }
+
+    #[inline(always)]
+    fn child(self, position: usize) -> usize {
+        rank(self.0 % OCTANTS, position) % CHILDREN
+    }
+}
+
+/// Visits an inner node, whose children are visited in this order.
+#[inline(always)]
+pub fn visit<S: Simd>(
+    simd: S,
+    tree: &BoxTree<CHILDREN>,
+    order: impl Order,
+    stream: &mut Stream<Child>,
+    own: Entry<Child>,
+    states: &[RayState],
+    masks: &mut Vec<u8x16<S>>,
+) {
+    let node = &tree.nodes[own.node.link as usize];
+    let sides = Sides::new(simd, node, stream.octant);
+    let list = stream.list(&own);
+    if own.rays == 1 {
+        let line = &states[list[0] as usize].line;
+        if !line.enters(own.node.near) {
+            return;
+        }
+        let mut left = order.positions(line.meets(simd, &sides.near, &sides.far));
+        while let Some(child) = order.take(&mut left) {
+            // All children share the parent's list.
+            push(stream, node, child, own.first, 1);
+        }
+    } else if own.rays as usize <= FEW {
+        let mut word = 0;
+        for (i, &ray) in list.iter().enumerate().take(FEW) {
+            let line = &states[ray as usize].line;
+            word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
+        }
+        distribute_few(simd, stream, (node, order), own, word);
+    } else if own.rays as usize <= GROUP {
+        // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
+        let Met { masks, some } = met(simd, list, states, &sides);
+        distribute(
+            simd,
+            stream,
+            (node, order),
+            own,
+            std::slice::from_ref(&masks),
+            some,
+        );
+    } else {
+        masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
+        let mut some = 0;
+        for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
+            let met = met(simd, group, states, &sides);
+            *masks = met.masks;
+            some |= met.some;
+        }
+        distribute(simd, stream, (node, order), own, masks, some);
+    }
+}
+
+/// The union of the eight bytes of a word.
+#[inline(always)]
+fn union(mut bytes: u64) -> u64 {
+    bytes |= bytes >> 32;
+    bytes |= bytes >> 16;
+    bytes |= bytes >> 8;
+    bytes & 0xff
+}
+
+/// Distributes a list of at most eight rays over the children that they meet: byte `i` of `word` is the mask of ray
+/// `i`. Without AVX-512 sixteen lanes take more than twice the time of eight to compress, and most lists are short.
+#[inline(always)]
+fn distribute_few<S: Simd>(
+    simd: S,
+    stream: &mut Stream<Child>,
+    (node, order): (&Wide<CHILDREN>, impl Order),
+    own: Entry<Child>,
+    word: u64,
+) {
+    let mut left = order.positions(union(word));
+    let (first, rays) = (own.first as usize, own.rays as usize);
+    // The lists of all stack entries lie below.
+    let mut top = first + rays;
+    stream.make_room(top + left.count_ones() as usize * rays, false);
+    let list = u32x8::from_slice(simd, &stream.lists[first..first + FEW]);
+    // Write each child's list by compressing the parent's under the child's bit, then push the child.
+    while let Some(child) = order.take(&mut left) {
+        let lanes = gather(word >> child);
+        let live = mask32x8::from_bitmask(simd, lanes);
+        list.compress(live)
+            .store_slice(&mut stream.lists[top..top + FEW]);
+        let begins = top;
+        top += lanes.count_ones() as usize;
+        push(stream, node, child, small(begins), small(top - begins));
     }
 }
 
@@ -154,17 +268,6 @@ impl<S: Simd> Sides<S> {
     }
 }
 
-/// Removes the farthest child of a mask in stack order and returns it.
-#[inline(always)]
-fn take(octant: usize, left: &mut u8) -> Option<usize> {
-    if *left == 0 {
-        return None;
-    }
-    let child = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
-    *left &= *left - 1;
-    Some(child)
-}
-
 /// Pushes a child with its list of rays.
 #[inline(always)]
 fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: u32, rays: u32) {
@@ -184,19 +287,18 @@ fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: 
 fn distribute<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
-    node: &Wide<CHILDREN>,
+    (node, order): (&Wide<CHILDREN>, impl Order),
     own: Entry<Child>,
     masks: &[u8x16<S>],
     some: u64,
 ) {
-    let octant = stream.octant % OCTANTS;
-    let mut left = RANKED[octant][some as usize % (1 << CHILDREN)];
+    let mut left = order.positions(some);
     let (first, rays) = (own.first as usize, own.rays as usize);
     // The lists of all stack entries lie below.
     let mut top = first + rays;
     stream.make_room(top + left.count_ones() as usize * rays, false);
     // Write each child's list by compressing the parent's under the child's bit, then push the child.
-    while let Some(child) = take(octant, &mut left) {
+    while let Some(child) = order.take(&mut left) {
         let bit = u8x16::splat(simd, 1 << child);
         let begins = top;
         for (group, masks) in masks.iter().enumerate() {
@@ -231,15 +333,12 @@ fn met<S: Simd>(simd: S, list: &[u32], states: &[RayState], sides: &Sides<S>) ->
             *word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
         }
     }
-    let mut some = words[0] | words[1];
-    some |= some >> 32;
-    some |= some >> 16;
-    some |= some >> 8;
+    let some = union(words[0] | words[1]);
     // Little-endian words put the first ray into the vector's lowest byte on every machine.
     let words = words.map(u64::to_le);
     Met {
         masks: u64x2::from_slice(simd, &words).bitcast(),
-        some: some & 0xff,
+        some,
     }
 }
 

@@ -4,6 +4,7 @@
 use crate::batch::Batch;
 use crate::kernel::{Kernel, store};
 use crate::stream::Steps;
+use crate::stream::blockers::BlockersFirst;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
@@ -71,9 +72,14 @@ macro_rules! streams {
     };
 }
 
-streams! {
-    /// through nodes of eight boxes, [`BoxTree::by_corners`].
-    fn boxes, shadow_boxes(BoxTree<8>)
+/// Nearest hits of streams through nodes of eight boxes, [`BoxTree::by_corners`].
+pub fn boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Streams::new(tree, leaves)
+}
+
+/// Any hits of streams through nodes of eight boxes in any slots: the children that probably block rays come first.
+pub fn shadow_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Streams::new(&Arc::new(BlockersFirst::new(tree, leaves)), leaves)
 }
 
 streams! {

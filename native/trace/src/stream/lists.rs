@@ -6,6 +6,9 @@ use crate::stream::ray_state::Line;
 /// Number of lanes that vectors read and write beyond the end of a list.
 pub const ROOM: usize = 16;
 
+/// Reciprocal of the share of rays that must have ended for lists to be shortened (estimated from the two costs).
+const SHARE: usize = 8;
+
 /// A stack entry: a node or a leaf, to be visited by the rays that meet it.
 #[derive(Clone, Copy)]
 pub struct Entry<P> {
@@ -112,6 +115,23 @@ impl<P: Copy> Stream<P> {
         Some(self.entries[self.size])
     }
 
+    /// Removes the rays that have ended from the list of an entry that was popped.
+    #[inline(always)]
+    pub fn drop_ended(&mut self, own: &mut Entry<P>, ended: &Ended, intervals: bool) {
+        let (first, end) = (own.first as usize, (own.first + own.rays) as usize);
+        let mut to = first;
+        for at in first..end {
+            let ray = self.lists[at];
+            self.lists[to] = ray;
+            if intervals {
+                self.enter[to] = self.enter[at];
+                self.leave[to] = self.leave[at];
+            }
+            to += usize::from(!ended.contains(ray as usize));
+        }
+        own.rays = small(to - first);
+    }
+
     /// The stack, the next entry last.
     #[inline(always)]
     pub fn stack(&self) -> &[Entry<P>] {
@@ -129,6 +149,45 @@ impl<P: Copy> Stream<P> {
     pub fn intervals(&self, own: &Entry<P>) -> (&[f32], &[f32]) {
         let range = own.first as usize..(own.first + own.rays) as usize;
         (&self.enter[range.clone()], &self.leave[range])
+    }
+}
+
+/// The any-hit rays of a part that have ended.
+#[derive(Default)]
+pub struct Ended {
+    /// One bit per ray.
+    flags: Vec<u64>,
+    /// Their number, and that of all rays of the part.
+    count: usize,
+    rays: usize,
+}
+
+impl Ended {
+    /// Forgets all, for a part of this number of rays.
+    pub fn clear(&mut self, rays: usize) {
+        self.flags.clear();
+        self.flags.resize(rays.div_ceil(64), 0);
+        (self.count, self.rays) = (0, rays);
+    }
+
+    /// Adds a ray.
+    #[inline(always)]
+    pub fn add(&mut self, ray: usize) {
+        self.flags[ray / 64] |= 1 << (ray % 64);
+        self.count += 1;
+    }
+
+    /// Whether enough rays have ended that lists are shortened before their nodes are visited. A look at each ray of a
+    /// list costs a few cycles; a ray that has ended costs its node a test of eight boxes.
+    #[inline(always)]
+    pub fn is_worth_dropping(&self) -> bool {
+        SHARE * self.count > self.rays
+    }
+
+    /// Whether a ray has ended.
+    #[inline(always)]
+    fn contains(&self, ray: usize) -> bool {
+        self.flags[ray / 64] >> (ray % 64) & 1 == 1
     }
 }
 

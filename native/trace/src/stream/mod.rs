@@ -18,6 +18,7 @@
 
 pub mod kernel;
 
+mod blockers;
 mod boxes;
 mod intervals;
 mod lists;

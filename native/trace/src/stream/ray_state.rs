@@ -148,7 +148,7 @@ impl RayState {
     }
 
     /// Tests the ray, `own` in the space of the scene, against a block of triangles up to the distance `reach`.
-    /// An any-hit ray that hits one ends: its reach becomes negative infinity.
+    /// An any-hit ray that hits one ends: its reach becomes negative infinity, and the result is `true`.
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
         &mut self,
@@ -157,7 +157,7 @@ impl RayState {
         own: &Ray,
         reach: f32,
         counters: &mut C,
-    ) {
+    ) -> bool {
         let EdgedBlock { block, edges } = block;
         counters.tests(block.count);
         let ray = self.ray();
@@ -180,7 +180,9 @@ impl RayState {
                 self.best.reach
             };
             self.line.set_reach(reach);
+            return Q::ANY && ends;
         }
+        false
     }
 
     /// Prefetches all cache lines of the state.

@@ -3,7 +3,7 @@
 
 use crate::batch::{Launch, baseline};
 use crate::flight::late::Late;
-use crate::stream::lists::{Entry, Stream};
+use crate::stream::lists::{Ended, Entry, Stream};
 use crate::stream::ray_state::{EdgedBlock, RayState};
 use crate::stream::{AHEAD, OCTANTS, STREAM, Steps};
 use fearless_simd::Simd;
@@ -18,6 +18,7 @@ use halfspace_ray::{Hit, RayCounters, RayRef};
 struct Riders<'a, C> {
     states: &'a mut [RayState],
     counters: &'a mut [C],
+    ended: &'a mut Ended,
 }
 
 /// A list of rays, and the distances at which each enters and leaves the node.
@@ -82,11 +83,13 @@ impl Launch<'_> {
         let mut states = Vec::with_capacity(self.rays.len().min(STREAM));
         let mut scratch = T::Scratch::default();
         let mut late = Late::default();
+        let mut ended = Ended::default();
         for (part, rays) in self.rays.chunks(STREAM).enumerate() {
             let own = Launch { rays, ..*self };
             let mut write = |index: usize, hit: Hit| write(STREAM * part + index, hit);
             let mut counters: Vec<C> = (0..rays.len()).map(&mut counter).collect();
             own.set_out(simd, &mut streams, &mut states, T::INTERVALS);
+            ended.clear(rays.len());
             let mut open = 0;
             for stream in &mut streams {
                 open += usize::from(stream.begin(tree.root()));
@@ -94,13 +97,20 @@ impl Launch<'_> {
             // Let the streams take turns until all stacks are empty.
             while open > 0 {
                 for stream in &mut streams {
-                    let Some(next) = stream.pop() else {
+                    let Some(mut next) = stream.pop() else {
                         continue;
                     };
-                    if let Some(leaf) = tree.leaf(&next.node) {
+                    // Shorten the list once it pays.
+                    if Q::ANY && ended.is_worth_dropping() {
+                        stream.drop_ended(&mut next, &ended, T::INTERVALS);
+                    }
+                    if next.rays == 0 {
+                        // All have ended.
+                    } else if let Some(leaf) = tree.leaf(&next.node) {
                         let mut riders = Riders {
                             states: &mut states,
                             counters: &mut counters,
+                            ended: &mut ended,
                         };
                         own.visit_leaf::<S, T, Q, C>(simd, stream, &next, leaf, &mut riders);
                     } else {
@@ -205,7 +215,11 @@ impl Launch<'_> {
         leaf: Leaf,
         list: &[u32],
         part: impl Fn(usize, &RayState) -> Option<f32>,
-        Riders { states, counters }: &mut Riders<'_, C>,
+        Riders {
+            states,
+            counters,
+            ended,
+        }: &mut Riders<'_, C>,
     ) {
         let mut room = [0.0; SPAN];
         let (mut at, mut left) = (leaf.first, leaf.count);
@@ -237,7 +251,9 @@ impl Launch<'_> {
                         edges: &edges,
                     };
                     let (ray, counters) = (&self.rays[index], &mut counters[index]);
-                    state.test::<S, Q, C>(simd, block, ray, reach, counters);
+                    if state.test::<S, Q, C>(simd, block, ray, reach, counters) {
+                        ended.add(index);
+                    }
                 }
             }
             (at, left) = (next, left - n);
@@ -305,7 +321,9 @@ fn count_leaf<T: Steps, C: Counters>(
     stream: &Stream<T::Node>,
     own: &Entry<T::Node>,
     leaf: Leaf,
-    Riders { states, counters }: &mut Riders<'_, C>,
+    Riders {
+        states, counters, ..
+    }: &mut Riders<'_, C>,
 ) {
     for (i, index) in visitors::<T>(stream, own, states).enumerate() {
         if i == 0 {
