@@ -87,7 +87,9 @@ class FakeNative:
     def RenderScene(self, structure: Structure, **parts: Any) -> Any:
         return type("RenderScene", (), {"left_out": ["shadow rays: no lights"], "parts": parts})()
 
-    def render(self, scene: Any, camera: dict[str, Any], settings: dict[str, Any], *, threads: int) -> Job:
+    def render(
+        self, scene: Any, camera: dict[str, Any], settings: dict[str, Any], *, threads: int, points: Any = None
+    ) -> Job:
         job = Job(settings, self.render_seconds, self.job_error)
         self.jobs.append(job)
         return job
