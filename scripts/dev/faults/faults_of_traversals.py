@@ -8,6 +8,7 @@ from fault import ALL, BLOCK, ENDS, PACKETS, Fault
 _FRAME_RAY = "native/ray/src/frame_ray.rs"
 _QUERY = "native/ray/src/query.rs"
 _STREAM = "native/trace/src/stream"
+_BUNDLE = "native/trace/src/packet/bundle.rs"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _SCALAR = "native/leaf/src/scalar/mod.rs"
 
@@ -150,6 +151,48 @@ TRAVERSALS = (
         "masks.iter().enumerate()",
         "masks[..masks.len().min(8)].iter().enumerate()",
         ("streams", "rays_that_meet_everything_answer_like_brute_force"),
+    ),
+    Fault(
+        "bounds of a group of rays taken from the nearer origins",
+        _BUNDLE,
+        "if back { [low, high] } else { [high, low] }",
+        "if back { [high, low] } else { [low, high] }",
+        PACKETS,
+    ),
+    Fault(
+        "bounds of a group of rays without errors of distances",
+        _BUNDLE,
+        "axis.slack = slack",
+        "axis.slack = 0.0",
+        PACKETS,
+    ),
+    Fault(
+        "any-hit packets that lose a ray of each box",
+        "native/trace/src/packet/boxes.rs",
+        "(entry.link, entry.count, entry.lanes) = (link, count, lanes)",
+        "(entry.link, entry.count, entry.lanes) = (link, count, lanes & (lanes - 1))",
+        ALL,
+    ),
+    Fault(
+        "short lists that meet the boxes of their first ray only",
+        f"{_STREAM}/boxes.rs",
+        "union(word)",
+        "word & 0xff",
+        ("streams", "batches_of_any_size_answer_like_brute_force"),
+    ),
+    Fault(
+        "any-hit rays dropped from lists before they end",
+        f"{_STREAM}/lists.rs",
+        "usize::from(!ended.contains(ray as usize))",
+        "usize::from(ended.contains(ray as usize))",
+        ("streams", "rays_that_meet_everything_answer_like_brute_force"),
+    ),
+    Fault(
+        "a child left out of the order of likely blockers",
+        f"{_STREAM}/blockers.rs",
+        "children.into_iter().enumerate().map(bit).sum()",
+        "children.into_iter().enumerate().skip(1).map(bit).sum()",
+        ("streams", "batches_of_any_size_answer_like_brute_force"),
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
