@@ -4,11 +4,12 @@
 use crate::ways::{Pair, Traversal, in_packets, in_streams, in_tiles, way};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
-use halfspace_ray::query::Closest;
+use halfspace_ray::query::{Any, Closest};
 use halfspace_structure::Plan;
 use halfspace_structure::way::Rays;
 use halfspace_trace::kernel::Kernel;
 use halfspace_trace::single::objects::boxes::boxes8;
+use halfspace_trace::stream::worth::Rule;
 use halfspace_trace::{flight, packet, stream, tile};
 use std::sync::Arc;
 
@@ -18,6 +19,8 @@ pub struct Boxes {
     pub tree: Arc<BoxTree<8>>,
     /// The triangles of its leaves.
     pub leaves: Arc<Blocks>,
+    /// The order in which any-hit streams visit the children of a node.
+    pub any_order: Rule,
 }
 
 /// Makes the plan for a tree of eight boxes per node.
@@ -37,7 +40,7 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
             let shadow = tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
-            let any = stream::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
+            let any = boxes.any_stream();
             (boxes.singly().with_closest(Rays::Stream, streams))
                 .with_tiles(Rays::Tile, tiles)
                 .with_any_by_coherence(shadow, any)
@@ -72,7 +75,7 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
         plan: |boxes| {
             let streams = Pair {
                 closest: stream::kernel::boxes(&boxes.tree, &boxes.leaves),
-                any: stream::kernel::shadow_boxes(&boxes.tree, &boxes.leaves),
+                any: boxes.any_stream(),
             };
             streams.take_all(boxes.singly(), Rays::Stream)
         },
@@ -130,6 +133,11 @@ impl Boxes {
     /// Single rays, the nearest box first.
     fn singly(&self) -> Plan {
         Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))
+    }
+
+    /// Any hits in streams.
+    fn any_stream(&self) -> Arc<dyn Kernel<Any>> {
+        stream::kernel::shadow_boxes(&self.tree, &self.leaves, self.any_order)
     }
 
     /// Camera rays in `tiles`, shadow rays in tiles of 64.

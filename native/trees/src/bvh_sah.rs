@@ -23,6 +23,7 @@ use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
+use halfspace_trace::stream::worth::Rule;
 use std::sync::Arc;
 
 /// The registry's row.
@@ -37,6 +38,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     params: &[
         WIDTH,
         TRAVERSAL,
+        ANY_ORDER,
         params::ROBUST,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
@@ -67,6 +69,43 @@ const WIDTH: ParamSpec = ParamSpec {
         only: Only::Options(&["auto", "ordered", "stream", "tile", "packet"]),
     }],
 };
+
+/// Ize and Hansen 2011 (`cost`) and Nah and Manocha 2014 (`area`) order two children for single rays.
+const ANY_ORDER: ParamSpec = ParamSpec {
+    name: "any_order",
+    label: "Any-Hit Order",
+    doc: "Which child of a node any-hit streams visit first: the likeliest blocker for the logarithm of its triangles, \
+          the likeliest for the expected work, the largest area of triangles, or the child nearest to where the rays \
+          come from, as for nearest hits",
+    unit: "",
+    kind: Kind::Choice(&[
+        named("worth", "Chance"),
+        named("cost", "Expected Cost"),
+        named("area", "Area"),
+        named("near", "Nearest"),
+    ]),
+    default: Value::Choice("worth"),
+    group: Group::Builder,
+    needs: &[
+        Need {
+            key: "traversal",
+            only: Only::Options(&["auto", "stream"]),
+        },
+        Need {
+            key: "width",
+            only: Only::Options(&["8"]),
+        },
+    ],
+};
+
+fn any_order(config: &Config) -> Rule {
+    match config.choice("any_order") {
+        "cost" => Rule::Cost,
+        "area" => Rule::Area,
+        "near" => Rule::Near,
+        _ => Rule::Worth,
+    }
+}
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let (traversal, width) = (config.way().traversal, config.choice("width"));
@@ -104,6 +143,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
                     let boxes = Boxes {
                         tree: tree.clone(),
                         leaves: leaves.clone(),
+                        any_order: any_order(config),
                     };
                     (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes)
                 },

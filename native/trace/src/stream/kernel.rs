@@ -5,6 +5,7 @@ use crate::batch::Batch;
 use crate::kernel::{Kernel, store};
 use crate::stream::Steps;
 use crate::stream::blockers::BlockersFirst;
+use crate::stream::worth::Rule;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
@@ -77,9 +78,13 @@ pub fn boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Clo
     Streams::new(tree, leaves)
 }
 
-/// Any hits of streams through nodes of eight boxes in any slots: the children that probably block rays come first.
-pub fn shadow_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
-    Streams::new(&Arc::new(BlockersFirst::new(tree, leaves)), leaves)
+/// Any hits of streams through nodes of eight boxes, whose children are visited in the order of a rule.
+pub fn shadow_boxes(
+    tree: &Arc<BoxTree<8>>,
+    leaves: &Arc<Blocks>,
+    rule: Rule,
+) -> Arc<dyn Kernel<Any>> {
+    Streams::new(&Arc::new(BlockersFirst::new(tree, leaves, rule)), leaves)
 }
 
 streams! {

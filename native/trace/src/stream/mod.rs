@@ -26,6 +26,7 @@ mod prepare;
 mod ray_state;
 mod slab_boxes;
 mod traversal;
+pub mod worth;
 
 use fearless_simd::Simd;
 use halfspace_leaf::Leaf;
