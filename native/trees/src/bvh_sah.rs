@@ -75,13 +75,13 @@ const ANY_ORDER: ParamSpec = ParamSpec {
     name: "any_order",
     label: "Any-Hit Order",
     doc: "Which child of a node any-hit streams visit first: the likeliest blocker for the logarithm of its triangles, \
-          the likeliest for the expected work, the largest area of triangles, or the child nearest to where the rays \
+          the likeliest for the expected work, the largest box, or the child nearest to where the rays \
           come from, as for nearest hits",
     unit: "",
     kind: Kind::Choice(&[
         named("worth", "Chance"),
         named("cost", "Expected Cost"),
-        named("area", "Area"),
+        named("area", "Largest Box"),
         named("near", "Nearest"),
     ]),
     default: Value::Choice("worth"),

@@ -3,7 +3,7 @@
 //! probably block a ray for little work; the answers are those of any other order.
 //!
 //! Ize and Hansen 2011 (RTSAH traversal order for occlusion rays) choose by the expected costs, Nah and Manocha 2014
-//! (SATO: Surface area traversal order for shadow ray tracing) by the area of the triangles; both for single rays and two
+//! (SATO: Surface area traversal order for shadow ray tracing) by the surface of the boxes; both for single rays and two
 //! children at a node.
 
 use crate::stream::OCTANTS;
@@ -23,7 +23,7 @@ pub enum Rule {
     Worth,
     /// By that probability divided by the expected work, both summed up from the leaves (RTSAH for eight children).
     Cost,
-    /// By the area of all triangles below (SATO).
+    /// By the surface of its box (SATO).
     Area,
     /// By the corners that the rays of an octant come from, as nearest hits do. For [`BoxTree::by_corners`].
     Near,
@@ -64,7 +64,9 @@ impl Rule {
                 }
             });
             let worth = |child: usize| match self {
-                Self::Area => own[child].area,
+                // Empty slots are never met.
+                _ if node.count[child] == 0 => -1.0,
+                Self::Area => half_area(&corners(node, child)),
                 Self::Cost => own[child].blocks / own[child].work,
                 _ => {
                     let chance = chance(own[child].area, half_area(&corners(node, child)));
@@ -210,8 +212,7 @@ mod tests {
     /// The hits do not depend on the order, only the speed does; so it is tested here.
     #[test]
     fn likely_blockers_are_visited_first() {
-        // Three leaves in equal boxes: a triangle across the box, a small one, and many small ones of the same area in
-        // an inner node.
+        // Three children: a triangle across its box, a small one, and an inner node with two of the large ones.
         let mut random = vec![[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [0.0, 1.0, 0.5]];
         random.extend([[0.0, 0.0, 0.2], [0.1, 0.0, 0.2], [0.0, 0.1, 0.2]]);
         let indices = vec![[0, 1, 2], [3, 4, 5]];
@@ -230,7 +231,12 @@ mod tests {
             }
             (root.link[child], root.count[child]) = (link, count);
         }
+        // The box of the inner node is larger.
+        root.bounds[3][2] = 1.5;
         for child in 0..2 {
+            for k in 0..3 {
+                (inner.bounds[k][child], inner.bounds[3 + k][child]) = (0.0, 1.0);
+            }
             (inner.link[child], inner.count[child]) = (firsts[0], 1);
         }
         let tree = BoxTree {
@@ -243,8 +249,8 @@ mod tests {
         };
         assert_eq!(top(Rule::Worth), [1, 2, 0]);
         assert_eq!(top(Rule::Cost), [1, 2, 0]);
-        // By area alone, the node with both comes first.
-        assert_eq!(top(Rule::Area), [2, 1, 0]);
+        // By surface alone, the larger box comes first.
+        assert_eq!(top(Rule::Area)[0], 2);
         assert_eq!(Rule::Near.listed(&tree, &leaves).len(), 2 * OCTANTS);
     }
 }
