@@ -95,8 +95,8 @@ impl Plan {
         self.with_any(Rays::Tile, by_coherence(tiles, streams))
     }
 
-    /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker; they are traced as single
-    /// rays, or in flight if that is their kernel, because no other kernel reads the cache. `beam`: `beams` replaces
+    /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker, tiles the leaf that blocked the
+    /// last tile; rays of other kernels than tiles and flights are traced as single rays, because no other reads a cache. `beam`: `beams` replaces
     /// their kernel.
     ///
     /// # Panics
@@ -105,7 +105,8 @@ impl Plan {
         match choice {
             "cache" => {
                 self.shadow_cache = true;
-                self.shadow = self.shadow.filter(|routed| routed.rays == Rays::Flight);
+                let reads = |rays: Rays| matches!(rays, Rays::Flight | Rays::Tile);
+                self.shadow = self.shadow.filter(|routed| reads(routed.rays));
                 self
             }
             "beam" => {

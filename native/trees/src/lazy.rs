@@ -96,17 +96,21 @@ impl Grown {
 fn growing(lazy: Lazy, config: &Config, frame: Frame) -> Built {
     let (tree, leaves) = (lazy.tree.clone(), Arc::new(Blocks::new()));
     let mut plan = Plan::single("planes", "dir", dir::lazy(&tree, &leaves));
+    let choice = config.choice("shadow");
     if config.way().traversal != "dir" {
-        let shadow = tile::kernel::shadow_lazy(&tree, &leaves);
-        plan = (plan.with_tiles(Rays::Tile, tile::kernel::lazy(&tree, &leaves)))
-            .with_any(Rays::Tile, shadow);
+        plan = plan.with_tiles(Rays::Tile, tile::kernel::lazy(&tree, &leaves));
+        // Tiles cache leaves of one store only.
+        if choice != "cache" {
+            let shadow = tile::kernel::shadow_lazy(&tree, &leaves);
+            plan = plan.with_any(Rays::Tile, shadow);
+        }
     }
     Built {
         frame: frame.with_robust(config.robust()),
         tree: None,
         leaves,
         derived: Vec::new(),
-        plan: plan.with_shadow(config.choice("shadow"), None),
+        plan: plan.with_shadow(choice, None),
         // `growing` returns the shape of the part that is built so far, and what it left out.
         shape: Shape::default(),
         left_out: Vec::new(),

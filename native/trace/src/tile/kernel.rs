@@ -57,16 +57,31 @@ struct LightTiles<T> {
     rate: SuccessRate,
 }
 
+impl<T> LightTiles<T> {
+    /// The traversal of a batch.
+    fn tiles<'a>(
+        &'a self,
+        batch: &Batch<'_>,
+        rate: Option<&'a SuccessRate>,
+    ) -> ShadowTiles<'a, T, 4> {
+        ShadowTiles {
+            tree: &*self.tree,
+            rate,
+            cache: batch.shadow_cache,
+        }
+    }
+}
+
 impl<T: TileTree + Debug + Send + 'static> Kernel<Any> for LightTiles<T> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
-        let tiles = ShadowTiles::<_, 4>(&*self.tree, Some(&self.rate));
+        let tiles = self.tiles(batch, Some(&self.rate));
         let launch = batch.on(&self.leaves);
         launch.quick_tiles(&tiles, store::<Any>(answers));
     }
 
     fn count(&self, batch: &Batch<'_>, answers: &mut [bool], counters: &mut [RayCounters]) -> bool {
         // Counts must not depend on earlier batches.
-        let tiles = ShadowTiles::<_, 4>(&*self.tree, None);
+        let tiles = self.tiles(batch, None);
         let launch = batch.on(&self.leaves);
         launch.tiles(&tiles, store::<Any>(answers), Some(counters));
         true

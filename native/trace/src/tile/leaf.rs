@@ -51,6 +51,12 @@ pub trait Resolver<const R: usize> {
         counters: &mut [C],
     );
 
+    /// Notes that a leaf has been tested, all its candidates decided.
+    #[inline(always)]
+    fn tested(&mut self, leaf: Leaf) {
+        let _ = leaf;
+    }
+
     /// Decides everything that refers to positions in the current blocks, before the traversal changes to others.
     #[inline(always)]
     fn change_blocks<S: Simd, C: Counters>(
@@ -141,6 +147,7 @@ fn each<S: Simd, C: Counters, const R: usize>(
     for reach in &tile.row_reach[1..] {
         tile.far = tile.far.max(*reach);
     }
+    resolver.tested(leaf);
     kept
 }
 

@@ -29,8 +29,10 @@ const SPEED_ERROR: f32 = 16.0 * U;
 
 /// Implements tiles for a binary tree of planes.
 macro_rules! tiles_of_planes {
-    ($tree:ty) => {
+    ($tree:ty, $one_store:literal) => {
         impl TileTree for $tree {
+            const ONE_STORE: bool = $one_store;
+
             /// The stack is a local array of the traversal.
             type Room = ();
 
@@ -52,8 +54,8 @@ macro_rules! tiles_of_planes {
     };
 }
 
-tiles_of_planes!(PlaneTree);
-tiles_of_planes!(LazyTree);
+tiles_of_planes!(PlaneTree, true);
+tiles_of_planes!(LazyTree, false);
 
 /// Nodes still to visit.
 struct Stack<A> {

@@ -7,10 +7,10 @@ use crate::input::Input;
 use crate::packet::traversal::{PacketTree, Remainder};
 use crate::tile::leaf::Resolver;
 use crate::tile::nearest::{self, Nearest};
-use crate::tile::shadow::{self, Decided, Shadows};
+use crate::tile::shadow::{self, Decided, Shadows, try_first};
 use crate::tile::{Backoff, LANES, SuccessRate, Tile, ray_index, row_and_lane};
 use fearless_simd::Simd;
-use halfspace_leaf::Job;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::query::{Any, Closest, Counters};
 use halfspace_ray::{Hit, RaySlice};
 
@@ -18,6 +18,9 @@ use halfspace_ray::{Hit, RaySlice};
 pub trait TileTree: PacketTree {
     /// The traversal's stack.
     type Room;
+
+    /// Whether all leaves stand in one store, so that a leaf can be named apart from its node.
+    const ONE_STORE: bool = true;
 
     /// A stack with room for the deepest path.
     fn room(&self) -> Self::Room;
@@ -39,6 +42,8 @@ pub struct Scratch<'a, T: TileTree + 'a> {
     backoff: Backoff<'a>,
     room: T::Room,
     remainder: Remainder<'a, T>,
+    /// The leaf that blocked most rays of the last tile.
+    blocker: Option<Leaf>,
 }
 
 impl<'a, T: TileTree> Scratch<'a, T> {
@@ -47,6 +52,7 @@ impl<'a, T: TileTree> Scratch<'a, T> {
             backoff: Backoff::new(min_finished, rate),
             room: tree.room(),
             remainder: Remainder::new(tree),
+            blocker: None,
         }
     }
 }
@@ -78,6 +84,7 @@ impl<'a, T: TileTree, const R: usize> TileTraversal for Tiles<'a, T, R> {
             backoff,
             room,
             remainder,
+            ..
         } = scratch;
         // Trace all rays in packets while tiles do not pay.
         if !backoff.should_try() {
@@ -153,15 +160,26 @@ impl<const R: usize> Iterator for RaysOf<R> {
     }
 }
 
-/// The any-hit traversal by tiles of `16 R` reversed shadow rays, with the success rate of earlier batches.
-pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a SuccessRate>);
+/// The any-hit traversal by tiles of `16 R` reversed shadow rays.
+pub struct ShadowTiles<'a, T, const R: usize> {
+    /// The tree.
+    pub tree: &'a T,
+    /// The success rate of earlier batches.
+    pub rate: Option<&'a SuccessRate>,
+    /// Whether the blocker of the last tile is tested first.
+    pub cache: bool,
+}
 
 impl<'a, T: TileTree, const R: usize> TileTraversal for ShadowTiles<'a, T, R> {
     const RAYS: usize = R * LANES;
     type Scratch = Scratch<'a, T>;
 
     fn scratch(&self) -> Self::Scratch {
-        Scratch::new(self.0, <Shadows<R> as Resolver<R>>::MIN_FINISHED, self.1)
+        Scratch::new(
+            self.tree,
+            <Shadows<R> as Resolver<R>>::MIN_FINISHED,
+            self.rate,
+        )
     }
 
     #[inline(always)]
@@ -178,7 +196,9 @@ impl<'a, T: TileTree, const R: usize> TileTraversal for ShadowTiles<'a, T, R> {
             backoff,
             room,
             remainder,
+            blocker,
         } = scratch;
+        let cache = self.cache && T::ONE_STORE;
         let Decided { blocked, left } = shadow::cast::<S, C, R>(
             simd,
             rays,
@@ -186,7 +206,14 @@ impl<'a, T: TileTree, const R: usize> TileTraversal for ShadowTiles<'a, T, R> {
             #[inline(always)]
             |tile, shadows, counters| {
                 let input = Input::new(triangles, rays);
-                (self.0).trace_tile(simd, input, tile, shadows, room, counters)
+                let done = match blocker.filter(|_| cache) {
+                    Some(leaf) => try_first(simd, input, leaf, tile, shadows, counters),
+                    None => false,
+                };
+                let finished =
+                    done || (self.tree).trace_tile(simd, input, tile, shadows, room, counters);
+                *blocker = shadows.blocker.leaf();
+                finished
             },
             counters,
         );

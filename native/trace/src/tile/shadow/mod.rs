@@ -7,6 +7,10 @@
 //! rays of that thickness. Blockers are decided by the exact verdict on the ray itself, so the result does not
 //! depend on the estimate. Rays that belong to no common light, or spread too far, are traced in packets.
 
+mod blocker;
+
+pub use blocker::{Blocker, try_first};
+
 use crate::input::Input;
 use crate::tile::leaf::Resolver;
 use crate::tile::nearest::count;
@@ -18,6 +22,7 @@ use crate::tile::{
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_geom::vec3::{add_scaled, dot as dot64, sub as sub64, widen};
 use halfspace_geom::verdict::verdict_within;
+use halfspace_leaf::Leaf;
 use halfspace_ray::frame::{Frame, ToFrame};
 use halfspace_ray::query::Counters;
 use halfspace_ray::{Ray, RaySlice};
@@ -35,6 +40,8 @@ pub struct Shadows<const R: usize> {
     exact: [u16; R],
     /// Masks of the occluded rays.
     pub blocked: [u16; R],
+    /// The leaf that blocks most rays.
+    pub blocker: Blocker,
 }
 
 /// Largest difference of a tile's directions, relative to the longest.
@@ -73,6 +80,7 @@ impl<const R: usize> Shadows<R> {
             t_max: [[f32::NEG_INFINITY; LANES]; R],
             exact: [0; R],
             blocked: [0; R],
+            blocker: Blocker::default(),
         };
         // Load the rays: rows of a full tile as vectors, others ray by ray.
         let mut there = [0; R];
@@ -308,6 +316,12 @@ impl<const R: usize> Resolver<R> for Shadows<R> {
         }
         count(open, row, counters);
         self.blocked[row] |= blocked;
+        self.blocker.blocks(blocked.count_ones());
         tile.deactivate(simd, row, blocked);
+    }
+
+    #[inline(always)]
+    fn tested(&mut self, leaf: Leaf) {
+        self.blocker.tested(leaf);
     }
 }
