@@ -96,3 +96,57 @@ fn shadow_kernels_change_no_answer() {
         }
     }
 }
+
+/// Rays of one light in tiles, half of them behind one wall: the leaf that blocked the last tile answers most of those,
+/// and no answer changes where the wall ends.
+#[test]
+fn tiles_try_the_last_blocker_first() {
+    // A wall of two triangles over half of the floor, and many triangles above it, where rays would go on.
+    let mut corners = vec![[-9.0, -9.0, 4.0], [0.1, -9.0, 4.0], [-9.0, 9.0, 4.0]];
+    corners.extend([[0.1, -9.0, 4.0], [0.1, 9.0, 4.0], [-9.0, 9.0, 4.0]]);
+    let above = |[x, y, z]: [f32; 3]| [x - 4.0, y - 1.5, 0.1 * z + 5.0];
+    corners.extend(grid(3, 0.0).into_iter().map(above));
+    let scene = soup(corners);
+    let light = [0.0, 0.0, 9.0];
+    // Eight by eight tiles of eight by eight rays.
+    let rays: Vec<Ray> = (0..4096)
+        .map(|i: usize| {
+            let at = |tile: usize, pixel: usize| 0.1 * (8 * (tile % 8) + pixel % 8) as f32 - 3.2;
+            let o = [at(i / 64, i), at(i / 512, i / 8), 0.0];
+            let d = std::array::from_fn(|k| light[k] - o[k]);
+            Ray {
+                t_max: 0.999,
+                ..ray(o, d)
+            }
+        })
+        .collect();
+    let mut tried = 0;
+    for tree in TREES {
+        let tiles = tree.ways.iter().find(|way| way.rays == Rays::Tile);
+        let Some(way) = tiles.filter(|_| tree.all_params().any(|p| p.name == "shadow")) else {
+            continue;
+        };
+        let trace = |shadow: &str| {
+            let mut parts = vec![tree.spelled(way), format!("shadow={shadow}")];
+            parts.retain(|part| !part.is_empty());
+            let spec = format!("{}:{}", tree.id, parts.join(","));
+            let structure = build(&scene, &spec);
+            let mut blocked = vec![false; rays.len()];
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            structure.occluded(&rays, &mut blocked, Some(&mut counters));
+            let mut uncounted = vec![false; rays.len()];
+            structure.occluded(&rays, &mut uncounted, None);
+            assert_eq!(blocked, uncounted, "{spec}");
+            let spared = counters.iter().map(|c| c.spared).sum::<u32>();
+            (blocked, spared)
+        };
+        let (expected, none) = trace("none");
+        let behind = expected.iter().filter(|&&blocked| blocked).count();
+        assert!((1024..4096).contains(&behind), "{}: {behind}", tree.id);
+        let (blocked, spared) = trace("cache");
+        assert_eq!((blocked == expected, none), (true, 0), "{}", tree.id);
+        assert!(spared > 512, "{}: {spared} of {behind} spared", tree.id);
+        tried += 1;
+    }
+    assert!(tried > 10, "{tried} trees have tiles");
+}
