@@ -18,6 +18,9 @@ from addon.core.base import native
 from addon.core.report import results
 from addon.core.scene import workload
 from lab.claims import (
+    any_hits as claims_any_hits,
+)
+from lab.claims import (
     beams as claims_beams,
 )
 from lab.claims import (
@@ -60,6 +63,7 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Small pictures and one repeat: what is tested is that all is measured, not how fast it is."""
     monkeypatch.setattr(claims_scenes, "RESOLUTIONS", ((32, 24), (64, 48)))
     monkeypatch.setattr(claims_shadows, "SHADOW_SIZE", (128, 128))
+    monkeypatch.setattr(claims_any_hits, "SIZE", (64, 64))
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
     monkeypatch.setattr(claims_mirrors, "SIZE", (64, 48))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
