@@ -42,7 +42,7 @@ def _all_ways(workload: Workload, tracer: Tracer, name: str) -> rays.RaySet:
     """Any-hit rays from the visible points in cosine-weighted directions, in no order. name: a key of LENGTHS."""
     some = rays.make(workload, tracer, size=SIZE, seed=1, names=("shuffled",))[0]
     share = LENGTHS[name]
-    t_max = some.t_max if share is None else np.full_like(some.t_max, share * workload.diagonal)
+    t_max = some.t_max if share is None else np.full_like(some.t_max, share * workload.diagonal())
     return replace(some, name=name, any_hit=True, t_max=t_max)
 
 
