@@ -27,7 +27,7 @@ SIZE = (512, 512)
 
 SCENES = ("sponza-dabrovic", "conference", "country-kitchen", "stanford-dragon", "stanford-bunny")
 
-ORDERS = {name: f"bvh-sah:traversal=stream,any_order={name}" for name in ("near", "worth", "cost", "area")}
+ORDERS = {name: f"bvh-sah:traversal=stream,any_order={name}" for name in ("near", "cost", "area")}
 """Configurations by the order of the children."""
 
 LENGTH = 0.1
@@ -92,13 +92,6 @@ CLAIMS = (
         "Nah and Manocha 2014, SATO: Surface area traversal order for shadow ray tracing",
         "Rays that need any hit take less time where the child with the largest surface is visited first.",
         lambda lab: against_nearest(lab, "area"),
-        SCENES,
-    ),
-    Claim(
-        "any-hits-worth",
-        "Halfspace",
-        "Rays that need any hit take less time where the likeliest blocker for its number of triangles is first.",
-        lambda lab: against_nearest(lab, "worth"),
         SCENES,
     ),
 )

@@ -9,7 +9,7 @@ use halfspace_structure::Plan;
 use halfspace_structure::way::Rays;
 use halfspace_trace::kernel::Kernel;
 use halfspace_trace::single::objects::boxes::boxes8;
-use halfspace_trace::stream::worth::Rule;
+use halfspace_trace::stream::order::Rule;
 use halfspace_trace::{flight, packet, stream, tile};
 use std::sync::Arc;
 

@@ -23,7 +23,7 @@ use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
-use halfspace_trace::stream::worth::Rule;
+use halfspace_trace::stream::order::Rule;
 use std::sync::Arc;
 
 /// The registry's row.
@@ -74,17 +74,15 @@ const WIDTH: ParamSpec = ParamSpec {
 const ANY_ORDER: ParamSpec = ParamSpec {
     name: "any_order",
     label: "Any-Hit Order",
-    doc: "Which child of a node any-hit streams visit first: the likeliest blocker for the logarithm of its triangles, \
-          the likeliest for the expected work, the largest box, or the child nearest to where the rays \
-          come from, as for nearest hits",
+    doc: "Which child of a node any-hit streams visit first: the likeliest blocker for the expected work, the largest box, \
+          or the child nearest to where the rays come from, as for nearest hits",
     unit: "",
     kind: Kind::Choice(&[
-        named("worth", "Chance"),
         named("cost", "Expected Cost"),
         named("area", "Largest Box"),
         named("near", "Nearest"),
     ]),
-    default: Value::Choice("worth"),
+    default: Value::Choice("cost"),
     group: Group::Builder,
     needs: &[
         Need {
@@ -100,10 +98,9 @@ const ANY_ORDER: ParamSpec = ParamSpec {
 
 fn any_order(config: &Config) -> Rule {
     match config.choice("any_order") {
-        "cost" => Rule::Cost,
         "area" => Rule::Area,
         "near" => Rule::Near,
-        _ => Rule::Worth,
+        _ => Rule::Cost,
     }
 }
 

@@ -189,10 +189,17 @@ TRAVERSALS = (
     ),
     Fault(
         "a child left out of the order of likely blockers",
-        f"{_STREAM}/blockers.rs",
+        f"{_STREAM}/order.rs",
         "children.into_iter().enumerate().map(bit).sum()",
         "children.into_iter().enumerate().skip(1).map(bit).sum()",
         ("streams", "batches_of_any_size_answer_like_brute_force"),
+    ),
+    Fault(
+        "all rays of a tile taken as blocked by the last tile's blocker",
+        "native/trace/src/tile/shadow/blocker.rs",
+        "tile.active == [0; R]",
+        "true",
+        ("shadow_rays", "tiles_try_the_last_blocker_first"),
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",

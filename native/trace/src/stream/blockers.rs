@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Any-hit streams through nodes of eight boxes: the children of each node are visited in an order of their own,
-//! by a rule of [`crate::stream::worth`].
+//! by a rule of [`crate::stream::order`].
 
 use crate::stream::Steps;
 use crate::stream::boxes::{Child, Order, visit};
 use crate::stream::lists::{Entry, Stream};
+use crate::stream::order::{CHILDREN, Listed, Rule};
 use crate::stream::ray_state::{Line, RayState};
-use crate::stream::worth::{CHILDREN, Listed, Rule};
 use fearless_simd::{Simd, u8x16};
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;

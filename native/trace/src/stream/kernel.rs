@@ -5,7 +5,7 @@ use crate::batch::Batch;
 use crate::kernel::{Kernel, store};
 use crate::stream::Steps;
 use crate::stream::blockers::BlockersFirst;
-use crate::stream::worth::Rule;
+use crate::stream::order::Rule;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;

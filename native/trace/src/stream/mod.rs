@@ -17,6 +17,7 @@
 //! indices ([`boxes`]); through planes each entry of a list has the ray's interval, too ([`intervals`]).
 
 pub mod kernel;
+pub mod order;
 
 mod blockers;
 mod boxes;
@@ -26,7 +27,6 @@ mod prepare;
 mod ray_state;
 mod slab_boxes;
 mod traversal;
-pub mod worth;
 
 use fearless_simd::Simd;
 use halfspace_leaf::Leaf;

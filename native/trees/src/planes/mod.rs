@@ -29,7 +29,7 @@ use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use halfspace_trace::single::planes::{dir, projected, rope};
-use halfspace_trace::stream::worth::Rule;
+use halfspace_trace::stream::order::Rule;
 use halfspace_trace::{beam, flight, packet, stream, tile};
 use std::sync::Arc;
 
@@ -276,7 +276,7 @@ fn boxed(
     let boxes = Boxes {
         tree: Arc::new(made.tree),
         leaves: Arc::new(made.blocks),
-        any_order: Rule::Worth,
+        any_order: Rule::Cost,
     };
     let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
     Ok(Built {

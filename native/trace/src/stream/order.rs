@@ -19,9 +19,8 @@ pub const CHILDREN: usize = 8;
 /// How the children of a node are ordered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// By the probability that a child blocks a ray that meets its box, divided by the logarithm of its triangles.
-    Worth,
-    /// By that probability divided by the expected work, both summed up from the leaves (RTSAH for eight children).
+    /// By the probability that a child blocks a ray that meets its box, divided by the expected work, both summed up
+    /// from the leaves (RTSAH for eight children).
     Cost,
     /// By the surface of its box (SATO).
     Area,
@@ -67,11 +66,7 @@ impl Rule {
                 // Empty slots are never met.
                 _ if node.count[child] == 0 => -1.0,
                 Self::Area => half_area(&corners(node, child)),
-                Self::Cost => own[child].blocks / own[child].work,
-                _ => {
-                    let chance = chance(own[child].area, half_area(&corners(node, child)));
-                    chance / path(node.count[child], own[child].triangles)
-                }
+                _ => own[child].blocks / own[child].work,
             };
             let children = ascending(std::array::from_fn(worth));
             order[i] = Listed::new(children);
@@ -84,9 +79,6 @@ impl Rule {
 /// What is below a child.
 #[derive(Clone, Copy, Default)]
 struct Below {
-    triangles: f64,
-    /// The sum of the areas of the triangles, in the frame.
-    area: f64,
     /// Probability that a ray which meets the box is blocked in it.
     blocks: f64,
     /// Expected number of nodes and leaves that such a ray visits in it, itself included.
@@ -107,8 +99,6 @@ impl Below {
             area += 0.5 * dot(normal, normal).sqrt();
         });
         Self {
-            triangles: f64::from(count),
-            area,
             blocks: chance(area, half),
             work: 1.0,
         }
@@ -139,21 +129,11 @@ impl Below {
         for child in children.into_iter().filter(full).rev() {
             let share = half_area(&corners(node, child)) / whole;
             let meets = if share.is_finite() { share } else { 1.0 };
-            sum.triangles += own[child].triangles;
-            sum.area += own[child].area;
             sum.work += open * meets * own[child].work;
             open *= 1.0 - meets * own[child].blocks;
         }
         sum.blocks = 1.0 - open;
         sum
-    }
-}
-
-/// The work in a child as that of a path to a leaf: one for a leaf, the logarithm of the number of triangles for a node.
-fn path(count: u32, triangles: f64) -> f64 {
-    match count {
-        INNER => 1.0 + triangles.max(1.0).log2(),
-        _ => 1.0,
     }
 }
 
@@ -247,7 +227,6 @@ mod tests {
             let Listed(bits) = rule.listed(&tree, &leaves)[0];
             [7, 6, 5].map(|position| (bits >> (8 * position) & 0xff).trailing_zeros())
         };
-        assert_eq!(top(Rule::Worth), [1, 2, 0]);
         assert_eq!(top(Rule::Cost), [1, 2, 0]);
         // By surface alone, the larger box comes first.
         assert_eq!(top(Rule::Area)[0], 2);
