@@ -32,6 +32,7 @@ from addon.core.measure.rows import agrees_moved
 from addon.core.report import page, report, results, tables
 from addon.core.scene import rays, workload
 from addon.core.structures import catalogue, specs, ways
+from lab.base import levels
 from lab.base.usage import Parser, UsageError, output
 from lab.bench import cluster, merging, scenes, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
@@ -84,7 +85,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"timed repeats (default: {REPEATS}, or {FEWER} for more than {MANY} configurations)",
     )
     add("--seconds", type=float, default=SECONDS, help=f"for all timed passes of a scene, about (default: {SECONDS:g})")
-    add("--level", default="best", help="instruction set: best (default), avx512, avx2, sse4.2 or neon")
+    levels.add_option(made)
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
     add(
         "--curve",
@@ -145,7 +146,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure scene by scene. Raises one of the errors that `main` turns into a line."""
-    module = load_module(asked.level)
+    module = levels.load_module(asked.level)
     chosen = read_structures(asked, module)
     if yardstick.problem() is None:
         chosen = [yardstick.SPEC, *chosen]
@@ -215,7 +216,7 @@ def moving(asked: argparse.Namespace) -> int:
             raise UsageError(f"--{name.replace('_', '-')}: expected no --frames, whose animations have no use for it")
     numbers = motion.read_frames(asked.frames)
     size = read_options(asked, 1).size
-    module = load_module(asked.level)
+    module = levels.load_module(asked.level)
     listed = list(motion.SPECS)
     if asked.structures:
         listed = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
@@ -229,16 +230,6 @@ def moving(asked: argparse.Namespace) -> int:
             results.write_all({asked.out / name: text for name, text in motion.written(document).items()})
         say(f"wrote {asked.out / motion.PAGE} and {motion.NUMBERS}")
     return int(any(row["wrong"] for row in rows))
-
-
-def load_module(level: str) -> Native:
-    """The native module, using this instruction set. Raises UsageError."""
-    module = native.load()
-    try:
-        module.use_level(level)
-    except ValueError as error:
-        raise UsageError(f"--{error}") from error
-    return module
 
 
 def merge(asked: argparse.Namespace) -> int:

@@ -23,9 +23,10 @@ from addon.core.base import interrupt
 if __name__ == "__main__":
     interrupt.guard("claims")
 
-from addon.core.base import command, native
+from addon.core.base import command
 from addon.core.report import results
 from addon.core.scene import workload
+from lab.base import levels
 from lab.base.usage import Parser, UsageError, output
 from lab.claims import claims
 from lab.claims import report as claims_report
@@ -41,6 +42,7 @@ def parser() -> argparse.ArgumentParser:
     add = made.add_argument
     add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
     add("--quick", action="store_true", help="three repeats instead of seven")
+    levels.add_option(made)
     add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
     return made
 
@@ -59,14 +61,14 @@ def run(asked: argparse.Namespace) -> int:
     unknown = [name for name in asked.claims if name not in known]
     if unknown:
         raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
-    module = native.load()
+    module = levels.load_module(asked.level)
     if asked.out is not None:
         results.prepare_folder(asked.out)
     # Reuse or measure one claim after the other.
     lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     journal = results.Journal(asked.out) if asked.out is not None else None
-    fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), asked.quick]
+    fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), module.level(), asked.quick]
     machine = results.machine(module)
     found: list[claims.Result] = []
     for place, claim in enumerate(chosen):
