@@ -33,6 +33,7 @@ CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "beams-*": ("beams-through-octrees", ("octree-beam",)),
     "shadow-beams": ("beams-through-octrees", ("octree-beam",)),
     "shadow-cache": ("other-sources", ("brute",)),
+    "any-hits-*": ("order-of-children-for-any-hits", ("bvh-sah",)),
     "shadow-polygons": ("beams-through-octrees", ("octree-beam",)),
     "*ed-beams": ("beams-of-mirrors-and-panes", ("beam-hh", "octree-beam", "kd", "bvh-sah")),
     "octrees-beat-boxes": ("beams-through-octrees", ("octree-*", "bbox-gs*")),

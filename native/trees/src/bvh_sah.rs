@@ -133,7 +133,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             },
         ),
         _ => {
-            let by_corners = matches!(traversal, "auto" | "flight" | "stream");
+            // The same nodes for all groups of rays.
+            let by_corners = traversal != "ordered";
             order.lay_out(
                 |tree| if by_corners { tree.by_corners() } else { tree },
                 |config, tree, leaves, _| {

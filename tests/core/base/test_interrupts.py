@@ -40,7 +40,9 @@ runpy.run_path({script!r}, run_name="__main__")
 def interrupted(script: str, arguments: list[str], name: str) -> subprocess.CompletedProcess[str]:
     """Run a script that is interrupted as it imports the named module."""
     path = str(SCRIPTS / script)
-    program = PROGRAM.format(paths=sys.path, name=name, script=path, arguments=arguments)
+    # Without the folders that Blender adds where a test of this process has imported it: there, bpy is another module.
+    paths = [folder for folder in sys.path if "bpy" not in Path(folder).parts]
+    program = PROGRAM.format(paths=paths, name=name, script=path, arguments=arguments)
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=600, env=environment, check=False

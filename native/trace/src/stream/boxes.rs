@@ -186,18 +186,12 @@ pub fn visit<S: Simd>(
             let line = &states[ray as usize].line;
             word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
         }
-        distribute_few(simd, stream, (node, order), own, word);
+        distribute_few(simd, stream, node, order, own, word);
     } else if own.rays as usize <= GROUP {
         // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
         let Met { masks, some } = met(simd, list, states, &sides);
-        distribute(
-            simd,
-            stream,
-            (node, order),
-            own,
-            std::slice::from_ref(&masks),
-            some,
-        );
+        let masks = std::slice::from_ref(&masks);
+        distribute(simd, stream, node, order, own, masks, some);
     } else {
         masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
         let mut some = 0;
@@ -206,7 +200,7 @@ pub fn visit<S: Simd>(
             *masks = met.masks;
             some |= met.some;
         }
-        distribute(simd, stream, (node, order), own, masks, some);
+        distribute(simd, stream, node, order, own, masks, some);
     }
 }
 
@@ -219,21 +213,29 @@ fn union(mut bytes: u64) -> u64 {
     bytes & 0xff
 }
 
+/// Makes room for the lists of these many children of a node behind its own of `rays` rays from `first`, the last one:
+/// those of all stack entries lie below. Returns where they begin.
+#[inline(always)]
+fn room_behind(stream: &mut Stream<Child>, first: usize, rays: usize, children: usize) -> usize {
+    let behind = first + rays;
+    stream.make_room(behind + children * rays, false);
+    behind
+}
+
 /// Distributes a list of at most eight rays over the children that they meet: byte `i` of `word` is the mask of ray
 /// `i`. Without AVX-512 sixteen lanes take more than twice the time of eight to compress, and most lists are short.
 #[inline(always)]
 fn distribute_few<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
-    (node, order): (&Wide<CHILDREN>, impl Order),
+    node: &Wide<CHILDREN>,
+    order: impl Order,
     own: Entry<Child>,
     word: u64,
 ) {
     let mut left = order.positions(union(word));
     let (first, rays) = (own.first as usize, own.rays as usize);
-    // The lists of all stack entries lie below.
-    let mut top = first + rays;
-    stream.make_room(top + left.count_ones() as usize * rays, false);
+    let mut top = room_behind(stream, first, rays, left.count_ones() as usize);
     let list = u32x8::from_slice(simd, &stream.lists[first..first + FEW]);
     // Write each child's list by compressing the parent's under the child's bit, then push the child.
     while let Some(child) = order.take(&mut left) {
@@ -287,16 +289,15 @@ fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: 
 fn distribute<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
-    (node, order): (&Wide<CHILDREN>, impl Order),
+    node: &Wide<CHILDREN>,
+    order: impl Order,
     own: Entry<Child>,
     masks: &[u8x16<S>],
     some: u64,
 ) {
     let mut left = order.positions(some);
     let (first, rays) = (own.first as usize, own.rays as usize);
-    // The lists of all stack entries lie below.
-    let mut top = first + rays;
-    stream.make_room(top + left.count_ones() as usize * rays, false);
+    let mut top = room_behind(stream, first, rays, left.count_ones() as usize);
     // Write each child's list by compressing the parent's under the child's bit, then push the child.
     while let Some(child) = order.take(&mut left) {
         let bit = u8x16::splat(simd, 1 << child);
