@@ -95,8 +95,8 @@ impl Plan {
         self.with_any(Rays::Tile, by_coherence(tiles, streams))
     }
 
-    /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker, tiles the leaf that blocked the
-    /// last tile; rays of other kernels than tiles and flights are traced as single rays, because no other reads a cache. `beam`: `beams` replaces
+    /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker, tiles and packets the leaf that
+    /// blocked the last one; streams and octree beams are replaced by single rays, because they read no cache. `beam`: `beams` replaces
     /// their kernel.
     ///
     /// # Panics
@@ -105,7 +105,7 @@ impl Plan {
         match choice {
             "cache" => {
                 self.shadow_cache = true;
-                let reads = |rays: Rays| matches!(rays, Rays::Flight | Rays::Tile);
+                let reads = |rays: Rays| matches!(rays, Rays::Flight | Rays::Tile | Rays::Packet);
                 self.shadow = self.shadow.filter(|routed| reads(routed.rays));
                 self
             }

@@ -352,8 +352,8 @@ impl StructureSpec {
 pub const SHADOW: ParamSpec = ParamSpec {
     name: "shadow",
     label: "Shadow Rays",
-    doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994), by tiles the leaf that blocked the \
-          last tile. Saves time where shadows are large, and costs a test where they end. The answer is the same",
+    doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994), by tiles and packets the leaf \
+          that blocked the last one. Saves time where shadows are large, and costs a test where they end. The answer is the same",
     unit: "",
     kind: Kind::Choice(&[
         named("none", "As Other Rays"),
@@ -366,8 +366,8 @@ pub const SHADOW: ParamSpec = ParamSpec {
 
 /// [`SHADOW`] of structures with beams: trees that divide space.
 pub const SHADOW_BEAM: ParamSpec = ParamSpec {
-    doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994), by tiles the leaf that blocked the \
-          last tile. beam: rays to one light go \
+    doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994), by tiles and packets the leaf \
+          that blocked the last one. beam: rays to one light go \
           through the tree together; mostly one traversal shows that nothing blocks any of 64. On trees \
           of planes that saves traversals, but is still slower than single rays. \
           The answer is the same",

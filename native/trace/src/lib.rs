@@ -3,6 +3,7 @@
 
 pub mod batch;
 pub mod beam;
+mod blocker;
 pub mod coherence;
 pub mod first_hit;
 pub mod flight;

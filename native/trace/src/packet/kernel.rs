@@ -38,7 +38,7 @@ where
     L: Width + Debug + Send + Sync,
 {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
-        let packets = Packets::<_, Q, L>::new(&*self.tree);
+        let packets = Packets::<_, Q, L>::new(&*self.tree, batch.shadow_cache);
         batch
             .on(&self.leaves)
             .quick_tiles(&packets, store::<Q>(answers));
@@ -50,7 +50,7 @@ where
         answers: &mut [Q::Answer],
         counters: &mut [RayCounters],
     ) -> bool {
-        let packets = Packets::<_, Q, L>::new(&*self.tree);
+        let packets = Packets::<_, Q, L>::new(&*self.tree, batch.shadow_cache);
         let launch = batch.on(&self.leaves);
         launch.tiles(&packets, store::<Q>(answers), Some(counters));
         true

@@ -12,7 +12,7 @@
 
 use crate::input::Input;
 use crate::packet::prepare::{Prepared, prepare};
-use crate::packet::{MOST, Packet, Width, load, load3, store};
+use crate::packet::{Group, MOST, Packet, Width, load, load3, store};
 use crate::tile::{Candidate, Quotient, StoredTriangle};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_leaf::Leaf;
@@ -39,10 +39,54 @@ pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
     active: Active<'_, L::Vector<S>>,
     counters: &mut [C],
 ) {
+    let before = packet.blocked;
     simd.vectorize(
         #[inline(always)]
         || each::<S, Q, C, L>(simd, input, leaf, packet, active, counters),
     );
+    if Q::ANY {
+        packet
+            .blocker
+            .blocks((packet.blocked & !before).count_ones());
+        packet.blocker.tested(leaf);
+    }
+}
+
+/// Tests the leaf that blocked most rays of the last packet, if there is one, against the rays of `lanes` before they go
+/// through the tree. Returns the mask of those that are still open.
+#[inline(always)]
+pub fn try_blocker<S: Simd, Q: Query, C: Counters, L: Width>(
+    simd: S,
+    input: Input<'_>,
+    packet: &mut Packet,
+    lanes: u64,
+    counters: &mut [C],
+) -> u64 {
+    let last = std::mem::take(&mut packet.blocker).leaf();
+    // Rays that have no packet test go singly.
+    let regular = lanes & !packet.odd;
+    let Some(leaf) = last.filter(|_| regular.count_ones() > 1) else {
+        return lanes;
+    };
+    let group = Group {
+        lanes: regular,
+        lead: regular.trailing_zeros() as usize % MOST,
+        signs: 0,
+    };
+    counters[packet.places[group.lead]].leaf(leaf.count);
+    packet.join(regular, group, counters);
+    let leave = &load::<S, L>(simd, &packet.reach);
+    let active = Active {
+        lanes: regular,
+        leave,
+    };
+    test::<S, Q, C, L>(simd, input, leaf, packet, active, counters);
+    if C::COUNTS {
+        for lane in (0..MOST).filter(|lane| packet.blocked >> lane & 1 == 1) {
+            counters[packet.places[lane]].spared();
+        }
+    }
+    lanes & !u64::from(packet.blocked)
 }
 
 /// A start closer to the origin than this is moved to this distance before the origin. Most rays start at their origin

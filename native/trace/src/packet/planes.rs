@@ -27,10 +27,11 @@ pub struct PlaneEntry<A> {
 
 /// Implements packets for a binary tree of planes.
 macro_rules! packets_of_planes {
-    ($tree:ty) => {
+    ($tree:ty, $one_store:literal) => {
         impl PacketTree for $tree {
             type Entry<'a> = PlaneEntry<<&'a $tree as Planes>::At>;
             type Single<'a> = plane_dir::PlaneTraversal<&'a $tree>;
+            const ONE_STORE: bool = $one_store;
 
             fn single(&self) -> Self::Single<'_> {
                 plane_dir::PlaneTraversal(self)
@@ -61,8 +62,8 @@ macro_rules! packets_of_planes {
     };
 }
 
-packets_of_planes!(PlaneTree);
-packets_of_planes!(LazyTree);
+packets_of_planes!(PlaneTree, true);
+packets_of_planes!(LazyTree, false);
 
 /// The interval of each ray in a node.
 struct Intervals<S: Simd, L: Width> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The rays of a packet in structure-of-arrays layout, and their division into groups.
 
+use crate::blocker::Blocker;
 use crate::packet::MOST;
 use crate::tile::{Deferred, Row};
 use halfspace_ray::query::{Counters, Query};
@@ -50,6 +51,10 @@ pub struct Packet {
     pub count: usize,
     /// Mask of the rays known to be occluded, for any-hit queries.
     pub blocked: u16,
+    /// The leaf that blocks most rays, of the last packet until this one has another.
+    pub blocker: Blocker,
+    /// Whether the leaf that blocked most rays of the last packet is tested first.
+    pub cache: bool,
 }
 
 /// The rays of a packet that are traced together, because their direction signs agree.
@@ -90,6 +95,8 @@ impl Default for Packet {
             places: [0; MOST],
             count: 0,
             blocked: 0,
+            blocker: Blocker::default(),
+            cache: false,
         }
     }
 }

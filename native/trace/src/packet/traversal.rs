@@ -3,7 +3,7 @@
 
 use crate::batch::{SingleTraversal, TileTraversal};
 use crate::input::Input;
-use crate::packet::{Group, MOST, Packet, Sixteen, Width};
+use crate::packet::{Group, MOST, Packet, Sixteen, Width, leaf};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::query::{Counters, Query};
@@ -20,6 +20,9 @@ pub trait PacketTree: Sync {
     type Single<'a>: SingleTraversal
     where
         Self: 'a;
+
+    /// Whether all leaves stand in one store, so that a leaf can be named apart from its node.
+    const ONE_STORE: bool = true;
 
     /// Returns the single-ray traversal.
     fn single(&self) -> Self::Single<'_>;
@@ -40,12 +43,21 @@ pub trait PacketTree: Sync {
 }
 
 /// The traversal of one tree by packets of width `L`.
-pub struct Packets<'a, T, Q, L>(&'a T, PhantomData<(Q, L)>);
+pub struct Packets<'a, T, Q, L> {
+    tree: &'a T,
+    /// Whether the blocker of the last packet is tested first.
+    cache: bool,
+    kind: PhantomData<(Q, L)>,
+}
 
 impl<'a, T, Q, L> Packets<'a, T, Q, L> {
-    /// The packet traversal of `tree`.
-    pub fn new(tree: &'a T) -> Self {
-        Self(tree, PhantomData)
+    /// The packet traversal of `tree`. `cache`: the blocker of the last packet is tested first.
+    pub fn new(tree: &'a T, cache: bool) -> Self {
+        Self {
+            tree,
+            cache,
+            kind: PhantomData,
+        }
     }
 }
 
@@ -57,10 +69,13 @@ pub struct Scratch<'a, T: PacketTree + 'a> {
 }
 
 impl<'a, T: PacketTree> Scratch<'a, T> {
-    /// Working memory for traversals of `tree`.
-    pub fn new(tree: &'a T) -> Self {
+    /// Working memory for traversals of `tree`. `cache`: the blocker of the last packet is tested first.
+    pub fn new(tree: &'a T, cache: bool) -> Self {
         Self {
-            packet: Packet::default(),
+            packet: Packet {
+                cache: cache && T::ONE_STORE,
+                ..Packet::default()
+            },
             stack: tree.stack(),
             single: tree.single().scratch(),
         }
@@ -72,7 +87,7 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileTraversal for Packets<'a, T, Q, 
     type Scratch = Scratch<'a, T>;
 
     fn scratch(&self) -> Self::Scratch {
-        Scratch::new(self.0)
+        Scratch::new(self.tree, self.cache)
     }
 
     #[inline(always)]
@@ -91,9 +106,9 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileTraversal for Packets<'a, T, Q, 
             *place = i;
         }
         if L::RAYS == MOST {
-            trace_sixteen::<S, T, Q, C>(simd, self.0, triangles, rays, None, scratch, counters);
+            trace_sixteen::<S, T, Q, C>(simd, self.tree, triangles, rays, None, scratch, counters);
         } else {
-            trace::<S, T, Q, C, L>(simd, self.0, triangles, rays, None, scratch, counters);
+            trace::<S, T, Q, C, L>(simd, self.tree, triangles, rays, None, scratch, counters);
         }
         for i in 0..count {
             write(i, scratch.packet.hit::<Q>(i));
@@ -119,6 +134,9 @@ fn trace<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
     } = scratch;
     let input = Input::new(triangles, rays);
     let mut left = packet.fill(simd, rays.frame, rays.rays, known);
+    if Q::ANY && packet.cache {
+        left = leaf::try_blocker::<S, Q, C, L>(simd, input, packet, left, counters);
+    }
     // Trace group by group, and single rays by their own traversal.
     while left != 0 {
         let group = packet.group(left);
@@ -172,11 +190,11 @@ pub struct Remainder<'a, T: PacketTree + 'a> {
 }
 
 impl<'a, T: PacketTree> Remainder<'a, T> {
-    /// An empty collection for `tree`.
-    pub fn new(tree: &'a T) -> Self {
+    /// An empty collection for `tree`. `cache`: the blocker of the last packet is tested first.
+    pub fn new(tree: &'a T, cache: bool) -> Self {
         Self {
             tree,
-            scratch: Scratch::new(tree),
+            scratch: Scratch::new(tree, cache),
             known: [Hit::MISS; MOST],
         }
     }

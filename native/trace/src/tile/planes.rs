@@ -29,10 +29,8 @@ const SPEED_ERROR: f32 = 16.0 * U;
 
 /// Implements tiles for a binary tree of planes.
 macro_rules! tiles_of_planes {
-    ($tree:ty, $one_store:literal) => {
+    ($tree:ty) => {
         impl TileTree for $tree {
-            const ONE_STORE: bool = $one_store;
-
             /// The stack is a local array of the traversal.
             type Room = ();
 
@@ -54,8 +52,8 @@ macro_rules! tiles_of_planes {
     };
 }
 
-tiles_of_planes!(PlaneTree, true);
-tiles_of_planes!(LazyTree, false);
+tiles_of_planes!(PlaneTree);
+tiles_of_planes!(LazyTree);
 
 /// Nodes still to visit.
 struct Stack<A> {

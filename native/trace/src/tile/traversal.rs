@@ -19,9 +19,6 @@ pub trait TileTree: PacketTree {
     /// The traversal's stack.
     type Room;
 
-    /// Whether all leaves stand in one store, so that a leaf can be named apart from its node.
-    const ONE_STORE: bool = true;
-
     /// A stack with room for the deepest path.
     fn room(&self) -> Self::Room;
 
@@ -47,11 +44,11 @@ pub struct Scratch<'a, T: TileTree + 'a> {
 }
 
 impl<'a, T: TileTree> Scratch<'a, T> {
-    fn new(tree: &'a T, min_finished: u32, rate: Option<&'a SuccessRate>) -> Self {
+    fn new(tree: &'a T, min_finished: u32, rate: Option<&'a SuccessRate>, cache: bool) -> Self {
         Self {
             backoff: Backoff::new(min_finished, rate),
             room: tree.room(),
-            remainder: Remainder::new(tree),
+            remainder: Remainder::new(tree, cache),
             blocker: None,
         }
     }
@@ -65,7 +62,12 @@ impl<'a, T: TileTree, const R: usize> TileTraversal for Tiles<'a, T, R> {
     type Scratch = (Scratch<'a, T>, Tile<R>);
 
     fn scratch(&self) -> Self::Scratch {
-        let shared = Scratch::new(self.0, <Nearest as Resolver<R>>::MIN_FINISHED, self.1);
+        let shared = Scratch::new(
+            self.0,
+            <Nearest as Resolver<R>>::MIN_FINISHED,
+            self.1,
+            false,
+        );
         (shared, Tile::none())
     }
 
@@ -179,6 +181,7 @@ impl<'a, T: TileTree, const R: usize> TileTraversal for ShadowTiles<'a, T, R> {
             self.tree,
             <Shadows<R> as Resolver<R>>::MIN_FINISHED,
             self.rate,
+            self.cache,
         )
     }
 

@@ -7,13 +7,10 @@
 //! rays of that thickness. Blockers are decided by the exact verdict on the ray itself, so the result does not
 //! depend on the estimate. Rays that belong to no common light, or spread too far, are traced in packets.
 
-mod blocker;
-
-pub use blocker::{Blocker, try_first};
-
+use crate::blocker::Blocker;
 use crate::input::Input;
-use crate::tile::leaf::Resolver;
-use crate::tile::nearest::count;
+use crate::tile::leaf::{self, Resolver};
+use crate::tile::nearest::{count, join};
 use crate::tile::verdict::{Segments, any};
 use crate::tile::{
     Backoff, Candidate, LANES, Numbers, ORDINARY, Row, Tile, bits, load, ray_index, row_and_lane,
@@ -25,7 +22,7 @@ use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::Leaf;
 use halfspace_ray::frame::{Frame, ToFrame};
 use halfspace_ray::query::Counters;
-use halfspace_ray::{Ray, RaySlice};
+use halfspace_ray::{Interval, Ray, RaySlice};
 
 /// The shadow rays of a tile.
 pub struct Shadows<const R: usize> {
@@ -257,6 +254,30 @@ pub fn cast<S: Simd, C: Counters, const R: usize>(
         *left &= !blocked;
     }
     Decided { blocked, left }
+}
+
+/// Tests the blocker of the last tile against a tile. Returns whether it blocks all rays of it.
+#[inline(always)]
+pub fn try_first<S: Simd, C: Counters, const R: usize>(
+    simd: S,
+    input: Input<'_>,
+    blocker: Leaf,
+    tile: &mut Tile<R>,
+    shadows: &mut Shadows<R>,
+    counters: &mut [C],
+) -> bool {
+    counters[0].leaf(blocker.count);
+    join(tile, counters);
+    let inside = Interval::new(tile.inside.enter, tile.far);
+    leaf::test(simd, input, blocker, inside, tile, shadows, counters);
+    if C::COUNTS {
+        for (row, blocked) in shadows.blocked.iter().enumerate() {
+            for lane in (0..LANES).filter(|lane| blocked >> lane & 1 == 1) {
+                counters[ray_index(row, lane)].spared();
+            }
+        }
+    }
+    tile.active == [0; R]
 }
 
 // No closures in these functions: unless inlined, a closure is not compiled for the caller's instruction set.
