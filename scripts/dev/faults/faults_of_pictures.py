@@ -84,7 +84,7 @@ PICTURES = (
         "native/render/src/path/shade/scatter.rs",
         "path.bounce == 0",
         "path.bounce < u16::MAX",
-        ("tests/blender/passes/test_light_passes.py", "each_light_pass"),
+        ("lib", "tests::light_passes::what_a_mirror_shows_is_glossy_light"),
     ),
     Fault(
         "each pass of mattes one rank below the last",
@@ -119,7 +119,7 @@ PICTURES = (
         "native/render/src/light/mod.rs",
         "group.is_some_and(|group| group != light.group)",
         "group.is_some_and(|_| false)",
-        ("tests/blender/passes/test_light_groups.py", "add_up"),
+        ("lib", "tests::light_passes::lamps_that_the_camera_sees_are_in_their_own_group"),
     ),
     Fault(
         "a spread that dims what it narrows",

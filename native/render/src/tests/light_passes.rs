@@ -245,3 +245,74 @@ fn a_lamp_alone_in_a_fog_is_the_whole_picture() {
         }
     }
 }
+
+#[test]
+fn what_a_mirror_shows_is_glossy_light() {
+    let mut mesh = Mesh::default();
+    mesh.floor(4.0, 0.0, 0);
+    mesh.floor(9.0, 8.0, 1);
+    let mirror = MaterialParams {
+        metallic: 1.0,
+        roughness: 0.0,
+        ..Default::default()
+    };
+    let lamp = light(LightKind::Point { radius: 0.5 }, at(-2.0, -2.0, 6.0), 90.0);
+    let scene = mesh.scene(SceneParams {
+        materials: vec![mirror, matte(0.5)],
+        lights: vec![lamp],
+        ..Default::default()
+    });
+    let settings = Settings {
+        passes: Pass::all().collect(),
+        ..square(12, 4, 4)
+    };
+    let job = Job::start(scene, &from_above(5.0), settings, 1).unwrap();
+    assert!(job.wait(Duration::from_secs(600)));
+    let light = |pass| read(&job, Pass::Light(pass));
+    // The light of the matte ceiling is glossy light of the floor, whatever lobe scattered it at the ceiling.
+    for part in [LightPass::Direct, LightPass::Indirect] {
+        let diffuse = light(part(LobeKind::Diffuse));
+        assert!(diffuse.iter().all(|&v| v == 0.0), "{part:?}");
+    }
+    let glossy = light(LightPass::Indirect(LobeKind::Glossy));
+    assert!(glossy.iter().all(|&v| v > 0.0));
+}
+
+#[test]
+fn lamps_that_the_camera_sees_are_in_their_own_group() {
+    let lamp = |group: u8, x: f64| {
+        let mut lamp = light(LightKind::Point { radius: 0.5 }, at(x, 0.0, 2.0), 90.0);
+        lamp.group = group;
+        lamp.visible = Visibility::ALL;
+        lamp
+    };
+    let mut mesh = Mesh::default();
+    mesh.floor(4.0, 0.0, 0);
+    let scene = mesh.scene(SceneParams {
+        materials: vec![matte(0.0)],
+        lights: vec![lamp(1, -1.0), lamp(2, 1.0)],
+        ..Default::default()
+    });
+    let settings = Settings {
+        passes: vec![Pass::Combined, Pass::Group(0), Pass::Group(1)],
+        ..square(12, 4, 4)
+    };
+    let job = Job::start(scene, &from_above(5.0), settings, 1).unwrap();
+    assert!(job.wait(Duration::from_secs(600)));
+    let groups = [0, 1].map(|group| read(&job, Pass::Group(group)));
+    let combined = read(&job, Pass::Combined);
+    for (i, pixel) in combined.chunks_exact(4).enumerate() {
+        for k in 0..3 {
+            let sum = groups[0][3 * i + k] + groups[1][3 * i + k];
+            assert!(
+                (pixel[k] - sum).abs() < 1e-6 + 1e-5 * sum,
+                "{sum} of {}",
+                pixel[k]
+            );
+        }
+    }
+    // Each is seen, on its own side.
+    for group in groups {
+        assert!(group.iter().any(|&v| v > 0.0));
+    }
+}
