@@ -42,6 +42,9 @@ from lab.claims import (
     paper_scenes as claims_scenes,
 )
 from lab.claims import (
+    polygons as claims_polygons,
+)
+from lab.claims import (
     report as claims_report,
 )
 from lab.claims import (
@@ -64,6 +67,8 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_scenes, "RESOLUTIONS", ((32, 24), (64, 48)))
     monkeypatch.setattr(claims_shadows, "SHADOW_SIZE", (128, 128))
     monkeypatch.setattr(claims_any_hits, "SIZE", (64, 64))
+    monkeypatch.setattr(claims_polygons, "LARGEST", (64, 48))
+    monkeypatch.setattr(claims_polygons, "SIDE", 2)
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
     monkeypatch.setattr(claims_mirrors, "SIZE", (64, 48))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
