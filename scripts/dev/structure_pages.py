@@ -32,7 +32,7 @@ CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "moving-*": ("moving-scenes", ("bih", "bih-sah", "bvh-sah", "kd")),
     "beams-*": ("beams-through-octrees", ("octree-beam",)),
     "shadow-beams": ("beams-through-octrees", ("octree-beam",)),
-    "shadow-cache": ("other-sources", ("brute",)),
+    "shadow-cache": ("shadow-cache", ("kd", "octree-net")),
     "any-hits-*": ("order-of-children-for-any-hits", ("bvh-sah",)),
     "shadow-polygons": ("beams-through-octrees", ("octree-beam",)),
     "*ed-beams": ("beams-of-mirrors-and-panes", ("beam-hh", "octree-beam", "kd", "bvh-sah")),
