@@ -5,7 +5,7 @@ use halfspace::oracle::cases::{Random, grid, ray, soup};
 use halfspace::ray::{Ray, RayCounters, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
-use halfspace::structure::way::Rays;
+use halfspace::structure::way::{Rays, Way};
 
 mod common;
 
@@ -97,10 +97,10 @@ fn shadow_kernels_change_no_answer() {
     }
 }
 
-/// Rays of one light in tiles, half of them behind one wall: the leaf that blocked the last tile answers most of those,
-/// and no answer changes where the wall ends.
+/// Rays of one light in tiles and packets, half of them behind one wall: the leaf that blocked the last ones answers most
+/// of those, and no answer changes where the wall ends.
 #[test]
-fn tiles_try_the_last_blocker_first() {
+fn tiles_and_packets_try_the_last_blocker_first() {
     // A wall of two triangles over half of the floor, and many triangles above it, where rays would go on.
     let mut corners = vec![[-9.0, -9.0, 4.0], [0.1, -9.0, 4.0], [-9.0, 9.0, 4.0]];
     corners.extend([[0.1, -9.0, 4.0], [0.1, 9.0, 4.0], [-9.0, 9.0, 4.0]]);
@@ -122,31 +122,37 @@ fn tiles_try_the_last_blocker_first() {
         .collect();
     let mut tried = 0;
     for tree in TREES {
-        let tiles = tree.ways.iter().find(|way| way.rays == Rays::Tile);
-        let Some(way) = tiles.filter(|_| tree.all_params().any(|p| p.name == "shadow")) else {
+        if tree.all_params().all(|p| p.name != "shadow") {
             continue;
-        };
-        let trace = |shadow: &str| {
-            let mut parts = vec![tree.spelled(way), format!("shadow={shadow}")];
-            parts.retain(|part| !part.is_empty());
-            let spec = format!("{}:{}", tree.id, parts.join(","));
-            let structure = build(&scene, &spec);
-            let mut blocked = vec![false; rays.len()];
-            let mut counters = vec![RayCounters::default(); rays.len()];
-            structure.occluded(&rays, &mut blocked, Some(&mut counters));
-            let mut uncounted = vec![false; rays.len()];
-            structure.occluded(&rays, &mut uncounted, None);
-            assert_eq!(blocked, uncounted, "{spec}");
-            let spared = counters.iter().map(|c| c.spared).sum::<u32>();
-            (blocked, spared)
-        };
-        let (expected, none) = trace("none");
-        let behind = expected.iter().filter(|&&blocked| blocked).count();
-        assert!((1024..4096).contains(&behind), "{}: {behind}", tree.id);
-        let (blocked, spared) = trace("cache");
-        assert_eq!((blocked == expected, none), (true, 0), "{}", tree.id);
-        assert!(spared > 512, "{}: {spared} of {behind} spared", tree.id);
-        tried += 1;
+        }
+        let together = |way: &&Way| matches!(way.rays, Rays::Tile | Rays::Packet);
+        for way in tree.ways.iter().filter(together) {
+            let trace = |shadow: &str| {
+                let mut parts = vec![tree.spelled(way), format!("shadow={shadow}")];
+                parts.retain(|part| !part.is_empty());
+                let spec = format!("{}:{}", tree.id, parts.join(","));
+                let structure = build(&scene, &spec);
+                let mut blocked = vec![false; rays.len()];
+                let mut counters = vec![RayCounters::default(); rays.len()];
+                structure.occluded(&rays, &mut blocked, Some(&mut counters));
+                let mut uncounted = vec![false; rays.len()];
+                structure.occluded(&rays, &mut uncounted, None);
+                assert_eq!(blocked, uncounted, "{spec}");
+                let spared = counters.iter().map(|c| c.spared).sum::<u32>();
+                (blocked, spared)
+            };
+            let (expected, none) = trace("none");
+            let behind = expected.iter().filter(|&&blocked| blocked).count();
+            assert!(
+                (1024..4096).contains(&behind),
+                "{}: {behind}",
+                way.traversal
+            );
+            let (blocked, spared) = trace("cache");
+            assert_eq!((blocked == expected, none), (true, 0), "{}", tree.id);
+            assert!(spared > 512, "{}: {spared} of {behind} spared", tree.id);
+            tried += 1;
+        }
     }
-    assert!(tried > 10, "{tried} trees have tiles");
+    assert!(tried > 20, "{tried} ways in tiles and packets");
 }

@@ -8,6 +8,7 @@ from fault import ALL, BLOCK, ENDS, PACKETS, Fault
 _FRAME_RAY = "native/ray/src/frame_ray.rs"
 _QUERY = "native/ray/src/query.rs"
 _STREAM = "native/trace/src/stream"
+_LAST_BLOCKER = ("shadow_rays", "tiles_and_packets_try_the_last_blocker_first")
 _BUNDLE = "native/trace/src/packet/bundle.rs"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _SCALAR = "native/leaf/src/scalar/mod.rs"
@@ -196,10 +197,17 @@ TRAVERSALS = (
     ),
     Fault(
         "all rays of a tile taken as blocked by the last tile's blocker",
-        "native/trace/src/tile/shadow/blocker.rs",
+        "native/trace/src/tile/shadow/mod.rs",
         "tile.active == [0; R]",
         "true",
-        ("shadow_rays", "tiles_try_the_last_blocker_first"),
+        _LAST_BLOCKER,
+    ),
+    Fault(
+        "all rays of a packet taken as blocked by the last packet's blocker",
+        "native/trace/src/packet/leaf.rs",
+        "lanes & !u64::from(packet.blocked)",
+        "lanes & !regular",
+        _LAST_BLOCKER,
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
