@@ -66,12 +66,22 @@ def compose(maps: Sequence[tuple[str, F32]], what: costmap.Quantity, look: Look 
     bar = across - 2 * MARGIN
     scale = np.linspace(0, end, bar, dtype=np.float32)
     picture[MARGIN + line : MARGIN + line + BAR, MARGIN : MARGIN + bar] = costmap.coloured(scale, end)
-    for tick in costmap.ticks(end):
-        text = costmap.number(tick) if tick < end else f"{costmap.number(tick)} {what.unit}"
-        place = MARGIN + bar * tick / end - (lettering.width(text, TEXT) if tick else 0) / (1 if tick == end else 2)
-        words.append((text, place, float(MARGIN)))
+    words += _numbers(end, what.unit, bar)
     lettering.write(picture, words, TEXT)
     return picture
+
+
+def _numbers(end: float, unit: str, bar: int) -> list[tuple[str, float, float]]:
+    """The numbers under the colour bar of this width, with their places; those without room are left out."""
+    words, free = [], float(2 * MARGIN + bar)
+    for tick in reversed(costmap.ticks(end)):
+        text = costmap.number(tick) if tick < end else f"{costmap.number(tick)} {unit}"
+        across = lettering.width(text, TEXT)
+        place = MARGIN + bar * tick / end - (across if tick else 0) / (1 if tick == end else 2)
+        if place + across + MARGIN / 2 <= free:
+            words.append((text, place, float(MARGIN)))
+            free = place
+    return words
 
 
 def foot() -> int:

@@ -25,6 +25,19 @@ if TYPE_CHECKING:
 EVEN = 1e-6
 """Relative difference below which scales are equal: rounding errors of a rotation."""
 
+MOST_POWER, MOST_RADIANCE = 1e20, 1e37
+"""Largest power of a light, and its largest power per squared extent: beyond them numbers overflow."""
+
+SLACK = 1e-5
+"""Excess over a limit that is no remark: a half turn is larger in float32."""
+
+EXTENTS = {
+    **dict.fromkeys(("radius", "size", "size_y"), 1e18),
+    **dict.fromkeys(("angle", "spot_size", "spread"), math.pi),
+    "spot_blend": 1.0,
+}
+"""Fields of `Light` that must be at least 0, with their largest values."""
+
 FLAT = 1e-12
 """Determinant below which axes of at most unit length are treated as coplanar."""
 
@@ -47,6 +60,9 @@ def read_light(
         power = _times(power, tuple(data.temperature_color))
     factor, program, images = _shaded(instance, matrix, notes, gallery or Gallery())
     power = _times(power, factor)
+    if not all(map(math.isfinite, power)):
+        notes.add("Dropped, the power is not finite", name)
+        return nothing
     light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name, **program)
     # Add the shape of each type.
     match data.type:
@@ -62,10 +78,27 @@ def read_light(
             size_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
             shape = {"SQUARE": "RECTANGLE", "DISK": "ELLIPSE"}.get(data.shape, data.shape)
             light = replace(light, shape=shape, size=float(data.size * scale[0]), size_y=float(size_y * scale[1]))
-            light = replace(light, spread=min(max(data.spread, 0.0), math.pi))
+            light = replace(light, spread=data.spread)
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
+    light = _limited(light, notes)
     return (light, images) if any(light.power) else nothing
+
+
+def _limited(light: Light, notes: Notes) -> Light:
+    """The light with the extents and the power that the native module takes, and a note if they are others."""
+    extents = {key: getattr(light, key) for key in EXTENTS}
+    within = {key: min(max(value, 0.0), EXTENTS[key]) if value == value else 0.0 for key, value in extents.items()}
+    if any(not abs(extents[key] - value) < SLACK for key, value in within.items()):
+        notes.add("A size that is negative, too large or not a number is limited, of light", light.name)
+        light = replace(light, **within)
+    # A small light has the larger radiance.
+    least = min((within[key] for key in ("radius", "size", "size_y", "angle") if within[key] > 0), default=1.0)
+    most, largest = min(MOST_POWER, MOST_RADIANCE * least**2), max(map(abs, light.power))
+    if largest > most:
+        notes.add("A power that is too large is limited, of light", light.name)
+        light = replace(light, power=scaled(light.power, most / largest))
+    return light
 
 
 def moved(light: Light, origin: F64) -> Light:

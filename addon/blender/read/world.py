@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from ...core.base.notes import Notes
 
 
+MOST_RADIANCE = 1e20
+"""Largest radiance of a world of one colour: beyond it numbers overflow."""
+
 RAYS = {
     "camera": "camera",
     "diffuse": "diffuse",
@@ -92,7 +95,11 @@ def _read(
     if isinstance(total, int):
         shown = replace(shown, radiance=total)
     elif total is not None:
-        shown = replace(shown, color=_rgb(total))
+        color = _rgb(total)
+        limited = tuple(min(max(c, -MOST_RADIANCE), MOST_RADIANCE) for c in color)
+        if limited != color:
+            notes.add("A radiance that is too large is limited, of world", world.name)
+        shown = replace(shown, color=_rgb(limited))
     return shown, values.images, values.suns
 
 

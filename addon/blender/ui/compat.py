@@ -15,11 +15,11 @@ ADDED = {
     "DATA_PT_camera_dof",
     "DATA_PT_camera_dof_aperture",
     "EEVEE_MATERIAL_PT_context_material",
+    "MATERIAL_PT_preview",
 }
 """Panels of which this engine reads all settings, though they are not for the most general engine."""
 
 UNREAD = {
-    "DATA_PT_preview",
     "EEVEE_MATERIAL_PT_viewport_settings",
     "PARTICLE_PT_render_path_timing",
 }
@@ -28,14 +28,23 @@ UNREAD = {
 REPLACED = {
     "DATA_PT_light": "HALFSPACE_PT_light",
     "DATA_PT_spot": "HALFSPACE_PT_light_beam_shape",
+    "EEVEE_MATERIAL_PT_displacement": "HALFSPACE_PT_material_displacement",
     "EEVEE_MATERIAL_PT_settings": "HALFSPACE_PT_material_settings",
     "EEVEE_MATERIAL_PT_surface": "HALFSPACE_PT_material",
+    "EEVEE_MATERIAL_PT_volume": "HALFSPACE_PT_material_volume",
     "EEVEE_WORLD_PT_mist": "HALFSPACE_PT_world_mist",
     "EEVEE_WORLD_PT_surface": "HALFSPACE_PT_world",
+    "EEVEE_WORLD_PT_volume": "HALFSPACE_PT_world_volume",
     "NODE_DATA_PT_light": "HALFSPACE_PT_light",
     "OBJECT_PT_visibility": "HALFSPACE_PT_visibility",
     "RENDER_PT_eevee_film": "HALFSPACE_PT_film",
+    "RENDER_PT_eevee_performance_compositor": "HALFSPACE_PT_compositor",
+    "RENDER_PT_eevee_performance_compositor_denoise_settings": "HALFSPACE_PT_compositor_denoise_settings",
     "RENDER_PT_eevee_sampling": "HALFSPACE_PT_sampling",
+    "RENDER_PT_simplify": "HALFSPACE_PT_simplify",
+    "RENDER_PT_simplify_greasepencil": "HALFSPACE_PT_simplify_greasepencil",
+    "RENDER_PT_simplify_render": "HALFSPACE_PT_simplify_render",
+    "RENDER_PT_simplify_viewport": "HALFSPACE_PT_simplify_viewport",
     "VIEWLAYER_PT_filter": "HALFSPACE_PT_filter",
     "VIEWLAYER_PT_layer_passes": "HALFSPACE_PT_passes",
     "VIEWLAYER_PT_override": "HALFSPACE_PT_override",

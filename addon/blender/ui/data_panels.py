@@ -106,6 +106,36 @@ class HALFSPACE_PT_world(EnginePanel, bpy.types.Panel):
         _surface(self.layout, context.world, "color")
 
 
+class HALFSPACE_PT_world_volume(EnginePanel, bpy.types.Panel):
+    """The inputs of the shader of the world's volume."""
+
+    bl_label = "Volume"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.world is not None and active_tree(context.world) is not None
+
+    def draw(self, context: Any) -> None:
+        _inputs(self.layout, context.world, "Volume")
+
+
+class HALFSPACE_PT_world_preview(EnginePanel, bpy.types.Panel):
+    """A picture of the world alone."""
+
+    bl_label = "Preview"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context: Any) -> None:
+        self.layout.template_preview(context.world)
+
+
 class HALFSPACE_PT_world_mist(EnginePanel, bpy.types.Panel):
     """Extent of the mist pass; only where a view layer has that pass."""
 
@@ -208,6 +238,31 @@ class HALFSPACE_PT_material(_MaterialPanel, bpy.types.Panel):
         _surface(self.layout, context.material, "diffuse_color")
 
 
+class _NodesPanel(_MaterialPanel):
+    """The inputs of a socket of the material's output."""
+
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and active_tree(context.material) is not None
+
+    def draw(self, context: Any) -> None:
+        _inputs(self.layout, context.material, self.bl_label)  # type: ignore[attr-defined]
+
+
+class HALFSPACE_PT_material_volume(_NodesPanel, bpy.types.Panel):
+    """The inputs of the material's volume shader."""
+
+    bl_label = "Volume"
+
+
+class HALFSPACE_PT_material_displacement(_NodesPanel, bpy.types.Panel):
+    """The inputs of the material's displacement."""
+
+    bl_label = "Displacement"
+
+
 class HALFSPACE_PT_material_settings(_MaterialPanel, bpy.types.Panel):
     """The number of the material in its pass, and how it displaces."""
 
@@ -308,24 +363,35 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
     layout.use_property_split = True
     if bpy.app.version < (5, 0):  # since then nodes are always used
         layout.prop(block, "use_nodes", icon="NODETREE")
+    if not _inputs(layout, block, "Surface") and plain:
+        layout.prop(block, plain)
+
+
+def _inputs(layout: Any, block: Any, socket: str) -> bool:
+    """Draw the nodes at a socket of the output of a material, world or light. Returns whether it has an output."""
+    layout.use_property_split = True
     tree = active_tree(block)
     output = output_node(tree) if tree is not None else None
-    if output is not None:
-        layout.template_node_view(tree, output, output.inputs["Surface"])
-    elif plain:
-        layout.prop(block, plain)
+    if output is None:
+        return False
+    layout.template_node_view(tree, output, output.inputs[socket])
+    return True
 
 
 CLASSES = (
     HALFSPACE_PT_panorama,
     HALFSPACE_PT_filter,
     HALFSPACE_PT_override,
+    HALFSPACE_PT_world_preview,
     HALFSPACE_PT_world,
+    HALFSPACE_PT_world_volume,
     HALFSPACE_PT_world_mist,
     HALFSPACE_PT_world_ray_visibility,
     HALFSPACE_PT_visibility,
     HALFSPACE_PT_ray_visibility,
     HALFSPACE_PT_material,
+    HALFSPACE_PT_material_volume,
+    HALFSPACE_PT_material_displacement,
     HALFSPACE_PT_material_settings,
     HALFSPACE_PT_light,
     HALFSPACE_PT_light_beam_shape,

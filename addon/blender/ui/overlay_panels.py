@@ -15,7 +15,7 @@ from ..overlay import choosing, drawing, picking, replaying
 from ..session import building, trees
 from ..settings import properties
 from . import inspector_panels, panels, structure
-from .texts import wrapped
+from .texts import counted, wrapped
 
 
 class _SidebarPanel:
@@ -68,7 +68,7 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     column.label(text=f"{made}, {checking.words(tree)}")
     column.label(text=f"{numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
-    column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")
+    column.label(text=f"{counted(nodes, 'node')}, {counted(numbers['leaves'], 'leaf', 'leaves')}")
     column.label(text=f"Depth {numbers['depth_max']}")
     row.operator("halfspace.free_structure", text="", icon="X")
     if tree.stale:
@@ -167,7 +167,7 @@ def _planes(layout: Any, shown: Any) -> None:
     """The number of planes shown, and of those hidden by the limit."""
     if shown is None:
         return
-    layout.label(text=f"{len(shown):,} planes shown")
+    layout.label(text=f"{counted(len(shown), 'plane')} shown")
     if shown.hidden or not shown.complete:
         least = "" if shown.complete else "at least "
         layout.label(text=f"{least}{shown.hidden:,} hidden by the limit", icon="HIDE_ON")
@@ -178,7 +178,7 @@ def _cells(layout: Any, cells: Any) -> None:
     if cells is None:
         return
     fullest = f", up to {int(cells.count.max()):,} triangles each" if len(cells) else ""
-    layout.label(text=f"{len(cells):,} leaves shown{fullest}")
+    layout.label(text=f"{counted(len(cells), 'leaf', 'leaves')} shown{fullest}")
     if cells.hidden:
         layout.label(text=f"{cells.hidden:,} hidden by the limit", icon="HIDE_ON")
 

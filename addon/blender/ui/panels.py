@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import bpy
+from bl_ui import properties_render
 
 from ...core.base import native
 from ...core.choose import choice
@@ -27,8 +28,8 @@ STATISTICS = (
     ("Leaves", "leaves", "{:,}"),
     ("Empty leaves", "leaves_empty", "{:,}"),
     ("References", "references", "{:,}"),
-    ("References per triangle", "references_per_triangle", "{:.2f}"),
-    ("Triangles in the largest leaf", "leaf_max", "{:,}"),
+    ("Refs per triangle", "references_per_triangle", "{:.2f}"),
+    ("Largest leaf", "leaf_max", "{:,} triangles"),
     ("Instances", "instances", "{:,}"),
     ("Meshes", "meshes", "{:,}"),
     ("Depth, largest", "depth_max", "{:,}"),
@@ -206,6 +207,29 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
             body.prop(group, "memory_limit")
 
 
+def _of_blender(name: str, own: str, parent: str = "") -> type:
+    """A panel of ours with the content of one of Blender's, whose own would stand before those of all extensions."""
+    theirs = getattr(properties_render, name)
+    kept = ("bl_label", "bl_options", "draw", "draw_header")
+    content = {key: getattr(theirs, key) for key in kept if hasattr(theirs, key)}
+    if parent:
+        content["bl_parent_id"] = parent
+    return type(own, (EnginePanel, bpy.types.Panel), content)
+
+
+SIMPLIFY = tuple(
+    _of_blender(f"RENDER_PT_simplify{part}", f"HALFSPACE_PT_simplify{part}", "HALFSPACE_PT_simplify" if part else "")
+    for part in ("", "_viewport", "_render", "_greasepencil")
+)
+"""What Blender makes simpler for all engines."""
+
+COMPOSITOR = tuple(
+    _of_blender(f"RENDER_PT_eevee_performance_compositor{part}", f"HALFSPACE_PT_compositor{part}", parent)
+    for part, parent in (("", "HALFSPACE_PT_performance"), ("_denoise_settings", "HALFSPACE_PT_compositor"))
+)
+"""How Blender's compositor works on the pictures of all engines."""
+
+
 class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
     """The time in which the shutter is open."""
 
@@ -330,7 +354,8 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
     found = None if tree is None else checking.last(tree)
     if tree is None or found is None:
         if known or tree is not None:
-            layout.label(text=known or choice.NOT_COMPARED, icon="INFO")
+            text = known or choice.NOT_COMPARED
+            layout.label(text=text[0].upper() + text[1:], icon="INFO")
         return
     # State the errors, then the speeds of each ray set.
     errors, what = found.errors, f"{found.errors.rays:,} answers of {tree.label}"
@@ -358,10 +383,12 @@ CLASSES = (
     HALFSPACE_PT_light_paths_clamping,
     HALFSPACE_PT_light_paths_caustics,
     HALFSPACE_PT_structure,
+    *SIMPLIFY,
     HALFSPACE_PT_motion_blur,
     HALFSPACE_PT_film,
     HALFSPACE_PT_film_pixel_filter,
     HALFSPACE_PT_performance,
+    *COMPOSITOR,
     HALFSPACE_PT_statistics,
 )
 

@@ -129,6 +129,7 @@ class _LightGroupPanel(EnginePanel):
 class HALFSPACE_PT_object_light_group(_LightGroupPanel, bpy.types.Panel):
     """The light group of a lamp or a glowing object."""
 
+    bl_parent_id = "OBJECT_PT_shading"
     block = bl_context = "object"
 
 

@@ -30,6 +30,11 @@ def wide(text: str) -> float:
     return float(blf.dimensions(0, text)[0])
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number with its noun."""
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
 def wrapped(layout: Any, text: str, *, icon: str = "NONE") -> None:
     """Draw a text as labels that fit into the region, because labels do not wrap."""
     room = _room() - MARGINS - (ICON if icon != "NONE" else 0)

@@ -215,3 +215,13 @@ def test_a_view_other_than_the_camera_s_is_reported(seen: Any, operator: Any, bu
     itself = SimpleNamespace(width=64, report=lambda _kind, line: reported.append(line))
     assert operator.execute(itself, bpy.context) == {"FINISHED"}
     assert [line for line in reported if "No perspective camera" in line]
+
+
+@pytest.mark.parametrize("width", [60, 120, 320, 1024])
+@pytest.mark.parametrize("end", [0.152, 1.0, 12345678.0])
+def test_numbers_of_the_scale_do_not_overlap(width: int, end: float) -> None:
+    words = sorted(map_pictures._numbers(end, "per ray", width), key=lambda word: word[1])
+    ends = [place + lettering.width(text, map_pictures.TEXT) for text, place, _ in words]
+    assert words[-1][0].endswith("per ray"), "the end of the scale is always there"
+    assert all(end < place for end, (_, place, _) in zip(ends, words[1:], strict=False))
+    assert len(words) == 5 or width < 1024

@@ -66,14 +66,20 @@ def both(scene: Any, folder: Path) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_vectors_are_those_of_cycles(track: Any, tmp_path: Path, kind: str) -> None:
-    if bpy.app.version < (5, 0):
-        pytest.skip("Cycles of Blender 4.5 leaves out the motion of the background")
+    old = bpy.app.version < (5, 0)
+    if old and kind == "ORTHO":
+        pytest.skip("Cycles of Blender 4.5 projects the vectors of orthographic cameras as if in perspective")
     track.camera.data.type, track.camera.data.ortho_scale = kind, 9.0
-    ours, theirs = both(track, tmp_path)
-    assert (np.abs(theirs).max(axis=(0, 1)) > 0.5).all()
-    assert (np.abs(theirs - ours).mean(axis=(0, 1)) < 0.02 * np.abs(theirs).max(axis=(0, 1))).all()
+    ours, theirs = (one.reshape(-1, 4) for one in both(track, tmp_path))
+    if old:
+        # Cycles of Blender 4.5 leaves out the motion of the background.
+        seen = (theirs != 0).any(axis=1)
+        ours, theirs = ours[seen], theirs[seen]
+    assert len(theirs) > 1000
+    assert (np.abs(theirs).max(axis=0) > 0.5).all()
+    assert (np.abs(theirs - ours).mean(axis=0) < 0.02 * np.abs(theirs).max(axis=0)).all()
     # Apart from edges, where samples see one surface or the other, each pixel has the same vector.
-    assert (np.abs(theirs - ours).max(axis=2) < 0.05).mean() > 0.9
+    assert (np.abs(theirs - ours).max(axis=1) < 0.05).mean() > 0.9
     assert track.frame_current == 10
 
 

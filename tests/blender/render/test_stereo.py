@@ -105,7 +105,7 @@ def test_views_of_several_cameras_are_those_of_their_suffixes(corridor: Any, add
     compare(corridor, tmp_path)
 
 
-@pytest.mark.skipif(bpy.app.version < (5, 0), reason="Blender 4.5 does not read the file of one view")
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="Blender 4.5 reads no pixels of a file that names one view")
 def test_views_of_a_picture_are_side_by_side(corridor: Any) -> None:
     corridor.render.engine, corridor.halfspace.samples = ENGINE, 1
     both = pictures.render(corridor)

@@ -81,11 +81,11 @@ def lights(scene: Any, add: Any) -> Any:
     return scene
 
 
-@pytest.mark.skipif(not NEW, reason="Cycles before Blender 5.2 differs by up to 4 % in thin media")
 def test_walks_are_those_of_cycles(lit: Any) -> None:
     atlas.sheet(lit, BALLS, ball())
     ours, theirs = atlas.both(lit, BALLS, samples=256, bounces=BOUNCES)
-    assert not atlas.differences(ours, theirs)
+    # Cycles before Blender 5.2 is up to 3.6 % darker.
+    assert not atlas.differences(ours, theirs, mean=0.01 if NEW else 0.04)
     report = reports.last(lit)
     assert report is not None
     assert not report.warnings

@@ -19,7 +19,16 @@ from addon.blender.measure import checking
 from addon.blender.read import extract
 from addon.blender.session import building, trees
 from addon.blender.settings import presets, properties
-from addon.blender.ui import compare_panels, data_panels, inspector_panels, manual, overlay_panels, panels, pass_panels
+from addon.blender.ui import (
+    bake_panels,
+    compare_panels,
+    data_panels,
+    inspector_panels,
+    manual,
+    overlay_panels,
+    panels,
+    pass_panels,
+)
 from addon.core.base import native
 from addon.core.structures import catalogue
 from addon.core.structures.presets import PRESETS, offered
@@ -28,6 +37,7 @@ PANELS = [
     *panels.CLASSES,
     *data_panels.CLASSES,
     *pass_panels.CLASSES,
+    *bake_panels.CLASSES,
     *overlay_panels.CLASSES,
     *inspector_panels.CLASSES,
     *compare_panels.CLASSES,
@@ -82,7 +92,7 @@ def test_statistics_show_every_number_and_the_check(scene: Any, add: Any) -> Non
     assert "Leaves" not in draw(shown, scene=scene)
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     text = draw(shown, scene=scene)
-    for label in ("Build", "Memory", "References per triangle", "Depth, largest", "Expected cost", "primary"):
+    for label in ("Build", "Memory", "Refs per triangle", "Depth, largest", "Expected cost", "primary"):
         assert label in text
     verdict = re.search(r"([\d,]+) answers of .* are those of brute force, bit for bit", " ".join(text))
     assert verdict is not None

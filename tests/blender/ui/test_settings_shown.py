@@ -66,7 +66,11 @@ CARRIED_OUT = {
     "Light": "temperature",
     "Object": "hide_viewport hide_render hide_select hide_surface_pick",
     "RenderSettings": "resolution_x resolution_y resolution_percentage use_crop_to_border use_single_layer "
-    "use_simplify",
+    "use_simplify simplify_subdivision simplify_subdivision_render simplify_child_particles "
+    "simplify_child_particles_render simplify_volumes use_simplify_normals simplify_gpencil simplify_gpencil_onplay "
+    "simplify_gpencil_view_fill simplify_gpencil_modifier simplify_gpencil_shader_fx simplify_gpencil_tint "
+    "simplify_gpencil_antialiasing compositor_device compositor_precision compositor_denoise_device "
+    "compositor_denoise_preview_quality compositor_denoise_final_quality",
     "SpotLight": "show_cone",
     "ViewLayer": "use use_pass_combined",
 }
@@ -95,6 +99,44 @@ OTHER_ROOMS = tuple(f"bl_ui.properties_{name}" for name in ("data_mesh", "partic
 
 OF_CYCLES = "LIGHT_PT_(light|settings|beam)|visib|WORLD_PT_mist|PT_filter|film|threads|final"
 """Part of the names of Cycles' panels whose settings ours show too."""
+
+WITHOUT = {
+    "CYCLES_CAMERA_PT_lens_custom_parameters": "cameras of a shader",
+    "CYCLES_LIGHT_PT_settings": "largest bounces of a light, its importance",
+    "CYCLES_MATERIAL_PT_settings_surface": "sampling of emission, bump correction",
+    "CYCLES_MATERIAL_PT_settings_volume": "steps through volumes",
+    "CYCLES_OBJECT_PT_motion_blur": "steps of an object",
+    "CYCLES_OBJECT_PT_shading_caustics": "manifold next event estimation",
+    "CYCLES_OBJECT_PT_shading_gi_approximation": "ambient occlusion in place of light",
+    "CYCLES_OBJECT_PT_visibility_culling": "culling",
+    "CYCLES_RENDER_PT_curves": "shapes of hair",
+    "CYCLES_RENDER_PT_curves_viewport_display": "shapes of hair",
+    "CYCLES_RENDER_PT_debug": "instruction sets",
+    "CYCLES_RENDER_PT_light_paths_fast_gi": "ambient occlusion in place of light",
+    "CYCLES_RENDER_PT_light_paths_max_bounces": "one number, in Light Paths",
+    "CYCLES_RENDER_PT_motion_blur_curve": "an even shutter",
+    "CYCLES_RENDER_PT_bake_output_margin": "two rows, in Output",
+    "CYCLES_RENDER_PT_film_transparency": "one row, in Film",
+    "CYCLES_RENDER_PT_passes_data": "the first rows of Passes",
+    "CYCLES_RENDER_PT_performance_acceleration_structure": "in Structure",
+    "CYCLES_RENDER_PT_performance_final_render": "one row, in Performance",
+    "CYCLES_RENDER_PT_performance_memory": "tiles",
+    "CYCLES_RENDER_PT_performance_texture_cache": "a cache of textures",
+    "CYCLES_RENDER_PT_performance_threads": "two rows, in Performance",
+    "CYCLES_RENDER_PT_performance_viewport": "pixel sizes",
+    "CYCLES_RENDER_PT_sampling_advanced_sample_subset": "a part of the samples",
+    "CYCLES_RENDER_PT_sampling_lights": "a threshold of lights",
+    "CYCLES_RENDER_PT_sampling_path_guiding": "guiding",
+    "CYCLES_RENDER_PT_sampling_path_guiding_debug": "guiding",
+    "CYCLES_RENDER_PT_sampling_viewport_denoise": "denoising of the viewport",
+    "CYCLES_RENDER_PT_simplify_culling": "culling",
+    "CYCLES_RENDER_PT_subdivision": "adaptive subdivision",
+    "CYCLES_RENDER_PT_volumes": "steps through volumes",
+    "CYCLES_WORLD_PT_settings": "sampling of the world",
+    "CYCLES_WORLD_PT_settings_surface": "sampling of the world",
+    "CYCLES_WORLD_PT_settings_volume": "steps through volumes",
+}
+"""Panels of Cycles without one here, by what they are about: what this engine does not have, or shows elsewhere."""
 
 TABS = {"view_layer", "world", "object", "material", "data"}
 """The tabs of the Properties editor in which each panel's every setting is judged."""
@@ -237,6 +279,25 @@ def test_named_panels_exist() -> None:
         assert not named - known
     assert known >= compat.ADDED
     assert {panel.__module__ for panel in bpy.types.Panel.__subclasses__()} >= compat.UNREAD_ROOMS
+
+
+def _title(panel: Any) -> tuple[str, str]:
+    """Tab and label of a panel. Of two in Cycles the tab is that of their parents."""
+    tab = "data" if "_CAMERA_PT_" in panel.__name__ else getattr(panel, "bl_context", "")
+    return tab, panel.bl_label
+
+
+@pytest.mark.skipif(
+    bpy.app.version < (5, 2) or not hasattr(bpy.types, "CYCLES_LIGHT_PT_light"), reason="needs Cycles of Blender 5.2"
+)
+def test_every_panel_of_cycles_has_its_like_or_is_listed() -> None:
+    kinds = [panel for panel in bpy.types.Panel.__subclasses__() if panel.bl_space_type == "PROPERTIES"]
+    theirs = {panel.__name__: _title(panel) for panel in kinds if panel.__name__.startswith("CYCLES_")}
+    ours = {_title(panel) for panel in kinds if panel.__name__.startswith("HALFSPACE_PT")}
+    ours |= {_title(panel) for panel in kinds if ENGINE in getattr(panel, "COMPAT_ENGINES", ())}
+    assert len(theirs) > 60
+    assert {name for name, title in theirs.items() if title not in ours and name not in WITHOUT} == set()
+    assert set(WITHOUT) - set(theirs) == set()
 
 
 def test_sampling_comes_before_the_structure() -> None:

@@ -280,11 +280,12 @@ impl Film {
     /// Adds one sample of a batch to the sums of a pixel. `first`: whether it is the pixel's first one.
     fn add_pixel(&self, out: &mut [f64], batch: &Batch, slot: usize, first: bool) {
         let sample = &batch.samples[slot];
-        // The closure writes to successive channels, in the order of the passes.
+        // The closure writes to successive channels, in the order of the passes. Light that overflowed counts as 0, as
+        // in Cycles: one such sample would hide all others.
         let mut out = out.iter_mut();
         let mut sum = |values: &[f32]| {
             for (&v, o) in values.iter().zip(&mut out) {
-                *o += f64::from(v);
+                *o += if v.is_finite() { f64::from(v) } else { 0.0 };
             }
         };
         // Passes of the first sample alone add 0 for all others, so that the sum stays its value.
