@@ -156,7 +156,7 @@ def run(asked: argparse.Namespace) -> int:
     if options.brief:
         say(
             f"{len(chosen)} configurations are more than {MANY}: fewer timed rays and {options.repeats} repeats each, "
-            "builds and pictures timed once, no smaller views; as many answers are compared as always"
+            "builds timed once, no smaller views, pictures, memory and maps only with --out; as many answers compared"
         )
     shard = read_shard(asked)
     published, formats = read_published(asked), read_export(asked)
@@ -348,6 +348,8 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
     brief = configurations > MANY
+    # Only a report shows pictures, peak memory and cost maps.
+    shown = asked.out is not None or not brief
     repeats = asked.repeats if asked.repeats is not None else FEWER if brief else REPEATS
     for name, least, most in (
         ("repeats", 1, 1000),
@@ -364,7 +366,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
     if not 0 < asked.seconds < float("inf"):
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
-    samples = [] if asked.curve == "none" else specs.numbers(asked.curve, "--curve")
+    samples = [] if asked.curve in ("none", None if shown else CURVE) else specs.numbers(asked.curve, "--curve")
     if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
         raise UsageError(
             f"--curve: expected numbers of samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}"
@@ -384,8 +386,8 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         offsets=() if asked.only_rays else offsets.OFFSETS,
         scaling=not asked.only_rays and not brief,
         tradeoff=not asked.only_rays and not brief,
-        peak=not asked.only_rays,
-        maps=not asked.only_rays,
+        peak=shown and not asked.only_rays,
+        maps=shown and not asked.only_rays,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
         brief=brief,
     )

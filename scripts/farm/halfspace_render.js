@@ -14,7 +14,7 @@ const JOB_TYPE = {
         { key: "chunk_size", type: "int32", default: 1, visible: "submission",
           description: "Frames of one task; Blender starts and the scene is read once per task" },
         { key: "structure", type: "string", default: "", required: false,
-          description: "Acceleration structure, such as kd or bvh-sah:leaf_size=4; empty for the file's. The pictures are equal" },
+          description: "Structure, such as bvh-sah or octree-net:leaf_size=4; empty for the file's. All give equal pictures" },
         { key: "samples", type: "int32", default: 0, required: false,
           description: "Samples per pixel; 0 for the file's" },
         { key: "render_output_path", type: "string", subtype: "file_path", editable: false, required: true,
@@ -47,7 +47,7 @@ function compileJob(job) {
                 "--render-output", settings.render_output_path,
                 "--render-format", settings.format,
                 // Blender writes a range of frames with two dots.
-                "--render-frame", chunk.replaceAll("-", ".."),
+                "--render-frame", chunk.replace(/-/g, ".."),
             ],
         }));
         job.addTask(task);

@@ -415,14 +415,19 @@ def test_many_configurations_get_fewer_repeats_but_as_many_checks(scene: Path, m
         few.sets,
         few.reference,
     )
-    named = bench.read_options(bench.parser().parse_args(["--repeats", "9"]), bench.MANY + 1)
-    assert named.repeats == 9, "what is asked for is kept"
+    named = bench.read_options(bench.parser().parse_args(["--repeats", "9", "--curve", "2"]), bench.MANY + 1)
+    assert (named.repeats, named.curve) == (9, (2,)), "what is asked for is kept"
+    # What only a report shows is measured for a report.
+    written = bench.read_options(bench.parser().parse_args(["--out", "report"]), bench.MANY + 1)
+    assert (written.curve, written.peak, written.maps) == (few.curve, True, True)
+    assert (few.peak, few.maps, len(few.curve)) == (True, True, 3)
+    assert (many.curve, many.peak, many.maps) == ((), False, False)
     # It is printed, and in a brief run only the usually quickest configuration of a tree gets all measurements.
     monkeypatch.setattr(bench, "MANY", 1)
     found: list[dict[str, Any]] = []
     monkeypatch.setattr(bench, "status", lambda rows: found.extend(rows) or 0)
     asked = ["--structures", "kd", "--size", "32x32", "--check-rays", "128", "--seconds", "1", "--curve", "1,2"]
-    assert bench.main([str(scene), *asked]) == 0
+    assert bench.main([str(scene), *asked, "--out", str(scene.with_suffix(""))]) == 0
     assert "configurations are more than 1: fewer timed rays and 6 repeats each" in capsys.readouterr().out
     ours = {row["spec"]: row for row in found if row["spec"] != "embree"}
     whole = [spec for spec, row in ours.items() if [point["spp"] for point in row["curve"]] == [1, 2]]

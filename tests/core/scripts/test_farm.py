@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +14,9 @@ from typing import Any
 import bench
 import environment
 import pytest
+
+from addon.core.base import native
+from addon.core.structures import specs
 
 FARM = environment.ROOT / "scripts" / "farm"
 
@@ -87,13 +91,22 @@ class TestFlamenco:
         assert "--python-expr" not in arguments
 
     def test_structure_and_samples_are_set_before_the_frames(self, tmp_path: Path) -> None:
-        tasks = json.loads(self.compiled(tmp_path, structure="bvh-sah:leaf_size=4", samples=16).stdout)
+        tasks = json.loads(self.compiled(tmp_path, structure="octree-net:leaf_size=4", samples=16).stdout)
         arguments = tasks[0]["commands"][0]["parameters"]["args"]
         expression = arguments[arguments.index("--python-expr") + 1]
         compile(expression, "expression", "exec")
-        assert "use_spec(spec='bvh-sah:leaf_size=4')" in expression
+        assert "use_spec(spec='octree-net:leaf_size=4')" in expression
         assert "group.samples = 16" in expression
         assert arguments.index("--python-expr") < arguments.index("--render-frame")
+
+    def test_the_structures_of_the_description_exist(self) -> None:
+        script = (FARM / "halfspace_render.js").read_text(encoding="utf-8")
+        named = re.search(r"such as (\S+) or (\S+);", script)
+        assert named is not None
+        module = native.load()
+        for spec in named.groups():
+            assert specs.expand(spec, module.structures(), {}, []) == [spec]
+            specs.prove(module, [spec])
 
     def test_what_is_no_structure_is_refused(self, tmp_path: Path) -> None:
         done = self.compiled(tmp_path, structure="kd'); import os#")
