@@ -167,13 +167,14 @@ fn world_volume(params: &WorldParams) -> Result<Option<Volume>> {
 /// Compiles the materials, which share their albedo grids; without any, Blender's default.
 fn compile_materials(params: &[MaterialParams]) -> Result<Vec<Material>> {
     let mut materials = Vec::with_capacity(params.len().max(1));
-    let mut grids = Grids::default();
+    let mut grids = Grids::after_last_scene();
     for (index, material) in params.iter().enumerate() {
         materials.push(Material::new(material, index, &mut grids)?);
     }
     if materials.is_empty() {
         materials.push(Material::new(&MaterialParams::default(), 0, &mut grids)?);
     }
+    grids.keep();
     Ok(materials)
 }
 

@@ -6,18 +6,20 @@
 //! material by a fixed quadrature, so every run has the same ones; a grid of tables covers all values where
 //! roughness or index come from a texture.
 
-use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_2;
-use std::sync::Arc;
+
+use rayon::prelude::*;
 
 use crate::material::ggx::Ggx;
 use crate::math::fresnel;
 use crate::math::vector::{Vec3, vec3};
 
 mod axis;
+mod grids;
 
 pub use crate::material::albedo::axis::Axis;
 use crate::material::albedo::axis::{axis_to_index, index_to_axis};
+pub use crate::material::albedo::grids::Grids;
 
 /// Nodes of a table on each side of its edge. With [`FINE`], tables are within 2e-3 of the integral (tested).
 const NODES: usize = 48;
@@ -38,24 +40,21 @@ pub struct Table {
 
 impl Table {
     /// Tabulates `f`. `edge`: the cosine where `f` jumps or bends; 0 = none.
-    fn of(edge: f32, f: impl Fn(f32) -> f32) -> Self {
+    fn of(edge: f32, f: impl Fn(f32) -> f32 + Sync) -> Self {
         let x = |i: usize| i as f32 / (NODES - 1) as f32;
         // Put more nodes towards both ends, and keep the last one just below the edge.
         let below = |i: usize| {
             let share = (x(i) * FRAC_PI_2).sin().powi(2);
             f((edge * share).max(1e-4) * (1.0 - 1e-6))
         };
-        Self {
-            values: [
-                if edge > 0.0 {
-                    std::array::from_fn(below)
-                } else {
-                    [0.0; NODES]
-                },
-                std::array::from_fn(|i| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4))),
-            ],
-            edge,
+        let above = |i: usize| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4));
+        let mut values = [[0.0; NODES]; 2];
+        let [low, high] = &mut values;
+        if edge > 0.0 {
+            (low.par_iter_mut().enumerate()).for_each(|(i, value)| *value = below(i));
         }
+        (high.par_iter_mut().enumerate()).for_each(|(i, value)| *value = above(i));
+        Self { values, edge }
     }
 
     /// Returns the value at a cosine, interpolated linearly between nodes.
@@ -260,28 +259,6 @@ impl Grid {
             }
         }
         out
-    }
-}
-
-/// The grids of a scene, each computed once and shared by all materials that need it.
-#[derive(Debug, Default)]
-pub struct Grids(HashMap<(Lobe, [u32; 3], [u32; 3]), Arc<Grid>>);
-
-impl Grids {
-    /// Returns the grid of a lobe over these ranges, computing it at the first request.
-    pub fn get(&mut self, lobe: Lobe, roughness: Axis, index: Axis) -> Arc<Grid> {
-        // White facets have no index: one grid serves all.
-        let index = if lobe == Lobe::Reflection {
-            Axis::fixed(1.0)
-        } else {
-            index
-        };
-        let key = (lobe, roughness.key(), index.key());
-        let grid = self
-            .0
-            .entry(key)
-            .or_insert_with(|| Arc::new(Grid::new(lobe, roughness, index)));
-        Arc::clone(grid)
     }
 }
 
