@@ -16,7 +16,7 @@ from addon.core.structures.catalogue import Parameter, Structure
 
 KNOWN = catalogue.load()
 
-OF_RAYS = {relevance.NODES, relevance.TRAVERSAL, "shadow", "robust", "lazy", "beam_least", "beam_min"}
+OF_RAYS = {relevance.NODES, relevance.TRAVERSAL, "shadow", "robust", "lazy", "beam_least", "beam_min", "any_order"}
 """Parameters that change how rays are traced, not the planes of the tree."""
 
 
