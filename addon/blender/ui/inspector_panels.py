@@ -145,7 +145,7 @@ class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
         for level in found.levels.levels:
             grid.label(text=f"{level.level}")
             grid.label(text=f"{level.nodes + level.leaves:,}")
-            grid.label(text=f"{level.sah_share:.1%}")
+            grid.label(text=f"{level.sah_share:.1%}" if level.sah_share < 0.9995 else "100%")
             grid.label(text=f"{level.overlap:.3g}")
             grid.label(text=f"{level.nanoseconds:.1f}")
         _export(layout, "LEVELS")

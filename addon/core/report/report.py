@@ -100,14 +100,22 @@ TABLES = {"single": "One ray at a time", "fastest": "As fast as it goes", "chose
 
 
 def _about_rankings(right: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
-    """The fastest rows of one table, per ray set."""
-    for name in sets:
-        found = ranking.rank(right, name)
-        if found is not None:
-            text = f"{name.capitalize()} rays: {_about_ranking(found, name)}"
-            if found.apart:
-                text += f" The times of {names(found.apart)} are not comparable with theirs."
-            yield text
+    """The fastest rows of one table, per ray set; those of too few rounds in one sentence."""
+    found = {name: one for name in sets if (one := ranking.rank(right, name)) is not None}
+    unsure = {name: one for name, one in found.items() if not one.ranked}
+    if unsure:
+        best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
+        least = min(one.rounds for one in unsure.values())
+        yield (
+            f"The best medians: {best}. {least} rounds are too few for a ranking; it takes {ranking.LEAST_ROUNDS} "
+            "(--repeats)."
+        )
+    for name, one in found.items():
+        apart = f" The times of {names(one.apart)} are not comparable with theirs." if one.apart else ""
+        if name not in unsure:
+            yield f"{name.capitalize()} rays: {_about_ranking(one, name)}{apart}"
+        elif apart:
+            yield f"{name.capitalize()} rays:{apart}"
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
@@ -159,10 +167,7 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
         return
     text = f"The build and one million rays of each set together take {_total(found.best)}"
     if not found.ranked:
-        text += (
-            f", the best median, but {found.rounds} rounds are too few for a ranking: it takes {ranking.LEAST_ROUNDS} "
-            "(--repeats)"
-        )
+        text += f", the best median of {found.rounds} rounds"
     elif found.equal:
         text += f", equal within noise to those with {names(found.equal)} (the noise is {100 * found.noise:.1f} %)"
     if found.ranked and found.second is not None:
@@ -174,10 +179,13 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def _total(row: Row) -> str:
-    """Seconds of the build and of one million rays of each set, with the configuration and the build's part."""
-    built = building(row)
-    total = built + sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"])
-    return f"{_seconds(total)} with {row['spec']} (build {_seconds(built)})"
+    """Seconds of the build and of one million rays of each set, with the configuration and the build's part: the median
+    of the rounds, as in the answer of the scene.
+    """
+    known = ranking.part(row, ranking.TRACING)
+    assert known is not None, "it was ranked"
+    total = statistics.median(1.0 / speed for speed in known["rounds"])
+    return f"{seconds_text(total)} with {row['spec']} (build {_seconds(building(row))})"
 
 
 def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
@@ -315,12 +323,8 @@ def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _about_ranking(found: ranking.Ranking, name: str) -> str:
+    """The fastest rows of a ray set with enough rounds, as a sentence."""
     best = found.best["spec"]
-    if not found.ranked:
-        return (
-            f"{best} has the best median, but {found.rounds} rounds are too few for a ranking; "
-            f"it takes {ranking.LEAST_ROUNDS} (--repeats)."
-        )
     noise = f"the noise is {100 * found.noise:.1f} %"
     if found.equal:
         text = f"{names([found.best, *found.equal])} are equal within noise ({noise})"

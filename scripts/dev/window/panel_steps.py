@@ -180,6 +180,7 @@ def sidebar() -> Iterator[Any]:
     yield SECONDS
     yield "sidebar-empty"
     settings.overlay.show, settings.overlay.parts = True, {"PLANES", "CELLS"}
+    yield 3.0  # the overlay builds a structure, which would replace that of the operators
     for operator in ("build_structure", "check", "worst_ray", "measure_levels"):
         with within(area):
             getattr(bpy.ops.halfspace, operator)()

@@ -60,6 +60,17 @@ def test_without_pictures_rays_decide_and_without_a_pair_nothing_does() -> None:
     assert answer([]) == ""
 
 
+def test_the_findings_state_the_time_of_the_answer() -> None:
+    rows = [row("a", 4.0), row("b", 2.0)]
+    for one in rows:
+        rays = one["rays"]["primary"]
+        # Its median over the rounds is not that of the column of speeds.
+        rays["rounds"] = [speed * rays["mrays_s"]["med"] for speed in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1)]
+    took = re.search(r"each set: ([\d.]+ m?s) ", answer(rows))
+    assert took is not None
+    assert any(f"together take {took[1]} with a " in text for text in report.findings(rows))
+
+
 def test_wrong_answers_are_part_of_the_answer() -> None:
     rows = rows_of(5.0, 10.0, 1.0)
     rows[2]["errors"]["false_miss"] = 1

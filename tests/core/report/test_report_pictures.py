@@ -135,4 +135,4 @@ def test_of_builds_with_rays_noise_is_told_too() -> None:
     for one in few:
         for key in ("rounds", "anchor_rounds"):
             one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
-    assert "3 rounds are too few for a ranking" in told(*few)
+    assert "the best median of 3 rounds" in told(*few)
