@@ -76,8 +76,13 @@ CARRIED_OUT = {
 }
 """What takes effect through Blender: its projection matrix, its objects, its editor, its operators."""
 
-HIDDEN = {("Camera", "dof"), ("Light", "temperature_color"), ("ViewLayer", "world_override")}
-"""Read through their parts or another property; the last is not in Blender 4.5."""
+HIDDEN = {
+    ("Camera", "dof"),
+    ("Light", "temperature_color"),
+    ("RenderSettings", "compositor_precision"),
+    ("ViewLayer", "world_override"),
+}
+"""Read through their parts or another property; the last two are not in the panels of Blender 4.5."""
 
 WITHOUT_NODES = {"Material": "use_nodes diffuse_color", "World": "use_nodes color", "Light": "use_nodes"}
 """Shown only for data without nodes, or before Blender 5.0."""
