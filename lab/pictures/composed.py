@@ -10,7 +10,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from . import composed_head as heads
 from . import composed_parts as made
+from . import composed_plants as plants
 from . import proving_parts as parts
 
 
@@ -65,24 +67,20 @@ def kitchen(scene: Any) -> None:
 def portrait(scene: Any) -> None:
     """A head with translucent skin, wet eyes and hair, in the light of a key, a rim and a fill lamp."""
     parts.new_world(scene, (0.03, 0.035, 0.05))
-    skin = parts.principled(
-        "Skin", (0.78, 0.5, 0.38), Roughness=0.45, Subsurface_Weight=0.8, Subsurface_Scale=0.12, Coat_Weight=0.08
-    )
-    parts.principled_node(skin).inputs["Subsurface Radius"].default_value = (1.0, 0.35, 0.18)
-    head = made.head(scene)
-    parts.wear(head, skin)
-    neck = made.lathe(scene, "Neck", [(0.46, -2.2), (0.4, -1.2), (0.42, -0.55), (0.3, -0.3), (0, -0.25)])
-    neck.location = (0, 0.12, 0)
+    skin = heads.skin()
+    head = heads.head(scene, skin)
+    heads.eyes(scene)
+    heads.hair(scene, head, int(5200 * parts.detail**3) + 2)
+    # Tubes are Cycles' thick curves; its ribbons have another brightness, where hair is dense.
+    if hasattr(scene, "cycles_curves"):
+        scene.cycles_curves.shape = "THICK"
+    neck = made.lathe(scene, "Neck", [(0.62, -2.2), (0.42, -1.5), (0.4, -1.0), (0.4, -0.6), (0.3, -0.35), (0, -0.3)])
+    neck.location = (0, 0.2, 0)
     parts.wear(neck, skin)
-    shirt = made.lathe(scene, "Shirt", [(1.7, -2.6), (1.35, -1.75), (0.62, -1.32), (0.5, -1.22), (0.46, -1.3)])
-    shirt.location = (0, 0.15, 0)
+    shirt = made.lathe(scene, "Shirt", [(1.75, -2.8), (1.4, -1.95), (0.72, -1.5), (0.52, -1.4), (0.47, -1.5)])
+    shirt.location = (0, 0.2, 0)
     shirt.scale.y = 0.7
     parts.wear(shirt, parts.principled("Wool", (0.06, 0.1, 0.2), Roughness=0.9, Sheen_Weight=0.6, Sheen_Roughness=0.4))
-    for x in (-0.27, 0.27):
-        eye = parts.sphere(scene, (x, -0.6, 0.12), 0.15, rings=20)
-        eye.rotation_euler = (math.pi / 2, 0, 0)
-        parts.wear(eye, made.eye())
-    made.hair(scene, head, int(2600 * parts.detail**3) + 2)
     back = parts.polygons(scene, "Backdrop", [(-9, 5, -5), (9, 5, -5), (9, 5, 7), (-9, 5, 7)], [(0, 1, 2, 3)])
     parts.wear(back, parts.one_shader("Paper", "BsdfDiffuse", Color=(0.16, 0.17, 0.19, 1)))
     key = parts.lamp(scene, "AREA", (-3.2, -4, 2.6), (0, 0, 0), energy=330, size=1.6)
@@ -91,7 +89,7 @@ def portrait(scene: Any) -> None:
     rim.data.color = (0.75, 0.87, 1)
     parts.lamp(scene, "AREA", (4, -4, 0.2), (0, 0, 0), energy=45, size=3)
     parts.lamp(scene, "SPOT", (0, 1.5, -1), (0, 5, 0.5), energy=160, spot_size=1.6, spot_blend=1.0)
-    parts.look(scene, (-0.9, -6.6, 0.35), (0.05, 0, -0.18), 30)
+    parts.look(scene, (-1.7, -6.2, 0.25), (0.0, 0, -0.25), 27)
 
 
 def fog(scene: Any) -> None:
@@ -176,31 +174,40 @@ def wheel(scene: Any) -> None:
     parts.lamp(scene, "SUN", (0, 0, 5), (2, 3, 0), energy=3.2, angle=0.03)
     render = scene.render
     render.use_motion_blur, render.motion_blur_shutter = True, 0.7
-    scene.halfspace.motion_steps = 24
+    scene.halfspace.motion_steps = 16
     parts.look(scene, (-1.2, -5.6, 1.5), (0, 0, 0.95), 30)
 
 
 def grove(scene: Any) -> None:
-    """Saplings against a low sun: translucent leaves, instanced, over a mossy floor."""
-    parts.new_world(scene, (0.35, 0.45, 0.55))
-    floor = parts.plane(scene, 16)
-    parts.wear(floor, made.bumpy("Moss", (0.07, 0.11, 0.03), scale=6, strength=0.8, Roughness=1.0))
-    bark = made.bumpy("Bark", (0.12, 0.075, 0.045), scale=25, strength=0.9, Roughness=0.95)
+    """A forest against a low sun: translucent leaves, instanced, over ferns, stones and a mossy floor."""
+    parts.new_world(scene, (0.75, 0.9, 1.0))
+    floor = parts.plane(scene, 40)
+    parts.wear(floor, made.bumpy("Moss", (0.06, 0.085, 0.025), scale=6, strength=0.8, Roughness=1.0))
+    bark = made.bumpy("Bark", (0.12, 0.08, 0.055), scale=25, strength=0.9, Roughness=0.95)
     rng = np.random.default_rng(4)
-    twigs = [made.sapling(bark, made.leaf(color), rng) for color in ((0.16, 0.32, 0.04), (0.3, 0.34, 0.05))]
-    places = [(-1.5, 0.6), (1.7, 1.3), (0.2, 2.6), (-2.6, 3.2), (2.9, 3.9), (-0.8, 5.2), (1.4, 6.5), (-3.4, 7.0)]
-    for number, (x, y) in enumerate(places):
-        item = bpy.data.objects.new("Sapling", twigs[number % 2])
-        item.location, item.rotation_euler = (x, y, 0), (0, 0, 1.9 * number)
-        item.scale = (*[1 + 0.15 * math.sin(number)] * 2, 1 + 0.25 * math.cos(number))
-        scene.collection.objects.link(item)
-    for x, y, radius in ((-0.5, -0.7, 0.28), (0.75, -0.2, 0.4), (2.2, -0.3, 0.22)):
+    green, yellow = plants.leaf((0.16, 0.32, 0.04)), plants.leaf((0.3, 0.34, 0.05))
+    trees = [plants.tree(bark, leaves, rng) for leaves in (green, yellow, green)]
+    saplings = [plants.sapling(bark, leaves, rng) for leaves in (green, yellow)]
+    ferns = [plants.fern(bark, plants.leaf((0.1, 0.26, 0.04)), rng) for _ in range(2)]
+    near = [(-1.75, 1.2, 1.0), (1.95, 2.2, 1.1), (-3.4, 4.2, 1.0), (0.6, 5.6, 1.0), (3.6, 6.0, 1.1), (-1.3, 8.2, 1.1)]
+    # Farther trees stand in rows that are shaken.
+    far = [
+        (3.1 * column + rng.uniform(-0.9, 0.9), 10.5 + 3.5 * row + rng.uniform(-1, 1), rng.uniform(0.9, 1.3))
+        for row in range(3)
+        for column in range(-4 - row, 5 + row)
+    ]
+    plants.plant_all(scene, "Tree", trees, near + far, rng)
+    young = [(-0.75, 3.2, 0.7), (1.2, 0.9, 0.45), (-2.7, 2.6, 0.8), (2.9, 3.6, 0.75), (-0.2, 7.0, 0.9)]
+    plants.plant_all(scene, "Sapling", saplings, young, rng)
+    scattered = [(rng.uniform(-4.5, 4.5), -1.6 + 11 * (k / 60) ** 1.3, rng.uniform(0.7, 1.25)) for k in range(60)]
+    plants.plant_all(scene, "Fern", ferns, scattered, rng)
+    for x, y, radius in ((-0.55, -0.7, 0.28), (0.75, 0.1, 0.4), (2.2, -0.3, 0.22)):
         stone = parts.sphere(scene, (x, y, 0.35 * radius), radius, rings=20)
         stone.scale = (1.2, 0.9, 0.7)
         parts.wear(stone, made.bumpy("Stone", (0.3, 0.29, 0.27), scale=5, strength=0.7, Roughness=0.85))
-    sun = parts.lamp(scene, "SUN", (1.5, 12, 5.0), (0, 0, 0.5), energy=5, angle=0.03)
+    sun = parts.lamp(scene, "SUN", (3.5, 12, 5.5), (0, 0, 0.5), energy=24, angle=0.03)
     sun.data.color = (1, 0.8, 0.52)
-    parts.look(scene, (0.1, -5.4, 1.3), (0, 1.5, 1.25), 34)
+    parts.look(scene, (0.1, -5.0, 1.25), (0, 2.0, 1.5), 38)
 
 
 def product(scene: Any) -> None:

@@ -210,9 +210,6 @@ SCENES: dict[str, Callable[[Any], None]] = {
 }
 
 
-SIMPLIFIED = {"portrait"}
-"""Scenes with shaders that may be rendered as simpler ones, which is reported."""
-
 LAYER = (
     "The share of light that a rough dielectric layer withholds from the base below it: at 82° (roughness 0.4, index "
     "1.38) 0.207 in Cycles, 0.197 in Halfspace, and 0.196 by integration over all directions without multiple "

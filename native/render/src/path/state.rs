@@ -218,12 +218,13 @@ impl Path {
         self.transparent < MAX_TRANSPARENT
     }
 
-    /// Russian roulette, from the first bounce on. Returns whether the path continues; if so, its throughput is
-    /// divided by the probability. The square root ends fewer dim paths, which suits images seen through a view
-    /// transform (as in Cycles).
+    /// Russian roulette, from the second bounce on. Returns whether the path continues; if so, its throughput is
+    /// divided by the probability. The first bounce carries most of the indirect light: ending it costs more noise than
+    /// it saves time. The square root ends fewer dim paths, which suits images seen through a view transform. Both as in
+    /// Cycles.
     #[inline(always)]
     pub fn survives(&mut self, roulette: f32) -> bool {
-        if self.bounce == 0 {
+        if self.bounce < 2 {
             return true;
         }
         // The probability depends on the throughput only, not on the light found so far.

@@ -34,6 +34,9 @@ use crate::settings::{Integrator, Pass, Settings};
 use crate::values::program::Value;
 use halfspace_ray::{Hit, Order as RayOrder, Ray, RayCounters};
 
+/// 2³² divided by the golden ratio.
+const GOLDEN: u32 = 0x9e37_79b9;
+
 /// The inputs of rendering a tile, the same for all tiles of a render but for what depends on the sample's time.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
@@ -62,11 +65,24 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Returns the moment of a sample: the scenes take turns in the order of van der Corput's sequence, so that few
-    /// samples are spread over the whole time, too.
+    /// Returns the moment of a sample: every run of as many samples as there are scenes takes each scene once, in the
+    /// order of van der Corput's sequence, so that few samples are spread over the whole time, too. The seed turns the
+    /// order, so that pictures of few samples with different seeds show different moments.
     fn moment(&self, sample: u32) -> usize {
-        let count = self.scenes.len() as u64;
-        ((u64::from(sample.reverse_bits()) * count) >> 32) as usize
+        let count = self.scenes.len() as u32;
+        if count < 2 {
+            return 0;
+        }
+        // Reverse the bits of the numbers below the next power of two, and leave out those that are no scene.
+        let size = count.next_power_of_two();
+        let place = (0..size)
+            .map(|i| i.reverse_bits() >> (size.leading_zeros() + 1))
+            .filter(|&scene| scene < count)
+            .nth((sample % count) as usize)
+            .unwrap_or(0);
+        // Turn by the golden ratio, which spreads consecutive seeds.
+        let turned = u64::from(self.settings.seed.wrapping_mul(GOLDEN)) * u64::from(count);
+        (place as usize + (turned >> 32) as usize) % self.scenes.len()
     }
 
     /// Returns the context of the samples of a moment.

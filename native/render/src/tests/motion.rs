@@ -118,6 +118,38 @@ fn the_first_samples_are_spread_over_all_scenes() {
 }
 
 #[test]
+fn as_many_samples_as_scenes_take_each_once() {
+    // The columns of the window are 1 wide, and one of the scenes lights each of them.
+    let scenes: Vec<_> = [-2.0, 0.0, 2.0].map(glowing).into();
+    for (samples, seed) in [(3, 0), (6, 1), (9, 7)] {
+        let settings = Settings {
+            seed,
+            ..boxes(samples)
+        };
+        for (i, pixel) in moving(scenes.clone(), settings, 1)
+            .chunks_exact(4)
+            .enumerate()
+        {
+            assert!((pixel[0] - 1.0 / 3.0).abs() < 1e-6, "{i}: {}", pixel[0]);
+        }
+    }
+}
+
+#[test]
+fn seeds_show_different_scenes_first() {
+    let scenes: Vec<_> = [-2.0, 0.0, 2.0, 5.0].map(glowing).into();
+    let mut shown: Vec<_> = (0..5)
+        .map(|seed| {
+            let settings = Settings { seed, ..boxes(1) };
+            moving(scenes.clone(), settings, 1)
+        })
+        .collect();
+    shown.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    shown.dedup();
+    assert!(shown.len() >= 3, "{}", shown.len());
+}
+
+#[test]
 fn no_scene_is_an_error() {
     let Err(error) = Job::start(Moments(Vec::new()), &from_above(1.0), square(4, 1, 0), 1) else {
         panic!("a render of nothing started");
