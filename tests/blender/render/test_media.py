@@ -77,6 +77,19 @@ def check(scene: Any) -> None:
     assert not report.warnings
 
 
+def test_what_fog_scatters_last_comes_from_lights_alone(stage: Any, add: Any) -> None:
+    # The bright floor would light the fog, too.
+    shader = next(n for n in bpy.data.materials["Floor"].node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
+    shader.inputs["Base Color"].default_value = (0.9, 0.9, 0.9, 1)
+    place(add, filled("Fog", "VolumeScatter", Density=0.8, Color=(1, 1, 1, 1)), size=3.0)
+    stage.halfspace.volume_bounces = stage.cycles.volume_bounces = 0
+    check(stage)
+    stage.render.engine = "HALFSPACE"
+    once = pictures.render(stage)[..., :3].mean()
+    stage.halfspace.volume_bounces = 1
+    assert pictures.render(stage)[..., :3].mean() > 1.05 * once
+
+
 GLASS = ("BsdfGlass", {"IOR": 1.3, "Roughness": 0.0})
 TRANSLUCENT = ("BsdfTranslucent", {"Color": (0.8, 0.7, 0.6, 1)})
 

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 from atlas import add, place
+from shapes import node, with_nodes
 
 from addon.blender.session import reports
 
@@ -89,6 +90,26 @@ def test_walks_are_those_of_cycles(lit: Any) -> None:
     report = reports.last(lit)
     assert report is not None
     assert not report.warnings
+
+
+def test_a_white_furnace_stays_white(scene: Any) -> None:
+    # Flat facets: corner normals send a part of the light back into the ball, in Cycles as well.
+    white = {"Color": (1, 1, 1, 1), "Radius": (1, 1, 1)}
+    balls = {
+        "walk": scattering(Scale=0.3 * LONG, **white),
+        "forward": scattering(Scale=0.05 * LONG, Anisotropy=0.8, **white),
+        "skin": scattering(falloff="RANDOM_WALK_SKIN", Scale=50.0, **white),
+    }
+    mesh = ball()
+    mesh.polygons.foreach_set("use_smooth", [False] * len(mesh.polygons))
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (1, 1, 1, 1)
+    atlas.sheet(scene, balls, mesh)
+    atlas.configure(scene, 2048, 12)
+    for name, tile in atlas.rendered(scene, balls, "HALFSPACE").items():
+        middle = tile[4:-4, 4:-4].astype(float).mean(axis=(0, 1))
+        assert np.abs(middle - 1).max() < 0.002, (name, middle)
 
 
 @pytest.mark.parametrize("odd", [-7.0, 1e30, 1e-30])

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import beside_cycles
 import bpy
 import nodes_page
 import pytest
@@ -14,7 +15,8 @@ TESTS = Path(__file__).resolve().parents[1]
 
 
 def rows(text: str) -> dict[str, tuple[str, list[str]]]:
-    """State and tests by the name of the node."""
+    """State and tests by the name of the node, of the first table of a page."""
+    text = text.partition("\n## ")[0]
     found = re.findall(r"^\| ([^|]+) \| ([a-z ]+) \| ?(.*?) ?\|$", text, re.MULTILINE)
     return {name: (state, re.findall(r"`(\w+)`", tests)) for name, state, tests in found if name != "node"}
 
@@ -34,6 +36,14 @@ def test_the_page_of_nodes_is_current() -> None:
     handed = {"Add Shader", "AOV Output", "Background", "Color Attribute", "Group", "World Output"}
     others = {"Displacement", "Vector Displacement", "Holdout", "Point Info", "Squeeze Value (Legacy)", "Volume Info"}
     assert bare <= handed | others, bare
+
+
+def test_the_page_lists_objects_cameras_and_passes_with_tests_that_exist() -> None:
+    assert nodes_page.PAGE.read_text(encoding="utf-8").endswith(beside_cycles.section())
+    text = "".join(path.read_text(encoding="utf-8") for path in TESTS.rglob("test_*.py"))
+    named = [test for _, _, _, tests in beside_cycles.ROWS for test in tests]
+    assert [test for test in named if f"def {test}(" not in text] == []
+    assert {kind for kind, _, _, _ in beside_cycles.ROWS} >= {"Object", "Light", "Camera", "Pass"}
 
 
 def test_a_record_becomes_a_table() -> None:

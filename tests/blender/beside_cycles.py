@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects, lights, cameras and passes with the tests that compare them with Cycles, for docs/nodes.md."""
+
+from __future__ import annotations
+
+SUPPORTED, DIFFERS, NOT = "supported", "differs", "not"
+
+ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
+    ("Object", "Mesh, displaced mesh", SUPPORTED, ("test_passes_are_those_of_cycles", "test_displaced_surfaces")),
+    ("Object", "Hair curves", DIFFERS, ("test_coverage_of_hair", "test_brightness_of_hair")),
+    ("Object", "Particle hair", DIFFERS, ("test_particle_hair_with_children",)),
+    ("Object", "Point cloud", SUPPORTED, ("test_brightness_of_points",)),
+    ("Object", "Volume", DIFFERS, ("test_volume_objects_are_those_of_cycles",)),
+    ("Object", "Instances, instancers", SUPPORTED, ("test_attributes_and_places_of_instances_are_those_of_cycles",)),
+    ("Object", "Overlapping media", SUPPORTED, ("test_overlapping_instances",)),
+    ("Object", "Shadow catcher", DIFFERS, ("test_the_picture_is_that_of_cycles",)),
+    ("Object", "Motion by transform", SUPPORTED, ("test_a_moving_object",)),
+    ("Object", "Motion by deformation", SUPPORTED, ("test_an_object_that_changes_its_shape",)),
+    ("Object", "Grease pencil", NOT, ("test_grease_pencil_is_drawn_by_blender_and_not_reported",)),
+    ("World", "Fog", SUPPORTED, ("test_a_world_of_fog",)),
+    ("World", "Volume that varies", NOT, ("test_a_world_of_fog_is_read_and_one_that_varies_is_named",)),
+    ("Light", "Point, sun, spot, area", SUPPORTED, ("test_lights_look_as_in_cycles", "test_lights_shine_as_in_cycles")),
+    ("Light", "Spread", SUPPORTED, ("test_spread_of_area_lights",)),
+    ("Light", "Soft falloff", SUPPORTED, ("test_falloff_of_lights_with_a_radius",)),
+    ("Light", "Light and shadow linking", SUPPORTED, ("test_linked_lights",)),
+    ("Light", "Linking of glowing meshes", NOT, ("test_linked_glowing_objects_are_listed",)),
+    ("Camera", "Perspective, depth of field", SUPPORTED, ("test_what_is_out_of_focus_is_blurred_as_in_cycles",)),
+    ("Camera", "Panoramic, all kinds", SUPPORTED, ("test_panoramas_are_those_of_cycles",)),
+    ("Camera", "Stereo", SUPPORTED, ("test_both_eyes_see_what_they_see_in_cycles",)),
+    ("Camera", "Motion", SUPPORTED, ("test_a_moving_and_turning_camera",)),
+    ("Pass", "Combined, Depth, Normal, UV, indices", SUPPORTED, ("test_passes_are_those_of_cycles",)),
+    ("Pass", "Mist", SUPPORTED, ("test_mist_grows_as_in_cycles",)),
+    (
+        "Pass",
+        "Light passes",
+        SUPPORTED,
+        ("test_each_light_pass_is_that_of_cycles", "test_light_passes_add_up_to_combined"),
+    ),
+    ("Pass", "Light groups", SUPPORTED, ("test_groups_have_the_light_that_they_have_in_cycles",)),
+    ("Pass", "Cryptomatte", SUPPORTED, ("test_mattes_and_their_metadata_are_those_of_cycles",)),
+    ("Pass", "Shader AOVs", SUPPORTED, ("test_materials_write_what_they_write_in_cycles",)),
+    ("Pass", "Vector", SUPPORTED, ("test_vectors_are_those_of_cycles",)),
+    ("Pass", "Shadow Catcher", SUPPORTED, ("test_the_pass_is_that_of_cycles",)),
+    (
+        "Baking",
+        "Surfaces, light",
+        SUPPORTED,
+        ("test_surfaces_are_baked_as_in_cycles", "test_light_is_baked_as_in_cycles"),
+    ),
+)
+"""Kind, thing, state and tests. Differences are those that docs/rendering.md lists."""
+
+SECTION = """
+## Objects, lights, cameras and passes
+
+*Differs* marks what agrees but for the differences that [rendering](rendering.md) lists; *not* is reported. The tests
+require means within 1 %, motion and hair those of their comments.
+
+| kind | what | state | compared |
+| --- | --- | --- | --- |
+"""
+
+
+def section() -> str:
+    """The section of the page."""
+    rows = [
+        f"| {kind} | {thing} | {state} | {', '.join(f'`{test}`' for test in tests)} |"
+        for kind, thing, state, tests in ROWS
+    ]
+    return SECTION + "\n".join(rows) + "\n"
