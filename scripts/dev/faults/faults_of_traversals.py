@@ -172,7 +172,7 @@ TRAVERSALS = (
         "native/trace/src/packet/boxes.rs",
         "(entry.link, entry.count, entry.lanes) = (link, count, lanes)",
         "(entry.link, entry.count, entry.lanes) = (link, count, lanes & (lanes - 1))",
-        ALL,
+        PACKETS,
     ),
     Fault(
         "short lists that meet the boxes of their first ray only",
