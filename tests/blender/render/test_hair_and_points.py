@@ -200,6 +200,27 @@ def test_shaders_of_hair_are_those_of_cycles(scene: Any, sun: float, monkeypatch
     assert not atlas.differences(ours, theirs, alike=None if sun else 0.9)
 
 
+def test_hair_that_overlaps_lies_between_both_models_of_cycles(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Cycles sees the inside of another hair that a ray begins in, with ribbons never; here the inside is not seen.
+    monkeypatch.setattr(tubes, "FEWEST_SIDES", tubes.MOST_SIDES)
+    makers = {name: hairy(settings) for name, settings in SHADERS.items() if "component" not in settings}
+    across = np.linspace(-0.35, 0.35, 6)[:, None]
+    begin = np.stack([across, np.full_like(across, -0.5), np.zeros_like(across)], axis=2)
+    slope = np.linspace(0, 1, 5)[None, :, None] * (0.0, 1.0, 0.3)
+    atlas.sheet(scene, makers, hair(begin + slope, 0.1))
+    light(scene, 0.0)
+    atlas.configure(scene, 32, 8)
+    ours = atlas.rendered(scene, makers, ENGINE)
+    of_cycles = []
+    for shape in ("THICK", "RIBBONS"):
+        scene.cycles_curves.shape = shape
+        of_cycles.append(atlas.rendered(scene, makers, "CYCLES"))
+    for name, tile in ours.items():
+        thick, found, ribbons = (one.mean(axis=(0, 1)) for one in (of_cycles[0][name], tile, of_cycles[1][name]))
+        assert (thick < found).all(), (name, thick, found)
+        assert (found < 1.01 * ribbons).all(), (name, found, ribbons)
+
+
 def test_shaders_of_hair_on_a_mesh_are_those_of_cycles(scene: Any) -> None:
     # In the sun, Cycles leaves some of these triangles black.
     makers = {name: hairy(settings) for name, settings in SHADERS.items()}

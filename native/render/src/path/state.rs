@@ -6,6 +6,7 @@ use crate::light::Receiver;
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
 use crate::path::random::VertexSamples;
+use crate::settings::Settings;
 use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
@@ -216,6 +217,14 @@ impl Path {
         self.transparent += 1;
         self.passed += distance;
         self.transparent < MAX_TRANSPARENT
+    }
+
+    /// Returns whether no surface scatters the path any more. Light that a medium scatters as the last of its bounces
+    /// comes from lights alone, as in Cycles.
+    #[inline(always)]
+    pub fn is_at_limit(&self, settings: &Settings) -> bool {
+        u32::from(self.bounce) > settings.max_bounces
+            || u32::from(self.volume_bounces) > settings.volume_bounces
     }
 
     /// Russian roulette, from the second bounce on. Returns whether the path continues; if so, its throughput is

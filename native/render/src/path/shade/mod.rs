@@ -335,11 +335,8 @@ impl<
             out.dim_holes(path);
         }
         path.throughput *= 1.0 / (1.0 - pass);
-        // End the path by length or by Russian roulette. Light that a medium scatters as the last of its bounces comes
-        // from lights alone.
-        let ended = u32::from(path.bounce) > self.settings.max_bounces
-            || u32::from(path.volume_bounces) > self.settings.volume_bounces;
-        if ended || !path.survives(roulette) {
+        // End the path by length or by Russian roulette.
+        if path.is_at_limit(self.settings) || !path.survives(roulette) {
             return None;
         }
         self.scatter(&surface, d, random, path, bsdf, out)
