@@ -165,7 +165,7 @@ def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch
     for panel in shown:
         drawn = draw(panel, scene=seen)
         assert "Build" in drawn
-        assert "answers not compared" in drawn
+        assert "Answers not compared" in drawn
     (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=seen) if "Built in" in line)
     assert built.endswith("answers not compared")
     assert bpy.ops.halfspace.check() == {"FINISHED"}
