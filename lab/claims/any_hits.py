@@ -53,8 +53,8 @@ def measured(lab: Lab) -> Iterator[tuple[Workload, str, Mapping[str, Timing]]]:
         for name in LENGTHS:
             some = lab.rays(workload, name, partial(_all_ways, workload, tracer, name))
             if len(some):
-                found = lab.seconds(workload, list(ORDERS.values()), some)
-                yield workload, name, {order: found[spec] for order, spec in ORDERS.items()}
+                times = lab.seconds(workload, list(ORDERS.values()), some)
+                yield workload, name, {order: times[spec] for order, spec in ORDERS.items()}
 
 
 def against_nearest(lab: Lab, order: str) -> Iterator[Outcome]:
