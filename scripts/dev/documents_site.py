@@ -56,7 +56,7 @@ on which it stands, can be used alone.
 
 NAVIGATION: dict[str, list[Any]] = {
     "Start": ["index.md", "readme.md", "changelog.md"],
-    "Use": ["manual.md", "rendering.md", "nodes.md", "benchmark.md", "trees.md", "platforms.md"],
+    "Use": ["manual.md", "rendering.md", "pictures.md", "nodes.md", "benchmark.md", "trees.md", "platforms.md"],
     "Structures": ["structures.md", "structures/index.md"],
     "Lessons": [],
     "Read": ["results.md", "papers.md", "correctness.md"],

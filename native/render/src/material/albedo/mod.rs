@@ -8,8 +8,6 @@
 
 use std::f32::consts::FRAC_PI_2;
 
-use rayon::prelude::*;
-
 use crate::material::ggx::Ggx;
 use crate::math::fresnel;
 use crate::math::vector::{Vec3, vec3};
@@ -40,21 +38,24 @@ pub struct Table {
 
 impl Table {
     /// Tabulates `f`. `edge`: the cosine where `f` jumps or bends; 0 = none.
-    fn of(edge: f32, f: impl Fn(f32) -> f32 + Sync) -> Self {
+    fn of(edge: f32, f: impl Fn(f32) -> f32) -> Self {
         let x = |i: usize| i as f32 / (NODES - 1) as f32;
         // Put more nodes towards both ends, and keep the last one just below the edge.
         let below = |i: usize| {
             let share = (x(i) * FRAC_PI_2).sin().powi(2);
             f((edge * share).max(1e-4) * (1.0 - 1e-6))
         };
-        let above = |i: usize| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4));
-        let mut values = [[0.0; NODES]; 2];
-        let [low, high] = &mut values;
-        if edge > 0.0 {
-            (low.par_iter_mut().enumerate()).for_each(|(i, value)| *value = below(i));
+        Self {
+            values: [
+                if edge > 0.0 {
+                    std::array::from_fn(below)
+                } else {
+                    [0.0; NODES]
+                },
+                std::array::from_fn(|i| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4))),
+            ],
+            edge,
         }
-        (high.par_iter_mut().enumerate()).for_each(|(i, value)| *value = above(i));
-        Self { values, edge }
     }
 
     /// Returns the value at a cosine, interpolated linearly between nodes.
