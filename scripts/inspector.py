@@ -85,7 +85,10 @@ def run(asked: argparse.Namespace) -> int:
         label = catalogue.load()[specs.structure_of(spec)].label
         built = module.build(scene.vertices, scene.triangles, spec)
         structures.append((label if spec == specs.structure_of(spec) else f"{label} ({spec})", built))
-    results.write(asked.out, page.as_html(module, scene, structures, asked.size))
+    made = page.inspect(module, scene, structures, asked.size)
+    results.write(asked.out, made.html)
+    for line in made.worst:
+        print(f"[inspector] {line}")
     print(f"{asked.out} ({asked.out.stat().st_size / 2**20:.1f} MiB)")
     return 0
 

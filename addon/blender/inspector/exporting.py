@@ -75,7 +75,7 @@ def page_of(scene: Any) -> str:
         limit = memory_limit(group.memory_limit)
         built = module.build(tree.vertices, tree.triangles, group.second, memory_limit=limit)
         structures.append((second.label, built))
-    return page.as_html(module, found.workload, structures, found.size)
+    return page.inspect(module, found.workload, structures, found.size).html
 
 
 def _replay(scene: Any, tree: trees.Tree) -> Any:

@@ -135,12 +135,17 @@ def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
     if key == "TIME":
         lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.answers}")
     lines += reasons.summary(costs, index)
-    lines += reasons.reasons(table, path, replays.replay(table, path))
+    lines += reasons.reasons(table, path, replays.replay(table, path), key)
     if name == "shadow":
         lines.append("Shown as a search of the nearest hit; the test for any hit may end earlier")
     found.shown, found.place, found.lines = (name, key), place, tuple(lines)
-    scene.halfspace.overlay.show = True
-    scene.halfspace.overlay.parts |= {"RAY"}
+    _draw_ray(scene.halfspace.overlay)
+
+
+def _draw_ray(overlay: Any) -> None:
+    """Draw the ray; alone if nothing was drawn before, because planes of the whole tree would hide it."""
+    overlay.parts = overlay.parts | {"RAY"} if overlay.show else {"RAY"}
+    overlay.show = True
 
 
 class HALFSPACE_OT_worst_ray(bpy.types.Operator):

@@ -27,6 +27,9 @@ from .ray_costs import BLOCK, RayCosts
 if TYPE_CHECKING:
     from ..base.interface import Structure
 
+CERTAIN = 0.8
+"""R² from which the two prices are taken for those of nodes and of tests (chosen)."""
+
 SAMPLE, SEED = 192, 7
 """Number of camera rays whose steps are counted by level, and the seed of their choice."""
 
@@ -158,8 +161,11 @@ def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequ
     prices = found.prices
     answers = "" if wrong is None else f"; {wrong:,} of {checked:,} answers wrong"
     total = sum(level.overlap for level in found.levels)
+    fitted = f"Fitted: {prices.step:.1f} ns a node, {prices.test:.1f} ns a test (R² = {prices.explained:.2f})"
+    if prices.explained < CERTAIN:
+        fitted += ": the fit cannot separate nodes from tests"
     return (
         f"A camera ray takes {prices.measured:,.0f} ns{answers}",
-        f"Fitted: {prices.step:.1f} ns a node, {prices.test:.1f} ns a test (R² = {prices.explained:.2f})",
+        fitted,
         f"SAH cost {sum(level.sah for level in found.levels):,.1f}, overlap {total:,.1f} ± {found.overlap_error:.1f}",
     )

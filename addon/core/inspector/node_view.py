@@ -91,18 +91,24 @@ def words(table: Table, node: int) -> list[str]:
     whole = float(table.costs_below[0])
     share = table.costs_below[node] / whole if whole else 0.0
     lines = [f"Level {table.depth[node]}: {KIND_LABELS[table.kind[node]]}", f"Box {size}"]
-    lines.append(f"Met by {table.shares[node]:.2%} of random rays")
+    lines.append(f"Met by {percent(table.shares[node])} of random rays")
     if table.kind[node] == LEAF:
-        return [*lines, f"{table.counts[node]:,} triangles", f"{share:.2%} of the SAH cost"]
+        return [*lines, f"{table.counts[node]:,} triangles", f"{percent(share)} of the SAH cost"]
     own = table.costs[node] / whole if whole else 0.0
     return [
         *lines,
         f"{len(table.children_of(node)):,} children, {table.sizes[node]:,} nodes below",
-        f"{table.references[node]:,} triangles below",
-        f"{share:.2%} of the SAH cost",
-        f"{own:.2%} in its own steps",
+        f"{table.references[node]:,} triangles in the leaves below, each counted once per leaf",
+        f"{percent(share)} of the SAH cost",
+        f"{percent(own)} in its own steps",
         *_saving(table, node),
     ]
+
+
+def percent(share: float) -> str:
+    """A share as a percentage with one decimal place, or, below 1 %, with two significant digits."""
+    value = 100.0 * float(share)
+    return f"{value:.1f}%" if value >= 1.0 or not value else f"{value:.2g}%"
 
 
 def _saving(table: Table, node: int) -> list[str]:

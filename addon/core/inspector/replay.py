@@ -129,6 +129,17 @@ def span(table: Table, path: Path, node: int) -> tuple[float, float]:
     return (np.nan, np.nan) if missed else (enter, leave)
 
 
+def against(replay: Replay, counted: int) -> str:
+    """How the number of steps that are shown differs from the counted number of visited nodes; empty if it does not.
+
+    Kernels of planes step over an empty child without a visit; here it is a step, since the ray passes it.
+    """
+    more = len(replay) - counted
+    if more > 0:
+        return f"{more:,} of them the traversal does not count, such as empty leaves that it steps over"
+    return f"{-more:,} more were visited before the hit was known, beyond it" if more < 0 else ""
+
+
 def words(table: Table, step: Step) -> list[str]:
     """The numbers of a step as lines of text."""
     kind = KIND_LABELS[table.kind[step.node]]

@@ -112,7 +112,7 @@ class Path:
         full, empty = int(self.tested.sum()), int((~self.tested).sum())
         met = f"triangle {self.triangle:,} at {self.t:.4g}" if self.triangle >= 0 else "nothing"
         return [
-            f"{self.steps:,} steps, {len(self.crossings):,} planes crossed",
+            f"{self.steps:,} inner nodes, {len(self.crossings):,} planes crossed",
             f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
             f"{self.tests:,} triangles tested, {len(self.ids):,} different",
             f"Hits {met}",

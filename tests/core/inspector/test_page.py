@@ -22,7 +22,8 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
     workload = replace(WORKLOAD, name="</script><b>")
     structures = [(f"</script>{spec}", structure) for spec, (structure, _) in pairs.items()]
     size = costmap.shaped(48, (1, 2))
-    text = page.as_html(native.load(), workload, structures, size)
+    made = page.inspect(native.load(), workload, structures, size)
+    text = made.html
     assert "%" + "DATA%" not in text
     assert text.count("</script>") == 2
     assert "&lt;/script&gt;&lt;b&gt;" in text
@@ -35,12 +36,24 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
         assert set(entry["maps"]) == {one["key"] for one in data["quantities"]}
         values = costmap.measure(structure, WORKLOAD, size, "DEPTH")
         assert np.array_equal(costmap.unpacked(entry["maps"]["DEPTH"]), values)
-        assert len(entry["nodes"]) == min(20, len(table))
+        rows = [node["row"] for node in entry["nodes"]]
+        met = {step["node"] for rays in entry["rays"].values() for ray in rays for step in ray["steps"]}
+        assert met | set(np.argsort(table.depth, kind="stable")[:20].tolist()) <= set(rows)
+        assert len(rows) == len(set(rows)) <= len(table)
+        # All children of a visited node are there, so that none seems to be missing.
+        assert all(set(table.children_of(node).tolist()) <= set(rows) for node in met)
         assert entry["nodes"][0]["up"] == -1
         assert all(0 <= node["up"] < place for place, node in enumerate(entry["nodes"]) if place)
-        assert bool(entry["hidden"]) == (len(table) > 20)
+        assert bool(entry["hidden"]) == (len(table) > len(rows))
         assert set(entry["rays"]) == {f"{name} {key}" for name, _ in data["sets"] for key, _ in data["orders"]}
-        worst = entry["rays"]["primary TESTS"][0]
+        # The maps agree with the list of rays.
+        for key, place in (("STEPS", 1), ("TESTS", 2)):
+            worst = entry["rays"][f"primary {key}"][0]
+            x, y = worst["pixel"]
+            values = costmap.unpacked(entry["maps"][key])
+            assert worst["lines"][place].startswith(f"{int(values[size[1] - 1 - y, x]):,} {key.lower()}")
+            assert values.max() == values[size[1] - 1 - y, x]
+        assert any(line.startswith(f"worst camera ray of </script>{spec}: pixel ") for line in made.worst)
         assert any(
             line.startswith(f"{sum(step['tests'] for step in worst['steps']):,} tests") for line in worst["lines"]
         )

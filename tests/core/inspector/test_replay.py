@@ -73,7 +73,9 @@ def test_a_ray_beside_the_scene_visits_nothing_or_the_root() -> None:
     made = replay.replay(nodes, path)
     assert made.tested(len(made)) == 0
     assert np.isnan(replay.span(nodes, path, 0)).all()
-    assert all("diagonal" in line or "along" in line for line in reasons.reasons(nodes, path, made))
+    lines = reasons.reasons(nodes, path, made)
+    assert lines[0] == "It hits nothing"
+    assert all("diagonal" in line or "along" in line for line in lines[1:])
 
 
 def test_reasons_name_the_work_in_vain() -> None:
@@ -95,3 +97,43 @@ def test_reasons_name_the_work_in_vain() -> None:
     assert reasons.summary(costs, index)[2].startswith(f"{costs.tests[index]:,} tests, ")
     median = np.median(costs.tests[costs.tests > 0])
     assert f", {costs.tests[index] / median:.1f} times the median" in reasons.summary(costs, index)[2]
+    # The tests in vain stand beside what is usual.
+    wasted = f"{costs.wasted[index]:,} tests wasted, {costs.wasted[index] / costs.tests[index]:.0%} of its own"
+    usual = costs.wasted.sum() / costs.tests.sum()
+    assert reasons.summary(costs, index)[3] == f"{wasted}; {usual:.0%} of those of all these rays"
+    assert f"It hits triangle {path.triangle:,} at distance {path.t:.4g}" in lines
+
+
+def test_reasons_begin_with_what_the_order_is_about() -> None:
+    structure, nodes = built("kd")
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    orders = []
+    for index in ray_costs.worst(costs, "STEPS", 50).tolist():
+        path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
+        made = replay.replay(nodes, path)
+        by_steps, by_tests = (reasons.reasons(nodes, path, made, key) for key in ("STEPS", "TESTS"))
+        assert sorted(by_steps) == sorted(by_tests)
+        if any("of the tests" in line for line in by_steps) and any("empty leaves" in line for line in by_steps):
+            orders.append((by_steps, by_tests))
+    assert orders
+    assert all("of the tests" not in by_steps[0] and "of the tests" in by_tests[0] for by_steps, by_tests in orders)
+
+
+def test_steps_that_the_counters_lack_are_explained() -> None:
+    structure, nodes = built("kd")
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
+    more = 0
+    for index in ray_costs.worst(costs, "STEPS", 50).tolist():
+        path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
+        made = replay.replay(nodes, path)
+        note = replay.against(made, int(costs.steps[index]))
+        difference = len(made) - int(costs.steps[index])
+        # What is shown beyond the count are empty leaves.
+        empty = sum(step.leaf >= 0 and not nodes.counts[step.node] for step in made.steps)
+        assert difference <= empty
+        assert note.startswith(
+            f"{difference} of them" if difference > 0 else f"{-difference} more" if difference else ""
+        )
+        assert bool(note) == bool(difference)
+        more += difference > 0
+    assert more

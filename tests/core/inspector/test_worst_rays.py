@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rooms_of_triangles import SIZE, WORKLOAD, built
 
-from addon.core.inspector import csv_files, histogram, levels, ray_costs, replay
+from addon.core.inspector import csv_files, histogram, levels, node_view, ray_costs, replay
 from addon.core.overlay import cells
 
 
@@ -91,6 +91,19 @@ def test_levels_sum_to_the_whole(spec: str) -> None:
     mean = primary.tests.mean()
     assert sum(level.tests for level in found.levels) == pytest.approx(mean, rel=0.5)
     assert "1 of 9 answers wrong" in levels.sentences(found, 1, 9)[0]
+    for explained, sure in ((levels.CERTAIN, True), (levels.CERTAIN - 0.01, False)):
+        fitted = levels.sentences(replace(found, prices=replace(found.prices, explained=explained)))[1]
+        assert ("cannot separate" in fitted) != sure
+
+
+def test_small_shares_keep_two_digits() -> None:
+    assert [node_view.percent(share) for share in (0, 0.00004321, 0.0099, 0.01, 0.9994)] == [
+        "0.0%",
+        "0.0043%",
+        "0.99%",
+        "1.0%",
+        "99.9%",
+    ]
 
 
 def test_levels_share_the_measured_time(monkeypatch: pytest.MonkeyPatch) -> None:
