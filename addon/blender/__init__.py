@@ -8,7 +8,7 @@ from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
 from .render import engine, running, viewport
-from .samples import operators
+from .samples import arrays, operators
 from .session import building, reports
 from .settings import inspector_settings, overlay_settings, presets, properties
 from .ui import (
@@ -32,6 +32,7 @@ def register() -> None:
     inspector_settings.register()
     properties.register()
     operators.register()
+    arrays.register()
     building.register()
     manual.register()
     presets.register()
@@ -79,6 +80,7 @@ def unregister() -> None:
     presets.unregister()
     manual.unregister()
     building.unregister()
+    arrays.unregister()
     operators.unregister()
     properties.unregister()
     inspector_settings.unregister()

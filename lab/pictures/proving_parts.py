@@ -10,10 +10,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from addon.blender.samples.camera import see
 from addon.core.base.arrays import F32, F64
 from addon.core.scene.workload import View
-
-from .camera import see
 
 Color = tuple[float, float, float]
 

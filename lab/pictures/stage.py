@@ -9,10 +9,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from addon.blender.samples import arrays
+from addon.blender.samples.camera import looking
 from addon.core.scene.workload import bounds
 
 from . import proving_parts as parts
-from .camera import looking, see
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,36 +38,9 @@ of the sky.
 
 def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
     """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
-    item = bpy.data.objects.new(workload.name, _mesh(workload))
-    scene.collection.objects.link(item)
-    see(scene, workload.view)
+    arrays.add(scene, workload)
     low, high = bounds(workload.vertices, workload.triangles)
     _lights(scene, workload.view, float(np.linalg.norm(high - low)), lights)
-
-
-def _mesh(workload: Workload) -> Any:
-    """All triangles, flat, with one matte material."""
-    mesh = bpy.data.meshes.new(workload.name)
-    count = len(workload.triangles)
-    # Fill the mesh's arrays directly, without Python code per triangle.
-    mesh.vertices.add(len(workload.vertices))
-    mesh.loops.add(3 * count)
-    mesh.polygons.add(count)
-    mesh.attributes["position"].data.foreach_set("vector", workload.vertices.reshape(-1))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
-    mesh.attributes[".corner_vert"].data.foreach_set("value", workload.triangles.reshape(-1))
-    mesh.polygons.foreach_set("use_smooth", np.zeros(count, bool))
-    mesh.update()
-    # Add a matte material.
-    material = bpy.data.materials.new("Plaster")
-    if material.node_tree is None:
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
-    shader.inputs["Base Color"].default_value = (0.62, 0.58, 0.52, 1.0)
-    shader.inputs["Roughness"].default_value = 0.9
-    shader.inputs["Specular IOR Level"].default_value = 0.2
-    mesh.materials.append(material)
-    return mesh
 
 
 def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:

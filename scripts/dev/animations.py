@@ -112,9 +112,9 @@ def ray(size: tuple[int, int]) -> Iterator[Any]:
     import numpy as np
 
     from addon.blender.overlay import replaying
+    from addon.blender.samples import camera
     from addon.core.inspector import replay
     from addon.core.scene import workload
-    from lab.pictures import camera
 
     scene = opened()
     tree = build(scene, STRUCTURE)

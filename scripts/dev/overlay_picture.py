@@ -97,8 +97,9 @@ def run(asked: argparse.Namespace) -> int:
     import addon
     from addon.blender.measure import pictures
     from addon.blender.overlay import drawing as overlay
+    from addon.blender.samples import camera
     from addon.blender.settings import presets
-    from lab.pictures import camera, scenes
+    from lab.pictures import scenes
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")

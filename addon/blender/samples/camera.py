@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras of the scenes that are built by script."""
+"""Cameras that are placed by numbers: of scene files and of scenes built by script."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from mathutils import Matrix
 
 if TYPE_CHECKING:
-    from addon.core.base.arrays import F64
-    from addon.core.scene.workload import View
+    from ...core.base.arrays import F64
+    from ...core.scene.workload import View
 
 
 def see(scene: Any, view: View) -> None:

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Import of scene files of arrays: triangles, camera, and files that cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+from shapes import read
+
+from addon.core.scene.workload import load_npz
+
+VERTICES = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 1.5]], np.float32)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+
+
+def written(path: Path, **changed: Any) -> Path:
+    """A scene file of two triangles."""
+    arrays = {
+        "vertices": VERTICES,
+        "triangles": TRIANGLES,
+        "camera_eye": [5.0, -4.0, 3.0],
+        "camera_target": [0.0, 1.0, 0.0],
+        "camera_up": [0.0, 0.0, 1.0],
+        "camera_vfov_deg": 35.0,
+    }
+    np.savez(path, **{**arrays, **changed})
+    return path
+
+
+def test_triangles_and_camera_are_those_of_the_file(scene: Any, tmp_path: Path) -> None:
+    path = written(tmp_path / "two.npz")
+    assert bpy.ops.halfspace.import_arrays(filepath=str(path)) == {"FINISHED"}
+    item = bpy.context.view_layer.objects.active
+    assert item.name == "two"
+    geometry = read()[0].geometry
+    corners = geometry.vertices[geometry.triangles] + geometry.origin
+    assert np.array_equal(corners, VERTICES[TRIANGLES])
+    # The middle and the upper edge of the picture are those of the file's view.
+    view = load_npz(path).view
+    camera = scene.camera
+    assert np.allclose(camera.matrix_world.translation, view.eye)
+    forward = camera.matrix_world.to_3x3() @ Vector((0, 0, -1))
+    assert np.allclose(forward, (view.target - view.eye) / np.linalg.norm(view.target - view.eye), atol=1e-6)
+    assert np.degrees(camera.data.angle_y) == pytest.approx(view.vertical_fov)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"vertices": np.zeros((2, 2))}, {"camera_vfov_deg": 200.0}, {"triangles": [[0, 1, 9]]}]
+)
+def test_a_bad_file_is_named_and_adds_nothing(scene: Any, tmp_path: Path, bad: dict[str, Any]) -> None:
+    path = written(tmp_path / "bad.npz", **bad)
+    with pytest.raises(RuntimeError, match=r"bad(\.npz)?: "):
+        bpy.ops.halfspace.import_arrays(filepath=str(path))
+    assert not scene.objects
