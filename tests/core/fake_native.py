@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 
-CHANNELS = {"Combined": 4, "Depth": 1, "Normal": 3, "Position": 3, "Traversal Steps": 1, "Triangle Tests": 1}
+CHANNELS = {
+    "Combined": 4,
+    "Denoising Albedo": 3,
+    "Depth": 1,
+    "Normal": 3,
+    "Position": 3,
+    "Traversal Steps": 1,
+    "Triangle Tests": 1,
+}
 
 
 class Monitor:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.base import denoise
 from ...core.structures.settings import Mist, RenderSettings
 from ..read import passes, view_layers
 from ..settings import quality
-from . import denoising
 
 
 def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
@@ -24,7 +24,7 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         height=height,
         border=border_pixels(render, width, height) if render.use_border else None,
         samples=depsgraph.view_layer_eval.samples or group.samples,
-        passes=denoising.with_features(wanted, quality.integrator(group)) if group.use_denoising else wanted,
+        passes=denoise.with_features(wanted, quality.integrator(group)) if group.use_denoising else wanted,
         noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
         mist=_mist(view_layers.world(depsgraph)),

@@ -15,12 +15,14 @@ from gpu_extras.presets import draw_texture_2d
 
 from ...core.base import native
 from ...core.base.notes import Notes
+from ...core.session.cleaning import Cleaning
 from ...core.session.preview import Picture, Preview
 from ...core.session.stock import STOCK
 from ...core.structures import catalogue, specs
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..read import extract, views
 from ..settings import properties, quality
+from . import denoising
 
 TICK_SECONDS = 0.01
 """Interval at which working views are polled, in seconds; Blender's own timer resolution is similar."""
@@ -70,10 +72,10 @@ class Viewport:
             ).two_level
             scene = found.instanced() if two_level else found.flattened()
             if self._preview is None:
-                self._preview = Preview(native.load(), STOCK)
+                self._preview = Preview(native.load(), STOCK, Cleaning(denoising.quick()))
             spec, limit = properties.spec(group), memory_limit(group.memory_limit)
             self._origin = scene.geometry.origin
-            self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene))
+            self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene), clean_from(group))
             self._problem, self._skipped = "", notes.lines()
         except Exception as error:
             log.exception("Halfspace could not read the scene for the viewport")
@@ -112,6 +114,12 @@ class Viewport:
             parts.insert(0, f"{label}: {progress:.0%}")
         elif preview.followed:
             parts.append(f"Structure {preview.followed}")
+        if preview.noise:
+            parts.append(f"Not denoised: {preview.noise}")
+        elif preview.cleaning:
+            parts.append("Denoising")
+        elif preview.picture is not None and preview.picture.clean:
+            parts.append("Denoised")
         if self._skipped:
             more = f" (and {len(self._skipped) - 1} more)" if len(self._skipped) > 1 else ""
             parts.append(self._skipped[0] + more)
@@ -200,3 +208,8 @@ def preview_settings(scene: Any) -> RenderSettings:
         samples=scene.halfspace.preview_samples,
         **quality.settings(scene),
     )
+
+
+def clean_from(group: Any) -> int:
+    """The number of samples from which the viewport's noise is removed by the settings in `group`, 0 for none."""
+    return max(group.preview_denoising_start_sample, 1) if group.use_preview_denoising else 0

@@ -78,6 +78,19 @@ _SAMPLING: dict[str, Any] = {
         "of the first surfaces. The picture is then no longer unbiased",
         default=False,
     ),
+    "use_preview_denoising": BoolProperty(
+        name="Viewport Denoise",
+        description="Remove the noise of the viewport with Open Image Denoise, guided by the albedo and the normal of "
+        "the first surfaces",
+        default=False,
+    ),
+    "preview_denoising_start_sample": IntProperty(
+        name="Start Denoising",
+        description="Number of samples from which the noise of the viewport is removed; that of the last one always is",
+        default=1,
+        min=0,
+        max=1 << 24,
+    ),
     "render_seed": IntProperty(
         name="Seed",
         description="Seed of the random numbers: each value gives the same picture with different noise",

@@ -88,6 +88,23 @@ class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
         self.column().prop(context.scene.halfspace, "preview_samples", text="Samples")
 
 
+class HALFSPACE_PT_sampling_viewport_denoise(EnginePanel, bpy.types.Panel):
+    """Removal of noise in the rendered viewport."""
+
+    bl_label = "Denoise"
+    bl_parent_id = "HALFSPACE_PT_sampling_viewport"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.halfspace, "use_preview_denoising", text="")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        column.active = group.use_preview_denoising
+        column.prop(group, "preview_denoising_start_sample", text="Start Sample")
+
+
 class HALFSPACE_PT_sampling_render(EnginePanel, bpy.types.Panel):
     """Samples of final renders."""
 
@@ -376,6 +393,7 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
 CLASSES = (
     HALFSPACE_PT_sampling,
     HALFSPACE_PT_sampling_viewport,
+    HALFSPACE_PT_sampling_viewport_denoise,
     HALFSPACE_PT_sampling_render,
     HALFSPACE_PT_sampling_denoise,
     HALFSPACE_PT_sampling_advanced,

@@ -3,7 +3,7 @@
 
 Two kinds of work run concurrently, each on its own threads. *Preparing* builds a fast-building structure first and then
 the chosen one; both give the same image. *Tracing* renders one sample in large pixels, then in smaller ones, then all
-samples at the view's own resolution.
+samples at the view's own resolution. On request a third kind removes the noise of the latter, see `cleaning`.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.background import Background
+from ..base import denoise
 from ..base.equality import same
 from ..structures.settings import RenderSettings
 from ..structures.specs import structure_of
 from . import refits
-from .session import Building, Session
+from .cleaning import Cleaning, Noisy
+from .preparing import Preparing, Ready
 
 if TYPE_CHECKING:
     from ..base.arrays import F32
@@ -78,7 +79,7 @@ class Picture:
     width × height.
 
     what: numbers of the edit (scene and settings) and of the move (view) that it shows. scale: its pixel size in pixels
-    of the region.
+    of the region. clean: whether its noise was removed.
     """
 
     pixels: F32
@@ -88,58 +89,7 @@ class Picture:
     samples: int
     what: tuple[int, int]
     scale: int
-
-
-@dataclass(frozen=True, eq=False)
-class _Ready:
-    """A traceable scene. building: kept so that its structure lives and can be shared."""
-
-    edit: int
-    session: Session
-    building: Building
-
-
-class _Preparing:
-    """Builds one structure after another over one scene, and makes each available to the renderer when it is done."""
-
-    def __init__(
-        self, native: Native, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int
-    ) -> None:
-        self.ended = False
-        self.shown = False
-        """Whether the first structure is ready."""
-        self._native, self._stock, self._scene, self._limit, self._edit = native, stock, scene, limit, edit
-        self._specs = specs
-        self._joining: Background | None = None
-        self._sessions: list[Session] = []
-        self._building = self._begin()
-
-    def _begin(self) -> Building:
-        return self._stock.take(self._native, self._scene.geometry, self._specs[0], memory_limit=self._limit)
-
-    @property
-    def progress(self) -> tuple[str, float]:
-        """The configuration that is being built, and its progress, 0 to 1."""
-        return self._specs[0], self._building.progress
-
-    def advance(self) -> _Ready | None:
-        """The scene that became ready since the last call, or None. Raises the native module's exceptions."""
-        if self._joining is None:
-            if not self._building.wait(0):
-                return None
-            structure, sessions = self._building.result(), self._sessions
-            native, scene = self._native, self._scene
-            # Prepare the scene on another thread, as an iterator of one step.
-            self._joining = Background((Session.over(native, scene, structure) for _ in range(1)), sessions.append)
-        if not self._joining.wait(0):
-            return None
-        ready = _Ready(self._edit, self._sessions.pop(), self._building)
-        self._joining = None
-        self._specs = self._specs[1:]
-        self.shown, self.ended = True, not self._specs
-        if self._specs:
-            self._building = self._begin()
-        return ready
+    clean: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +118,8 @@ class _Job:
 class Preview:
     """The preview of one scene and view. Call `advance` often while `busy`."""
 
-    def __init__(self, native: Native, stock: Stock) -> None:
+    def __init__(self, native: Native, stock: Stock, cleaning: Cleaning | None = None) -> None:
+        """cleaning: of this view alone; without it pictures keep their noise."""
         self.picture: Picture | None = None
         self.problem = ""
         """The reason why there is no picture, or ""."""
@@ -180,9 +131,10 @@ class Preview:
         self._settings = RenderSettings(1, 1)
         self._spec = ""
         self._memory_limit: int | None = None
+        self._cleaning, self._clean_from = cleaning, 0
         self._edits = 0
-        self._preparing: _Preparing | None = None
-        self._ready: _Ready | None = None
+        self._preparing: Preparing | None = None
+        self._ready: Ready | None = None
         # The view, the running render, and those being cancelled.
         self._view: View | None = None
         self._moves = 0
@@ -200,17 +152,25 @@ class Preview:
         """Request the end of all work without waiting for it."""
         self._preparing = None
         self._drop()
+        if self._cleaning is not None:
+            self._cleaning.drop()
 
-    def edit(self, scene: Scene, spec: str, memory_limit: int | None, settings: RenderSettings) -> None:
+    def edit(
+        self, scene: Scene, spec: str, memory_limit: int | None, settings: RenderSettings, clean_from: int = 0
+    ) -> None:
         """Set the scene and how to render it; size, border and passes of the settings are ignored.
 
+        clean_from: number of samples from which pictures lose their noise, 0 for none; the last one does in any case.
         Unchanged arguments have no effect.
         """
-        before = (self._spec, self._memory_limit, self._settings)
-        if before == (spec, memory_limit, settings) and same(self._scene, scene):
+        before = (self._spec, self._memory_limit, self._settings, self._clean_from)
+        if before == (spec, memory_limit, settings, clean_from) and same(self._scene, scene):
             return
         self._scene, self._spec, self._memory_limit, self._settings = scene, spec, memory_limit, settings
+        self._clean_from = clean_from
         self._edits += 1
+        if self._cleaning is not None:
+            self._cleaning.drop()
         self.problem = ""
         # Let a fast-building structure finish and show first; otherwise an object that is dragged would never be seen.
         if self._preparing is None or self._preparing.shown:
@@ -225,7 +185,17 @@ class Preview:
     @property
     def busy(self) -> bool:
         """Whether `advance` has work to do."""
-        return self._preparing is not None or self._job is not None or bool(self._leaving)
+        return self._preparing is not None or self._job is not None or bool(self._leaving) or self.cleaning
+
+    @property
+    def cleaning(self) -> bool:
+        """Whether the noise of a picture is being removed."""
+        return self._cleaning is not None and self._cleaning.busy
+
+    @property
+    def noise(self) -> str:
+        """The reason why pictures keep their noise against the settings, or ""."""
+        return self._cleaning.problem if self._cleaning is not None and self._clean_from else ""
 
     @property
     def samples(self) -> tuple[int, int]:
@@ -258,7 +228,8 @@ class Preview:
         self._leaving = [job for job in self._leaving if not job.native.finished]
         try:
             self._take_structure()
-            return self._trace()
+            traced = self._trace()
+            return self._take_clean() or traced
         except Exception as error:
             # Show any exception of the native module to the user; the next edit tries again.
             self.problem = " ".join(str(error).split()) or type(error).__name__
@@ -276,7 +247,7 @@ class Preview:
         chosen = structure_of(self._spec)
         if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
             specs.insert(0, quick[-1])
-        self._preparing = _Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
+        self._preparing = Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
 
     def _take_structure(self) -> None:
         """Take a structure that became ready, and prepare the next edit if the scene changed meanwhile."""
@@ -290,6 +261,17 @@ class Preview:
             self._prepare()
         elif better and self._job is not None and self._job.native.progress < BEGUN:
             self._drop()  # restarted with the better structure, which soon regains the lost time
+
+    def _take_clean(self) -> bool:
+        """Show a picture that lost its noise; False if there is none of this edit and move."""
+        if self._cleaning is None:
+            return False
+        if self._ready is not None:
+            self._cleaning.drop(keep=(self._ready.edit, self._moves))
+        if (picture := self._cleaning.advance()) is None:
+            return False
+        self.picture, self._shown = picture, time.monotonic()
+        return True
 
     def _trace(self) -> bool:
         """Finish, continue or replace the running render; returns whether there is something new to show."""
@@ -327,21 +309,44 @@ class Preview:
         return self._show(job)
 
     def _show(self, job: _Job) -> bool:
-        """Copy a job's current picture; False if it has no new samples."""
-        samples = job.native.samples_done
-        old = self.picture
-        if samples == 0 or (
-            old is not None and (old.what, old.scale) == (job.what, job.scale) and old.samples >= samples
-        ):
+        """Show a job's current picture, and have its noise removed. Returns False if it has no new samples, or if one
+        of its pictures without noise is shown.
+        """
+        samples, picture = job.native.samples_done, None
+        if samples == 0:
             return False
-        settings = job.settings
-        width, height = settings.size
-        pixels = np.empty(width * height * 4, np.float32)
-        job.native.copy_into("Combined", pixels)
-        part = settings.border or (0, 0, settings.width, settings.height)
-        self.picture = Picture(pixels, settings.width, settings.height, part, samples, job.what, job.scale)
-        self._shown = time.monotonic()
+        if self._cleaning is not None and self._to_clean(job, samples):
+            picture = self._copy(job, samples)
+            features = {name: self._pass(job, name, 3) for name in denoise.FEATURES if name in job.settings.passes}
+            catchers = self._scene is not None and any(material.catcher for material in self._scene.materials)
+            alpha = catchers and job.settings.film_transparent
+            self._cleaning.take(Noisy(picture, features, job.settings.threads, alpha))
+        old = self.picture
+        if old is not None and (old.what, old.scale) == (job.what, job.scale) and (old.clean or old.samples >= samples):
+            return False
+        self.picture, self._shown = picture or self._copy(job, samples), time.monotonic()
         return True
+
+    def _to_clean(self, job: _Job, samples: int) -> bool:
+        """Whether the noise of a job's current picture is to be removed: at full resolution, of the newest edit."""
+        if self._cleaning is None or not self._clean_from or job.scale > job.view.pixel or job.what[0] != self._edits:
+            return False
+        last = job is not self._job  # it has ended
+        return (last or samples >= self._clean_from) and self._cleaning.wants(job.what, samples, last=last)
+
+    def _copy(self, job: _Job, samples: int) -> Picture:
+        """A job's current picture."""
+        whole = job.settings
+        part = whole.border or (0, 0, whole.width, whole.height)
+        pixels = self._pass(job, "Combined", 4)
+        return Picture(pixels, whole.width, whole.height, part, samples, job.what, job.scale)
+
+    def _pass(self, job: _Job, name: str, channels: int) -> F32:
+        """A copy of one of a job's passes, flat."""
+        width, height = job.settings.size
+        values = np.empty(width * height * channels, np.float32)
+        job.native.copy_into(name, values)
+        return values
 
     def _start(self, what: tuple[int, int], scale: int, *, first: bool) -> None:
         """Start a render of the current view with pixels of this size."""
@@ -355,13 +360,18 @@ class Preview:
             x0, y0, x1, y1 = view.border
             x0, y0 = min(x0 // scale, width - 1), min(y0 // scale, height - 1)
             border = (x0, y0, min(max(-(-x1 // scale), x0 + 1), width), min(max(-(-y1 // scale), y0 + 1), height))
+        # Render what guides the denoiser only where it is used.
+        coarse = scale > view.pixel
+        passes: tuple[str, ...] = ("Combined",)
+        if self._clean_from and not coarse:
+            passes = denoise.with_features(passes, self._settings.integrator)
         settings = replace(
             self._settings,
             width=width,
             height=height,
             border=border,
-            samples=1 if scale > view.pixel else self._settings.samples,
-            passes=("Combined",),
+            samples=1 if coarse else self._settings.samples,
+            passes=passes,
         )
         native = ready.session.render(view.camera, settings)
         self._job = _Job(native, view, settings, scale, what, first, time.monotonic())

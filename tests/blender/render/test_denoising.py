@@ -12,7 +12,7 @@ import pytest
 from exr_files import render
 from shapes import cube, grid, with_nodes
 
-from addon.blender.render import denoising, engine
+from addon.blender.render import engine
 from addon.blender.session import reports
 from addon.core.base import denoise
 
@@ -108,6 +108,18 @@ def test_a_folder_without_the_library_gives_that_of_blender_itself(tmp_path: Pat
     assert denoise.load([tmp_path])
 
 
+def test_the_reason_of_a_missing_library_is_short(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str) -> Any:
+        raise OSError(f"{name}: cannot be opened")
+
+    monkeypatch.setattr(denoise.ctypes, "CDLL", refuse)
+    with pytest.raises(denoise.DenoiseError, match=r"cannot be loaded: not found$"):
+        denoise.load([tmp_path])
+    (tmp_path / "libOpenImageDenoise.so.2").write_text("no library")
+    with pytest.raises(denoise.DenoiseError, match=r"libOpenImageDenoise.so.2: cannot be opened$"):
+        denoise.load([tmp_path])
+
+
 def test_values_that_are_not_finite_do_not_spread() -> None:
     color = np.full((32, 32, 3), 0.5, np.float32)
     color[3, 4], color[9, 9] = np.nan, np.inf
@@ -128,5 +140,5 @@ def test_a_stopped_denoiser_returns_the_noise() -> None:
 
 
 def test_features_are_added_once() -> None:
-    assert denoising.with_features(("Combined", "Normal"), "path") == ("Combined", "Normal", "Denoising Albedo")
-    assert denoising.with_features(("Combined",), "ao") == ("Combined",)
+    assert denoise.with_features(("Combined", "Normal"), "path") == ("Combined", "Normal", "Denoising Albedo")
+    assert denoise.with_features(("Combined",), "ao") == ("Combined",)

@@ -14,11 +14,12 @@ import gpu
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shapes import cube, node, with_nodes
+from shapes import cube, grid, node, with_nodes
 
 from addon.blender.read import views
 from addon.blender.render import viewport
 from addon.blender.render.viewport import Viewport
+from addon.core.base import denoise
 
 WIDTH, HEIGHT = 64, 48
 MOST_REDRAWS = 5000
@@ -108,6 +109,63 @@ def test_the_picture_converges_and_follows_the_view(context: Any, canvas: Any) -
     context.region_data.view_matrix = Matrix.Translation((50, 0, 0)) @ context.region_data.view_matrix
     context.region_data.perspective_matrix = context.region_data.window_matrix @ context.region_data.view_matrix
     assert np.allclose(draw_until_done(view, engine, context, canvas)[..., :3], 1, atol=1e-2)
+
+
+def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
+    """The last picture of the view with these samples, in rows, and its status line. Needs no drawing."""
+    context.scene.halfspace.preview_samples = samples
+    context.scene.halfspace.use_preview_denoising = denoised
+    view, engine = Viewport(), Engine()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert view._preview is not None
+    view._preview.look(views.seen(context, view._origin))
+    view._engine = weakref.ref(engine)
+    for _ in range(MOST_REDRAWS):
+        if not view.tick():
+            break
+        time.sleep(0.01)
+    else:
+        pytest.fail("the picture never converges")
+    assert view._preview.picture is not None
+    return view._preview.picture.pixels.reshape(HEIGHT, WIDTH, 4), view.status()
+
+
+@pytest.mark.parametrize("integrator", ["path", "ao"])
+def test_the_noise_of_the_viewport_falls(add: Any, context: Any, integrator: str) -> None:
+    add("Wall", grid(4), location=(0, 3, 0), rotation_euler=(np.pi / 2, 0, 0), scale=(9, 9, 9))
+    lamp = bpy.data.lights.new("Lamp", "AREA")
+    lamp.energy, lamp.size = 800, 4
+    add("Lamp", lamp, location=(-3, -3, 3), rotation_euler=(0.9, 0, -0.8))
+    bpy.context.view_layer.update()
+    context.scene.halfspace.integrator = integrator
+    reference, _ = converged(context, 1024, denoised=False)
+    noisy, before = converged(context, 2, denoised=False)
+    clean, after = converged(context, 2, denoised=True)
+    assert (before, after) == ("Sample 2 of 2", "Sample 2 of 2 | Denoised")
+    assert np.array_equal(noisy[..., 3], clean[..., 3])
+    errors = [float(np.sqrt(np.mean((p[..., :3] - reference[..., :3]) ** 2))) for p in (noisy, clean)]
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_missing_library_is_noted_in_the_status_line(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_folders: Any) -> Any:
+        raise denoise.DenoiseError("Open Image Denoise cannot be loaded: gone")
+
+    monkeypatch.setattr(denoise, "load", missing)
+    noisy, said = converged(context, 2, denoised=True)
+    assert said == "Sample 2 of 2 | Not denoised: Open Image Denoise cannot be loaded: gone"
+    assert np.array_equal(noisy, converged(context, 2, denoised=False)[0])
+
+
+def test_the_start_of_denoising_is_a_sample(scene: Any) -> None:
+    group = scene.halfspace
+    assert viewport.clean_from(group) == 0
+    group.use_preview_denoising = True
+    assert viewport.clean_from(group) == 1
+    group.preview_denoising_start_sample = 7
+    assert viewport.clean_from(group) == 7
+    group.preview_denoising_start_sample = 0
+    assert viewport.clean_from(group) == 1
 
 
 def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,9 +29,10 @@ READ = {
     "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
     "aperture_ratio",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",
-    "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_adaptive noise_threshold time_limit "
-    "render_seed max_bounces volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective "
-    "caustics_refractive secondary_beams "
+    "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_preview_denoising "
+    "preview_denoising_start_sample use_denoising use_adaptive noise_threshold time_limit render_seed max_bounces "
+    "volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
+    "secondary_beams "
     "film_exposure pixel_filter_type filter_width bake_type automatic instancing memory_limit structure",
     "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_shadow_catcher "
     "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
@@ -133,7 +134,6 @@ WITHOUT = {
     "CYCLES_RENDER_PT_sampling_lights": "a threshold of lights",
     "CYCLES_RENDER_PT_sampling_path_guiding": "guiding",
     "CYCLES_RENDER_PT_sampling_path_guiding_debug": "guiding",
-    "CYCLES_RENDER_PT_sampling_viewport_denoise": "denoising of the viewport",
     "CYCLES_RENDER_PT_simplify_culling": "culling",
     "CYCLES_RENDER_PT_subdivision": "adaptive subdivision",
     "CYCLES_RENDER_PT_volumes": "steps through volumes",
