@@ -12,7 +12,6 @@ from ...core.choose import choice
 from ...core.choose.choice import Comparison, Line
 from ...core.structures import catalogue
 from ..measure import compare_operators, comparing
-from ..render.engine import ENGINE
 from ..settings import presets, properties
 from . import panels
 from .texts import wrapped
@@ -21,9 +20,6 @@ from .texts import wrapped
 class _ComparePanel:
     bl_label = "Compare"
     section = "Compare"
-
-    def draw_header_preset(self, context: Any) -> None:
-        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
     def draw(self, context: Any) -> None:
         layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
@@ -90,28 +86,16 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value < 10 else f"{value:,.0f} s"
 
 
-class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):
+class HALFSPACE_PT_view_compare(_ComparePanel, panels.SidebarPanel, bpy.types.Panel):
     """Comparison panel in the sidebar of the 3D viewport."""
 
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Halfspace"
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
-
-
-class HALFSPACE_PT_compare(_ComparePanel, bpy.types.Panel):
+class HALFSPACE_PT_compare(_ComparePanel, panels.EnginePanel, bpy.types.Panel):
     """Comparison panel in the render properties."""
 
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
-
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return context.engine == ENGINE and native.problem() is None
+        return super().poll(context) and native.problem() is None
 
 
 CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)

@@ -49,10 +49,11 @@ class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
     bl_label = "Panorama"
     bl_parent_id = "DATA_PT_lens"
     bl_context = "data"
+    block = "camera"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.camera is not None and context.camera.type == "PANO"
+        return super().poll(context) and context.camera.type == "PANO"
 
     def draw(self, context: Any) -> None:
         column = self.column()
@@ -92,61 +93,53 @@ class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
                 column.prop(context.view_layer, name, text=text)
 
 
-class HALFSPACE_PT_world(EnginePanel, bpy.types.Panel):
+class _WorldPanel(EnginePanel):
+    bl_context = "world"
+    block = "world"
+
+
+class HALFSPACE_PT_world(_WorldPanel, bpy.types.Panel):
     """The inputs of the world's shader."""
 
     bl_label = "Surface"
-    bl_context = "world"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.world is not None
 
     def draw(self, context: Any) -> None:
         _surface(self.layout, context.world, "color")
 
 
-class HALFSPACE_PT_world_volume(EnginePanel, bpy.types.Panel):
+class HALFSPACE_PT_world_volume(_WorldPanel, bpy.types.Panel):
     """The inputs of the shader of the world's volume."""
 
     bl_label = "Volume"
-    bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.world is not None and active_tree(context.world) is not None
+        return super().poll(context) and active_tree(context.world) is not None
 
     def draw(self, context: Any) -> None:
         _inputs(self.layout, context.world, "Volume")
 
 
-class HALFSPACE_PT_world_preview(EnginePanel, bpy.types.Panel):
+class HALFSPACE_PT_world_preview(_WorldPanel, bpy.types.Panel):
     """A picture of the world alone."""
 
     bl_label = "Preview"
-    bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.world is not None
 
     def draw(self, context: Any) -> None:
         self.layout.template_preview(context.world)
 
 
-class HALFSPACE_PT_world_mist(EnginePanel, bpy.types.Panel):
+class HALFSPACE_PT_world_mist(_WorldPanel, bpy.types.Panel):
     """Extent of the mist pass; only where a view layer has that pass."""
 
     bl_label = "Mist Pass"
-    bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        used = super().poll(context) and context.world is not None
-        return used and any(layer.use_pass_mist for layer in context.scene.view_layers)
+        return super().poll(context) and any(layer.use_pass_mist for layer in context.scene.view_layers)
 
     def draw(self, context: Any) -> None:
         column = self.column()
@@ -154,11 +147,10 @@ class HALFSPACE_PT_world_mist(EnginePanel, bpy.types.Panel):
             column.prop(context.world.mist_settings, name)
 
 
-class HALFSPACE_PT_world_ray_visibility(EnginePanel, bpy.types.Panel):
+class HALFSPACE_PT_world_ray_visibility(_WorldPanel, bpy.types.Panel):
     """The rays that see the world. Cycles stores the switches."""
 
     bl_label = "Ray Visibility"
-    bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -177,10 +169,7 @@ class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
     bl_label = "Visibility"
     bl_context = "object"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.object is not None
+    block = "object"
 
     def draw(self, context: Any) -> None:
         column = self.column()
@@ -203,12 +192,13 @@ class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
     bl_parent_id = "HALFSPACE_PT_visibility"
     bl_context = "object"
+    block = "object"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        item = context.object
-        if not super().poll(context) or item is None:
+        if not super().poll(context):
             return False
+        item = context.object
         return item.type in SEEN or (item.instance_type == "COLLECTION" and item.instance_collection)
 
     def draw(self, context: Any) -> None:
@@ -222,11 +212,11 @@ class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
 
 class _MaterialPanel(EnginePanel):
     bl_context = "material"
+    block = "material"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        found = context.material
-        return super().poll(context) and found is not None and not found.grease_pencil
+        return super().poll(context) and not context.material.grease_pencil
 
 
 class HALFSPACE_PT_material(_MaterialPanel, bpy.types.Panel):
@@ -277,10 +267,7 @@ class HALFSPACE_PT_material_settings(_MaterialPanel, bpy.types.Panel):
 
 class _LightPanel(EnginePanel):
     bl_context = "data"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.light is not None
+    block = "light"
 
 
 class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):

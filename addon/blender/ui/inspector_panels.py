@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from ...core.base import native
 from ...core.inspector import node_view
 from ...core.tree.table import KIND_LABELS
 from ..inspector import exporting, levels, worst
@@ -20,20 +19,8 @@ MOST_CHILDREN = 8
 """Largest number of children with a button of their own."""
 
 
-class _InspectorPanel:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Halfspace"
+class _InspectorPanel(panels.SidebarPanel):
     bl_options = {"DEFAULT_CLOSED"}
-
-    section = ""
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
-
-    def draw_header_preset(self, context: Any) -> None:
-        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
 
 def _tree(layout: Any, scene: Any) -> trees.Tree | None:

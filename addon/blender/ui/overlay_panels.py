@@ -18,22 +18,15 @@ from . import inspector_panels, panels, structure
 from .texts import counted, wrapped
 
 
-class _SidebarPanel:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Halfspace"
-
-    section = ""
-
-    def draw_header_preset(self, context: Any) -> None:
-        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
-
-
-class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
+class HALFSPACE_PT_view_structure(panels.SidebarPanel, bpy.types.Panel):
     """Settings of the structure, and the state of the last one built."""
 
     bl_label = "Structure"
     section = "Structure"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return True  # without the native module it shows the reason
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -77,16 +70,12 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
         layout.label(text="Built with other settings", icon="ERROR")
 
 
-class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
+class HALFSPACE_PT_view_statistics(panels.SidebarPanel, bpy.types.Panel):
     """Costs of the last structure, and the check of its answers."""
 
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
     section = "Statistics"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
 
     def draw(self, context: Any) -> None:
         tree = trees.last(context.scene)
@@ -97,15 +86,11 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
         panels.answers(self.layout, tree)
 
 
-class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
+class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
     """Settings of the overlay."""
 
     bl_label = "Overlay"
     section = "Overlay"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
 
     def draw_header(self, context: Any) -> None:
         self.layout.prop(context.scene.halfspace.overlay, "show", text="")
@@ -183,15 +168,11 @@ def _cells(layout: Any, cells: Any) -> None:
         layout.label(text=f"{cells.hidden:,} hidden by the limit", icon="HIDE_ON")
 
 
-class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
+class HALFSPACE_PT_view_ray(panels.SidebarPanel, bpy.types.Panel):
     """The path of one ray."""
 
     bl_label = "One Ray"
     section = "One Ray"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -228,16 +209,12 @@ def _replay(layout: Any, scene: Any) -> None:
     column.operator("halfspace.go_to_node", text="Select This Node", icon="OUTLINER_OB_MESH").to = "STEP"
 
 
-class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
+class HALFSPACE_PT_view_costs(panels.SidebarPanel, bpy.types.Panel):
     """Cost maps of the pixels."""
 
     bl_label = "Cost Maps"
     bl_options = {"DEFAULT_CLOSED"}
     section = "Cost Maps"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None
 
     def draw(self, context: Any) -> None:
         layout = self.layout

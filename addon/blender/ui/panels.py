@@ -49,9 +49,12 @@ class EnginePanel:
     section = ""
     """Heading of docs/manual.md that explains the panel."""
 
+    block = ""
+    """Name in the context of the data that the panel shows; without that data it does not appear."""
+
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return context.engine == ENGINE
+        return context.engine == ENGINE and (not cls.block or getattr(context, cls.block) is not None)
 
     def draw_header_preset(self, context: Any) -> None:
         help_button(self.layout, self.section)  # type: ignore[attr-defined]
@@ -62,6 +65,24 @@ class EnginePanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         return layout.column()
+
+
+class SidebarPanel:
+    """A panel in the sidebar of 3D views that needs the native module."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+
+    section = ""
+    """Heading of docs/manual.md that explains the panel."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw_header_preset(self, context: Any) -> None:
+        help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
 
 class HALFSPACE_PT_sampling(EnginePanel, bpy.types.Panel):

@@ -108,14 +108,8 @@ class HALFSPACE_PT_passes_lightgroups(EnginePanel, bpy.types.Panel):
 
 
 class _LightGroupPanel(EnginePanel):
-    block = ""
-
     bl_label = "Light Group"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and getattr(context, cls.block) is not None
 
     def draw(self, context: Any) -> None:
         layer, item = context.view_layer, getattr(context, self.block)
