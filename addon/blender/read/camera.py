@@ -59,12 +59,11 @@ def read_camera(
     to_world[:3, 3] -= origin
     data = item.data if item.type == "CAMERA" else None
     if panorama is not None:
-        if data.dof.use_dof:
-            notes.add("Depth of field of a panoramic camera is not supported yet, rendered sharp", item.name)
         kind, keys = panorama
         # A file may hold any number; such a lens shows little or nothing.
         keys = {key: np.nan_to_num(value, posinf=FARTHEST, neginf=-FARTHEST).tolist() for key, value in keys.items()}
-        return Camera(kind, to_world, (0.0, 1.0, 0.0, 1.0), data.clip_start, data.clip_end, panorama=keys)
+        clip = data.clip_start, data.clip_end
+        return Camera(kind, to_world, (0.0, 1.0, 0.0, 1.0), *clip, panorama=keys, **lens(item, parallel=False))
     parallel = bool(projection[3, 3] == 1.0)
     return Camera(
         kind="orthographic" if parallel else "perspective",

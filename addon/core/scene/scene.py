@@ -189,9 +189,9 @@ class Camera:
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
     at distance 1 (perspective) or in scene units (orthographic); includes shift, sensor fit and pixel aspect.
     aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
-    radians. aperture_ratio: height by width. focus_distance: along -Z. panorama: keys that a panoramic kind needs, as
-    the native module takes them; its window is (0, 1, 0, 1). motion: the camera a frame before and a frame after.
-    poses: transforms like `to_world` at equal intervals while the shutter is open; fewer than two: none.
+    radians. aperture_ratio: height by width. focus_distance: along -Z, or along the rays of a panorama. panorama: keys
+    that a panoramic kind needs, as the native module takes them; its window is (0, 1, 0, 1). motion: the cameras of the
+    frames before and after. poses: transforms like `to_world` at equal intervals of an open shutter, or fewer than two.
     """
 
     kind: str

@@ -367,7 +367,7 @@ enum Moving<'py> {
 ///     distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
 ///     depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
 ///     "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
-///     Panoramic kinds have the window (0, 1, 0, 1), no depth of field, clip by distance, and need more keys, angles in
+///     Panoramic kinds have the window (0, 1, 0, 1), focus and clip by distance, and need more keys, angles in
 ///     radians: "equirectangular" (2,) "longitude" and "latitude"; "equidistant" "fov"; "equisolid" "fov", "focal"
 ///     length and (2,) "sensor" in its unit; "polynomial" "fov", "sensor" and (5,) "polynomial";
 ///     "central_cylindrical" (2,) "longitude" and (2,) "height" on a cylinder of radius 1; "mirror_ball" and

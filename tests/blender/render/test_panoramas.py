@@ -95,6 +95,33 @@ def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
     assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.99
 
 
+@pytest.mark.parametrize("kind", ["EQUIRECTANGULAR", "MIRRORBALL"])
+def test_depth_of_field_is_that_of_cycles(hall: Any, kind: str) -> None:
+    settings = hall.camera.data
+    settings.panorama_type = PARTS.get(kind, kind)
+    for name, value in KINDS[kind].items():
+        setattr(settings, name, value)
+    hall.render.engine = ENGINE
+    sharp = pictures.render(hall).astype(float)
+    # An aperture of three blades, narrow and turned: a sideways one is apart by a tenth.
+    atlas.configure(hall, 256, 0)
+    dof = settings.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 1.0, 0.05
+    dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 3, 0.4, 2.0
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        hall.render.engine = engine
+        found.append(pictures.render(hall).astype(float))
+    report = reports.last(hall)
+    assert report is not None
+    assert not report.warnings
+    ours, theirs = (picture[..., :3] for picture in found)
+    blur = np.abs(ours - sharp[..., :3]).mean()
+    assert blur > 0.04 * ours.mean()
+    assert np.abs(ours - theirs).mean() < 0.02 * theirs.mean()
+    assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 0.01 * theirs.mean()
+
+
 @pytest.mark.parametrize("value", [math.inf, -1e30, 1e30, 0.0])
 def test_absurd_lenses_give_a_picture(hall: Any, value: float) -> None:
     settings = hall.camera.data

@@ -14,6 +14,7 @@ pub mod filter;
 pub mod lens;
 mod motion;
 pub mod panorama;
+mod panoramic;
 pub mod poses;
 
 /// How the film is projected.
@@ -23,8 +24,8 @@ pub enum Projection {
     Perspective,
     /// Parallel rays; the window is in scene units.
     Orthographic,
-    /// All rays from one point, see [`Panorama`]; the window is 0 to 1 along both sides. It ignores the lens, and
-    /// clips by distance.
+    /// All rays from one point, see [`Panorama`]; the window is 0 to 1 along both sides. It focuses and clips by
+    /// distance.
     Panoramic(Panorama),
 }
 
@@ -166,7 +167,7 @@ impl Camera {
     #[inline]
     pub fn ray(&self, x: f32, y: f32, lens: impl FnOnce() -> [f32; 2]) -> Ray {
         if let Some(panorama) = &self.panorama {
-            return self.panoramic_ray(panorama, x, y);
+            return self.panoramic_ray(panorama, x, y, lens);
         }
         match &self.lens {
             None => self.sharp_ray(x, y),
@@ -257,22 +258,6 @@ impl Camera {
                 t_min: self.clip[0],
                 t_max: self.clip[1],
             }
-        }
-    }
-
-    /// The ray of a panorama; an empty one where the projection has no direction.
-    fn panoramic_ray(&self, panorama: &Panorama, x: f32, y: f32) -> Ray {
-        // The window spans the picture in multiples of its sides.
-        let film = self.corner + self.right * x + self.up * y - self.forward;
-        let [right, up] = self.axes;
-        let direction = panorama.direction(film.dot(right), film.dot(up));
-        let d = direction.map(|d| right * d.x + up * d.y - self.forward * d.z);
-        let [t_min, t_max] = self.clip;
-        Ray {
-            o: self.origin.array(),
-            d: d.unwrap_or(self.forward).array(),
-            t_min,
-            t_max: if d.is_some() { t_max } else { EMPTY },
         }
     }
 
