@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-import pytest
 
 from addon.blender.read import extract
 from addon.core.base.notes import Notes
@@ -39,13 +38,30 @@ def locks(count: int, *, bend: float = 0.1, seed: int = 1) -> Any:
     return begin + np.cumsum(step, axis=1)
 
 
+def _unplaced(count: int, name: str) -> Any:
+    """A point cloud of this many points."""
+    if hasattr(bpy.types.PointCloud, "resize"):
+        dust = bpy.data.pointclouds.new(name)
+        dust.resize(count)
+        return dust
+    # Before Blender 5.0 vertices become points by an operator.
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(count)
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.objects.active = item
+    with bpy.context.temp_override(active_object=item, object=item, selected_objects=[item]):
+        item.select_set(True)
+        bpy.ops.object.convert(target="POINTCLOUD")
+    dust = item.data
+    bpy.data.objects.remove(item)
+    return dust
+
+
 def cloud(points: Any, radii: Any = 0.1, name: str = "Dust") -> Any:
     """A point cloud."""
     points = np.asarray(points, np.float32)
-    dust = bpy.data.pointclouds.new(name)
-    if not hasattr(dust, "resize"):
-        pytest.skip("in this Blender only geometry nodes make point clouds")
-    dust.resize(len(points))
+    dust = _unplaced(len(points), name)
     if "position" not in dust.attributes:
         dust.attributes.new("position", "FLOAT_VECTOR", "POINT")
     dust.attributes["position"].data.foreach_set("vector", points.reshape(-1))

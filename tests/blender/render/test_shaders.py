@@ -239,7 +239,8 @@ def lights(scene: Any, add: Any) -> Any:
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_shaders_are_those_of_cycles(lit: Any, family: dict[str, atlas.Maker]) -> None:
     if family is FILMS and bpy.app.version < (5, 0):
-        pytest.skip("Cycles of Blender 4.5 has other films, and none on metals")
+        # Its Glass and Metallic have no inputs of films; those of its Principled differ by up to 4 %.
+        family = {name: make for name, make in FILMS.items() if name in ("on a base", "thick", "thin")}
     # Highlights of suns on bent and stretched facets are noisier than matte surfaces. Blender 4.5 differs in how nodes
     # are read, which fewer samples show.
     coarse = bpy.app.version < (5, 0) and family not in (DIFFUSE, TRANSLUCENT, BUMPS)

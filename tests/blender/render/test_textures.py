@@ -145,8 +145,6 @@ def radials() -> Iterator[tuple[str, atlas.Maker]]:
 
 @pytest.mark.parametrize("family", [noises, cells, patterns, waves_in_windows, edges, whites, radials])
 def test_textures_are_those_of_cycles(scene: Any, family: Any) -> None:
-    if family is cells and bpy.app.version < (5, 0):
-        pytest.skip("the points of Voronoi lie elsewhere than in Blender 4.5")
     if family is radials and bpy.app.version < (5, 0):
         pytest.skip("Blender 4.5 has no Radial Tiling")
     makers = dict(family())

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import bpy
+
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
     from ..nodes import Place
@@ -87,6 +89,7 @@ def _voronoi(values: Values, node: Place) -> Operand:
         metric=item.distance,
         normalize=item.normalize,
         output=node.socket.name,
+        earlier=bpy.app.version < (5, 0),  # whose cells have other points
     )
 
 

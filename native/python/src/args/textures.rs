@@ -18,6 +18,7 @@ pub const KEYS: &[&str] = &[
     "output",
     "profile",
     "depth",
+    "earlier",
     "offset",
     "offset_frequency",
     "squash",
@@ -39,6 +40,7 @@ pub fn texture(keys: &Keys<'_, '_>, name: &str) -> Result<Option<Op>> {
             metric: keys.choice("metric", Metric::NAMED)?,
             normalize: keys.flag_or("normalize", false)?,
             output: keys.choice("output", CellOutput::NAMED)?,
+            earlier: keys.flag_or("earlier", false)?,
         }),
         "gabor" => Op::Gabor(
             keys.choice("output", GaborOutput::NAMED)?,

@@ -210,6 +210,8 @@ pub struct Cells {
     pub normalize: bool,
     /// What is returned.
     pub output: CellOutput,
+    /// Whether points and colours are those of Blender before 5.0.
+    pub earlier: bool,
 }
 
 /// The operation of a step.

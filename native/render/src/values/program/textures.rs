@@ -128,6 +128,7 @@ fn voronoi(cells: &Cells, arg: impl Fn(usize) -> Value) -> Value {
         smoothness: x(6),
         exponent: x(7),
         randomness: x(8),
+        earlier: cells.earlier,
     };
     let (p, w) = (rgb(arg(0)), x(1));
     // One coordinate is the fourth.

@@ -62,6 +62,25 @@ pub fn cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
     std::array::from_fn(|k| hashed[k])
 }
 
+/// Hashes a cell to a point of the unit cube as Blender did before 5.0, by lookup3.
+pub fn earlier_cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
+    let at = |k: usize| cell.get(k).copied().unwrap_or(0) as f32;
+    let (x, y, z, w) = (at(0), at(1), at(2), at(3));
+    // The further numbers hash a longer key, or the same one rotated.
+    let hashed = match N {
+        1 => [unit([x]), 0.0, 0.0, 0.0],
+        2 => [unit([x, y]), unit([x, y, 1.0]), 0.0, 0.0],
+        3 => [
+            unit([x, y, z]),
+            unit([x, y, z, 1.0]),
+            unit([x, y, z, 2.0]),
+            0.0,
+        ],
+        _ => [[x, y, z, w], [w, x, y, z], [z, w, x, y], [y, z, w, x]].map(unit),
+    };
+    std::array::from_fn(|k| hashed[k])
+}
+
 /// Hashes a cell to a colour.
 pub fn cell_color<const N: usize>(cell: [i32; N]) -> Vec3 {
     let at = |k: usize| cell.get(k).copied().unwrap_or(0);

@@ -4,7 +4,7 @@
 
 use crate::math::vector::Vec3;
 use crate::values::math_nodes::named;
-use crate::values::texture::hash::{cell_color, cell_point};
+use crate::values::texture::hash::{cell_color, cell_point, color, earlier_cell_point};
 
 named! {
     /// What the texture measures.
@@ -45,6 +45,8 @@ pub struct Voronoi {
     pub exponent: f32,
     /// Share of the way from a cell's corner to its random point, 0..1.
     pub randomness: f32,
+    /// Whether points and colours are those of Blender before 5.0.
+    pub earlier: bool,
 }
 
 /// The cell found at a position.
@@ -120,12 +122,25 @@ impl Voronoi {
             let offset: [i32; N] = std::array::from_fn(|k| {
                 center[k] + (number / side.pow(k as u32) % side) as i32 - reach
             });
-            let hashed = cell_point(std::array::from_fn::<i32, N, _>(|k| {
-                cell[k].wrapping_add(offset[k])
-            }));
+            let at = std::array::from_fn::<i32, N, _>(|k| cell[k].wrapping_add(offset[k]));
+            let hashed = if self.earlier {
+                earlier_cell_point(at)
+            } else {
+                cell_point(at)
+            };
             let place = std::array::from_fn(|k| offset[k] as f32 + hashed[k] * self.randomness);
             Seed { offset, place }
         })
+    }
+
+    /// The colour of the cell at an offset from another.
+    fn color<const N: usize>(&self, cell: [i32; N], offset: [i32; N]) -> Vec3 {
+        let at = std::array::from_fn::<i32, N, _>(|k| cell[k].wrapping_add(offset[k]));
+        if self.earlier {
+            color(at.map(|x| x as f32))
+        } else {
+            cell_color(at)
+        }
     }
 
     /// Adds octaves of cells of falling size.
@@ -196,9 +211,7 @@ impl Voronoi {
         };
         Cell {
             distance,
-            color: cell_color(std::array::from_fn::<i32, N, _>(|k| {
-                cell[k].wrapping_add(seed.offset[k])
-            })),
+            color: self.color(cell, seed.offset),
             position: std::array::from_fn(|k| seed.place[k] + cell[k] as f32),
         }
     }
@@ -220,9 +233,7 @@ impl Voronoi {
             let correction = self.smoothness * h * (1.0 - h);
             blend.distance = mix(blend.distance, distance, h) - correction;
             let correction = correction / (1.0 + 3.0 * self.smoothness);
-            let color = cell_color(std::array::from_fn::<i32, N, _>(|k| {
-                cell[k].wrapping_add(seed.offset[k])
-            }));
+            let color = self.color(cell, seed.offset);
             blend.color = blend.color + (color - blend.color) * h - Vec3::splat(correction);
             for (at, place) in blend.position.iter_mut().zip(seed.place) {
                 *at = mix(*at, place, h) - correction;
@@ -344,6 +355,7 @@ mod tests {
         smoothness: 1.0,
         exponent: 0.5,
         randomness: 1.0,
+        earlier: false,
     };
 
     fn places() -> impl Iterator<Item = [f32; 3]> {
@@ -353,8 +365,17 @@ mod tests {
     #[test]
     fn the_distance_is_that_to_the_position_of_the_cell() {
         for p in places() {
-            for feature in [Feature::Nearest, Feature::Second] {
-                let cell = Voronoi { feature, ..BASE }.at(p);
+            for (feature, earlier) in [
+                (Feature::Nearest, false),
+                (Feature::Second, false),
+                (Feature::Nearest, true),
+            ] {
+                let cells = Voronoi {
+                    feature,
+                    earlier,
+                    ..BASE
+                };
+                let cell = cells.at(p);
                 assert!((length2(cell.position, p).sqrt() - cell.distance).abs() < 1e-4);
             }
             let [first, second] = [Feature::Nearest, Feature::Second]
