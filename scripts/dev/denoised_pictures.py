@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""FLIP of denoised pictures beside those of Cycles: `python scripts/dev/denoised_pictures.py [SCENE ...]`.
+
+Renders scenes of lab/pictures/proving.py with both engines at equal settings and few samples, with and without Denoise,
+and prints the mean FLIP of each picture against the mean of a converged picture of both. Exit status: 0 done; 2
+something failed; 130 stopped. Failures are reported in one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from addon.core.base import command, interrupt, native
+from addon.core.measure import flip
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError
+
+BOUNCES = 4
+STRUCTURE = "bvh-sah"
+"""The structure whose build is shortest; all give the same picture."""
+
+ENGINES = ("HALFSPACE", "CYCLES")
+
+HEAD = (
+    "| scene | noise, ours | noise, Cycles | denoised, ours | denoised, Cycles |\n| --- | ---: | ---: | ---: | ---: |"
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = Parser(prog="denoised_pictures", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("scenes", nargs="*", metavar="SCENE", help="default: kitchen cornell spheres product")
+    made.add_argument("--size", default="240x160", metavar="WxH", help="pixels of one picture (default: 240x160)")
+    made.add_argument("--samples", type=int, default=16, help="samples per pixel (default: 16)")
+    made.add_argument("--runs", type=int, default=3, help="pictures of each kind, with other noise (default: 3)")
+    made.add_argument("--reference", type=int, default=1024, help="samples of each converged picture (default: 1024)")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line. Returns the exit status."""
+    return command.run("denoised_pictures", arguments, parser().parse_args, run)
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Measure. Returns the exit status. Raises the errors that `main` reports in one line."""
+    width, _, height = asked.size.partition("x")
+    if not all(specs.is_whole(side) and 32 <= int(side) <= 4096 for side in (width, height)):
+        raise UsageError(f"--size: expected WIDTHxHEIGHT of 32x32 to 4096x4096, got {asked.size!r}")
+    if min(asked.samples, asked.reference, asked.runs) < 1:
+        raise UsageError("--samples, --reference and --runs: expected at least 1")
+    if reason := flip.problem():
+        raise UsageError(reason)
+    with interrupt.guarded():
+        import bpy
+
+        import addon
+
+        native.load()
+        addon.register()
+    from lab.pictures import proving
+
+    if unknown := set(asked.scenes) - set(proving.SCENES):
+        raise UsageError(f"expected some of {', '.join(proving.SCENES)}, got {min(unknown)!r}")
+    print(HEAD, flush=True)
+    for name in asked.scenes or ("kitchen", "cornell", "spheres", "product"):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        proving.build(name, bpy.context.scene)
+        render = bpy.context.scene.render
+        render.resolution_x, render.resolution_y, render.resolution_percentage = int(width), int(height), 100
+        render.use_border, render.film_transparent, render.use_compositing = False, False, False
+        found = measured(bpy.context.scene, asked)
+        print(f"| {name} | {' | '.join(f'{value:.4f}' for value in found)} |", flush=True)
+    return 0
+
+
+def measured(scene: Any, asked: argparse.Namespace) -> list[float]:
+    """Mean FLIP of both engines with noise, then of both denoised."""
+    import numpy as np
+
+    converged = [rendered(scene, engine, asked.reference, denoised=False, seed=1000) for engine in ENGINES]
+    reference = np.ascontiguousarray(np.mean(converged, axis=0), np.float32)
+
+    def error(engine: str, *, denoised: bool) -> float:
+        runs = (rendered(scene, engine, asked.samples, denoised=denoised, seed=seed) for seed in range(asked.runs))
+        return float(np.mean([flip.mean(picture, reference) for picture in runs]))
+
+    return [error(engine, denoised=denoised) for denoised in (False, True) for engine in ENGINES]
+
+
+def rendered(scene: Any, engine: str, samples: int, *, denoised: bool, seed: int) -> Any:
+    """A picture, (h, w, 3) linear float32. Both engines denoise by their defaults for final renders."""
+    from addon.blender.measure import pictures
+    from lab.pictures import engines
+
+    engines.configure_halfspace(scene, STRUCTURE, samples, BOUNCES)
+    engines.configure_cycles(scene, samples, BOUNCES)
+    scene.halfspace.use_denoising = scene.cycles.use_denoising = denoised
+    scene.cycles.denoiser = "OPENIMAGEDENOISE"
+    scene.halfspace.render_seed = scene.cycles.seed = seed
+    scene.render.engine = engine
+    return pictures.render(scene)[..., :3]
+
+
+if __name__ == "__main__":
+    result = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Blender 4.5 as a module hangs at the interpreter's end after a render.
+    os._exit(result)
