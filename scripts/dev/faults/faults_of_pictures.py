@@ -136,6 +136,20 @@ PICTURES = (
         ("lib", "light::shapes::sphere::tests::the_density_covers_the_solid_angle"),
     ),
     Fault(
+        "densities of a light that is chosen alone where several are sampled",
+        "native/render/src/light/several.rs",
+        "each[index] / sum * (sum * (SAMPLES / total)).min(1.0)",
+        "each[index] / total",
+        ("lib", "light::several::tests::lights_are_sampled_as_often_as_their_probabilities_state"),
+    ),
+    Fault(
+        "half of the solid angle of a near triangle",
+        "native/render/src/light/shapes/spherical_triangle.rs",
+        "2.0 * volume.atan2(",
+        "volume.atan2(",
+        ("lib", "light::shapes::spherical_triangle::tests::directions_are_uniform_over_the_triangle"),
+    ),
+    Fault(
         "half of what a spread shows of an area light",
         "native/render/src/light/shapes/area.rs",
         "(middle + reach).min(half)",

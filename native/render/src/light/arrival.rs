@@ -73,4 +73,6 @@ pub struct Receiver {
     pub normal: Vec3,
     /// The sets of lights that shine on the point.
     pub sets: u32,
+    /// Whether several lights are sampled instead of one, see [`crate::light::Lights::sample_several`].
+    pub each: bool,
 }

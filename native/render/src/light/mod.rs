@@ -20,6 +20,7 @@ use crate::light::compile::compile;
 use crate::light::direction_map::DirectionMap;
 use crate::light::many::Many;
 use crate::light::prepared::{Light, Shape};
+use crate::light::several::{Weights, pick};
 use crate::light::shapes::{LightRay, Triangle};
 use crate::math::vector::Vec3;
 use crate::values::image::Image;
@@ -34,6 +35,7 @@ mod many;
 mod params;
 mod prepared;
 mod programs;
+mod several;
 mod shapes;
 mod tree;
 pub mod world;
@@ -55,6 +57,8 @@ pub struct Lights {
     many: Option<Many>,
     any_hittable: bool,
     any_camera_visible: bool,
+    /// Whether several lights are sampled at a point.
+    several: bool,
 }
 
 /// Up to this number of lights the importance of each is computed at every point; beyond it, a tree is traversed.
@@ -127,7 +131,7 @@ impl Lights {
         let any_camera_visible = lights[..lamps].iter().any(seen);
         // Few lights are compared one by one, many through trees.
         let many = (lights.len() > MAX_COMPARED).then(|| Many::new(&lights, lamps));
-        Ok(Self {
+        let mut made = Self {
             lights,
             lamps,
             of_triangle,
@@ -135,7 +139,15 @@ impl Lights {
             many,
             any_hittable,
             any_camera_visible,
-        })
+            several: false,
+        };
+        made.several = made.are_several();
+        Ok(made)
+    }
+
+    /// Whether [`Self::sample_several`] is worth its time.
+    pub fn several(&self) -> bool {
+        self.several
     }
 
     /// Whether there are no lights.
@@ -164,15 +176,32 @@ impl Lights {
     pub fn sample(&self, receiver: Receiver, choice: f32, u: [f32; 2]) -> Option<Arrival> {
         // Choose a light, then a point on it or a direction towards it.
         let (index, probability) = self.choose(receiver, choice)?;
+        self.arrive(receiver, index, probability, u)
+    }
+
+    /// Samples a point on a light that was chosen with this probability.
+    #[inline]
+    fn arrive(
+        &self,
+        receiver: Receiver,
+        index: usize,
+        probability: f32,
+        u: [f32; 2],
+    ) -> Option<Arrival> {
         let light = &self.lights[index];
         if !light.shines_on(receiver) {
             return None;
         }
+        let mut weights = [0.0; 2];
         let ray = match &light.shape {
             Shape::Disc(disc) => disc.sample(receiver.point, u),
             Shape::Sun(sun) => sun.sample(u),
             Shape::Area(area) => area.sample(receiver.point, u),
-            Shape::Triangle(_, triangle) => triangle.sample(receiver.point, u),
+            Shape::Triangle(_, triangle) => {
+                let (ray, at) = triangle.sample(receiver.point, u)?;
+                weights = at;
+                Some(ray)
+            }
             Shape::World => self.map.as_ref().map(|map| {
                 let (direction, pdf) = map.sample(u);
                 LightRay {
@@ -185,7 +214,7 @@ impl Lights {
         }?;
         // The radiance of triangles and background is left to the caller, who has their programs.
         let emitter = match &light.shape {
-            Shape::Triangle(number, _) => Emitter::Triangle(*number, Triangle::weights(u)),
+            Shape::Triangle(number, _) => Emitter::Triangle(*number, weights),
             Shape::World => Emitter::World,
             _ if light.shader.is_some() => Emitter::Shaded(index as u32),
             _ => Emitter::Lamp,
@@ -241,8 +270,7 @@ impl Lights {
         };
         match &self.lights[index as usize].shape {
             Shape::Triangle(_, shape) => {
-                // Convert the density per area to solid angle.
-                let pdf = distance * distance / (shape.area() * cos).max(1e-30);
+                let pdf = shape.density(receiver.point, distance, cos);
                 pdf * self.probability(receiver, index as usize)
             }
             _ => 0.0,
@@ -356,28 +384,9 @@ impl Lights {
             return many.choose(&self.lights, receiver, choice);
         }
         // Sample in proportion to the importance of each light.
-        let mut weights = [0.0; MAX_COMPARED];
-        let mut total = 0.0;
-        for (weight, light) in weights.iter_mut().zip(&self.lights) {
-            *weight = light.importance(receiver);
-            total += *weight;
-        }
-        if total.is_nan() || total <= 0.0 {
-            return None;
-        }
-        // Subtract weights until the remainder lies within one; rounding at the end keeps the last light.
-        let mut left = choice * total;
-        let mut chosen = None;
-        for (index, &weight) in weights[..n].iter().enumerate() {
-            if weight > 0.0 {
-                chosen = Some((index, weight / total));
-                if left < weight {
-                    break;
-                }
-                left -= weight;
-            }
-        }
-        chosen
+        let Weights { each, total } = self.weights(receiver)?;
+        let index = pick(&each[..n], choice * total)?;
+        Some((index, each[index] / total))
     }
 
     /// Returns the probability with which [`Self::choose`] chooses a light.
@@ -389,6 +398,9 @@ impl Lights {
         }
         if let Some(many) = &self.many {
             return many.probability(&self.lights, receiver, index);
+        }
+        if receiver.each {
+            return self.several_probability(receiver, index);
         }
         let total: f32 = self.lights.iter().map(|l| l.importance(receiver)).sum();
         if total > 0.0 {

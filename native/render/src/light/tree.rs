@@ -278,6 +278,7 @@ mod tests {
                 point: vec3(0.5, -2.0, 1.0),
                 normal,
                 sets: u32::MAX,
+                each: false,
             };
             let all: f32 = (0..300).map(|i| tree.probability(receiver, i)).sum();
             // Below the horizon a node's bound can be positive although no child contributes; such choices are
@@ -303,6 +304,7 @@ mod tests {
             point: vec3(0.0, 0.0, 0.5),
             normal: vec3(0.0, 0.6, 0.8),
             sets: u32::MAX,
+            each: false,
         };
         for light in &lights {
             let highest = light.centre + receiver.normal * light.radius;

@@ -54,6 +54,13 @@ impl VertexSamples {
         self.pair(2)
     }
 
+    /// For a point on the light with this number, where several are sampled; 0 is [`Self::light`].
+    #[inline(always)]
+    pub fn light_of(self, number: u32) -> [f32; 2] {
+        // The pairs of other lights lie far beyond those of all vertices.
+        self.pair(2 + (number << 24))
+    }
+
     /// For Russian roulette and for passing transparent surfaces.
     #[inline(always)]
     pub fn survival(self) -> [f32; 2] {

@@ -72,6 +72,7 @@ impl Path {
                 point: Vec3::from(ray.o),
                 normal: Vec3::ZERO,
                 sets: u32::MAX,
+                each: false,
             },
             passed: 0.0,
             clipped: ray.t_min,

@@ -6,6 +6,7 @@ mod cone;
 mod disc;
 mod sphere;
 mod spherical_rectangle;
+mod spherical_triangle;
 mod spread;
 mod sun;
 mod triangle;

@@ -2,7 +2,12 @@
 //! Emissive triangles.
 
 use crate::light::shapes::LightRay;
+use crate::light::shapes::spherical_triangle::Spherical;
 use crate::math::vector::Vec3;
+
+/// Distance up to which a triangle is sampled by solid angle, in multiples of its radius (chosen: farther away, cosine
+/// and distance vary little over it).
+const NEAR: f32 = 3.0;
 
 /// A triangle that emits on both sides.
 #[derive(Debug, Clone, Copy)]
@@ -52,12 +57,23 @@ impl Triangle {
         }
     }
 
-    /// Samples a point, uniform by area, and returns the ray to it from the receiver at `from`; `None` if the
-    /// receiver sees the triangle edge-on or the density overflows.
-    pub fn sample(&self, from: Vec3, u: [f32; 2]) -> Option<LightRay> {
+    /// Samples a point, and returns the ray to it from the receiver at `from`, and the weights of the second and third
+    /// corner; `None` if the receiver sees the triangle edge-on or the density overflows. Uniform by solid angle near
+    /// the triangle, where the cosine and the distance vary most, else by area.
+    pub fn sample(&self, from: Vec3, u: [f32; 2]) -> Option<(LightRay, [f32; 2])> {
+        if let Some(seen) = self.seen(from) {
+            let (direction, distance, weights) = seen.sample(u)?;
+            let ray = LightRay {
+                direction,
+                distance,
+                factor: 1.0,
+                pdf: seen.density(),
+            };
+            return Some((ray, weights));
+        }
         let [a, b, c] = self.corners;
         // Compute the vector to the point.
-        let [v, w] = Self::weights(u);
+        let weights @ [v, w] = Self::weights(u);
         let to = a * (1.0 - v - w) + b * v + c * w - from;
         let d2 = to.length2();
         let distance = d2.sqrt();
@@ -65,11 +81,31 @@ impl Triangle {
         let cosine = self.normal.dot(direction).abs();
         // Convert the density per area to solid angle, and drop grazing directions whose density overflows.
         let pdf = d2 / (self.area * cosine).max(1e-30);
-        (cosine > 1e-6 && d2.is_normal() && pdf.is_finite()).then_some(LightRay {
+        let ray = LightRay {
             direction,
             distance,
             factor: 1.0,
             pdf,
-        })
+        };
+        (cosine > 1e-6 && d2.is_normal() && pdf.is_finite()).then_some((ray, weights))
+    }
+
+    /// Returns the density per solid angle with which [`Self::sample`] finds a point, at this distance and cosine from
+    /// `from`.
+    pub fn density(&self, from: Vec3, distance: f32, cosine: f32) -> f32 {
+        match self.seen(from) {
+            Some(seen) => seen.density(),
+            None => distance * distance / (self.area * cosine).max(1e-30),
+        }
+    }
+
+    /// Returns the triangle as seen from a point that is near and not almost in its plane.
+    fn seen(&self, from: Vec3) -> Option<Spherical> {
+        let (centre, radius) = self.bounding_sphere();
+        let near = NEAR * radius;
+        if (centre - from).length2() > near * near {
+            return None;
+        }
+        Spherical::new(self.corners, from)
     }
 }

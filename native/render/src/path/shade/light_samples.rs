@@ -5,7 +5,7 @@ use crate::film::Shares;
 use crate::light::{Arrival, Emitter, Lit, Towards, power_heuristic};
 use crate::material::bsdf::{Scatter, cosine_direction};
 use crate::math::vector::{Frame, Vec3};
-use crate::path::random::{Selection, VertexSamples};
+use crate::path::random::VertexSamples;
 use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::shade::scatter::FramedBsdf;
@@ -29,20 +29,17 @@ impl<
     const EXTRA: bool,
 > Shader<'_, GLOSSY, GLASS, SMOOTH, LOBES, EXTRA>
 {
-    /// Samples a light and adds a shadow ray if the light could contribute.
-    #[inline(always)]
-    pub(super) fn sample_light(
+    /// Adds a shadow ray to a sample of a light if it could contribute.
+    #[inline]
+    pub(super) fn receive(
         &self,
         surface: &Surface<'_>,
         FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS, LOBES>,
-        Selection { choice, u }: Selection,
+        light: &Arrival,
         path: &Path,
         out: &mut Output<'_, EXTRA>,
     ) {
         let (scene, settings) = (self.scene, self.settings);
-        let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
-            return;
-        };
         // Evaluate the lobes that this light illuminates.
         let (f, pdf) = bsdf.eval_lit(frame.to_local(light.direction), light.visible);
         // Whitted's rays do not sample rough lobes, so light samples get the full weight.
@@ -54,14 +51,14 @@ impl<
         let mut value = path.throughput * f * light.radiance * weight;
         if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
             // Programs of triangles, background and lamps are run only if the rest contributes.
-            value = value * emitter_radiance(self.context, &light, path, out.light_registers);
+            value = value * emitter_radiance(self.context, light, path, out.light_registers);
         }
         if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
         let shares = || bsdf.shares(frame.to_local(light.direction), light.visible);
-        let group = || emitter_group(scene, &light);
+        let group = || emitter_group(scene, light);
         let scattered = out.scattered(path, shares, group);
         if !light.casts_shadow {
             out.add_unoccluded(value, scattered);

@@ -80,6 +80,8 @@ impl<
             point: surface.point,
             normal,
             sets: surface.material.sets.receives,
+            // Lobes with frames of their own take longer to evaluate than their samples gain.
+            each: LOBES == 0 && !self.is(Integrator::Whitted) && self.scene.lights.several(),
         };
         let framed = FramedBsdf {
             frame: &frame,
@@ -100,11 +102,17 @@ impl<
     ) -> Option<Ray> {
         let [choose_light, choose_lobe] = random.choices();
         if self.features.lights && framed.bsdf.has_density() {
-            let selection = Selection {
-                choice: choose_light,
-                u: random.light(),
-            };
-            self.sample_light(surface, framed, selection, path, out);
+            let (lights, receiver) = (&self.scene.lights, path.receiver);
+            if receiver.each {
+                lights.sample_several(
+                    receiver,
+                    choose_light,
+                    |number| random.light_of(number),
+                    |light| self.receive(surface, framed, &light, path, out),
+                );
+            } else if let Some(light) = lights.sample(receiver, choose_light, random.light()) {
+                self.receive(surface, framed, &light, path, out);
+            }
         }
         let selection = Selection {
             choice: choose_lobe,

@@ -160,6 +160,7 @@ impl<
             point: surface.point,
             normal: surface.geometric,
             sets: surface.material.sets.receives,
+            each: false,
         };
         let up = frame.to_local(surface.geometric);
         let bsdf = Bsdf::<GLOSSY, GLASS, LOBES>::lambertian(up, surface.normals(frame), frame);

@@ -115,6 +115,7 @@ pub(super) fn cross<const EXTRA: bool>(
         normal: Vec3::ZERO,
         // All lights shine on media, also linked ones.
         sets: ObjectSets::ALL.receives,
+        each: false,
     };
     sample_light(
         context,
