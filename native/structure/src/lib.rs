@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Built structures: a tree over a scene, and a plan that assigns a kernel to each kind of ray batch.
 
+pub mod coherence;
 pub mod instances;
 pub mod leaf_depth;
 pub mod outline;

@@ -2,10 +2,10 @@
 //! The assignment of kernels to kinds of ray batches. A plan is made once, with the tree, so no caller matches on the
 //! kind of tree.
 
+use crate::coherence::{Limits, any_by_coherence, tiles_by_coherence};
 use crate::way::Rays;
 use halfspace_ray::Order;
 use halfspace_ray::query::{Any, Closest, Query};
-use halfspace_trace::coherence::by_coherence;
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use std::sync::Arc;
 
@@ -85,14 +85,30 @@ impl Plan {
         self
     }
 
-    /// Assigns any-hit rays that go the same way, as shadow rays do, to `tiles`, and others to `streams`. The route is
-    /// that of the shadow rays.
+    /// Assigns any-hit rays that keep together, as most shadow rays do, to `tiles` or `packets`, and others to `streams`.
+    /// The route is that of the first.
     pub fn with_any_by_coherence(
         self,
         tiles: Arc<dyn Kernel<Any>>,
+        packets: Arc<dyn Kernel<Any>>,
         streams: Arc<dyn Kernel<Any>>,
+        limits: Limits,
     ) -> Self {
-        self.with_any(Rays::Tile, by_coherence(tiles, streams))
+        self.with_any(
+            Rays::Tile,
+            any_by_coherence(tiles, packets, streams, limits),
+        )
+    }
+
+    /// Assigns nearest-hit rays ordered in tiles of pixels to `tiles` where they keep together, and to `packets` where
+    /// geometry is finer than their spacing. The route is that of the former.
+    pub fn with_tiles_by_coherence(
+        self,
+        tiles: Arc<dyn Kernel<Closest>>,
+        packets: Arc<dyn Kernel<Closest>>,
+        limits: Limits,
+    ) -> Self {
+        self.with_tiles(Rays::Tile, tiles_by_coherence(tiles, packets, limits))
     }
 
     /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker, tiles and packets the leaf that

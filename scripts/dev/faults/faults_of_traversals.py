@@ -23,7 +23,23 @@ _SUNS = ("lib", "shadow::tests::rays_of_a_sun_are_blocked_as_by_all_triangles")
 _NO_LIGHT = ("lib", "shadow::tests::rays_without_a_light_go_singly")
 
 
+_COHERENCE = "native/structure/src/coherence.rs"
+
 TRAVERSALS = (
+    Fault(
+        "batches go to kernels for other coherences",
+        _COHERENCE,
+        "together >= *least",
+        "together < *least",
+        ("lib", "coherence::tests::batches_go_to_the_kernel_of_their_coherence"),
+    ),
+    Fault(
+        "the visits that rays join left out of the sample",
+        _COHERENCE,
+        "counters.iter().map(RayCounters::visits).sum()",
+        "counters.iter().map(own).sum()",
+        ("lib", "coherence::tests::rays_that_visit_nodes_together_are_counted"),
+    ),
     Fault(
         "rays of a packet not split by their signs",
         "native/trace/src/packet/rays.rs",

@@ -10,12 +10,13 @@ use crate::ways::{
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
 use halfspace_structure::Plan;
+use halfspace_structure::coherence::Limits;
 use halfspace_structure::row::{Named, ParamSpec};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_trace::single::planes::{
     arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly,
 };
-use halfspace_trace::{beam, stream, tile};
+use halfspace_trace::{beam, packet, stream, tile};
 
 /// Makes the plan for a tree of split planes. May derive further nodes from it.
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
@@ -28,16 +29,20 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays and shadow rays in tiles, other rays in streams",
+            "the quickest for each batch, by a sample: camera rays in tiles or packets, shadow rays in tiles, packets \
+             or streams, other rays in streams",
         ),
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
             let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
-            let shadow = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            let packets = packet::kernel::planes(&planes.tree, &planes.leaves, 16);
+            let shadow_tiles = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
+            let shadow = packet::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
-            Ok((planes.by_distances().with_tiles(Rays::Tile, tiles))
+            Ok((planes.by_distances())
+                .with_tiles_by_coherence(tiles, packets, Limits::PLANES)
                 .with_closest(Rays::Stream, streams)
-                .with_any_by_coherence(shadow, any))
+                .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES))
         },
     },
     Traversal {
