@@ -4,7 +4,6 @@
 pub mod batch;
 pub mod beam;
 mod blocker;
-pub mod coherence;
 pub mod first_hit;
 pub mod flight;
 pub mod input;

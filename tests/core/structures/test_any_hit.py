@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Any-hit rays of every coherence: answers of single rays, by the kernel that suits the batch."""
+"""Rays of every coherence: answers of single rays, by the kernel that suits the batch."""
 
 from __future__ import annotations
 
 import halfspace_native
 import numpy as np
 import pytest
-from halfspace_native import Structure
 
 from addon.core.base.arrays import F32
 
@@ -21,35 +20,70 @@ def cloud(count: int, size: float, seed: int) -> tuple[F32, np.ndarray]:
     return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)
 
 
-def sheet(count: int) -> F32:
-    """Points below the cloud, row by row."""
-    i = np.arange(count)
-    return np.stack([i % 64 * 0.02 - 0.6, i // 64 * 0.02 - 0.6, np.full(count, -1.0)], axis=1).astype(np.float32)
+COUNT = 8192
+"""Rays of a batch, of which two packets are the sample."""
 
 
-def counted(structure: Structure, origins: F32, directions: F32, t_max: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each ray is blocked, and its counters."""
-    blocked, counters = structure.occluded(origins, directions, t_max=t_max, threads=1, counters=True)
-    assert (blocked == structure.occluded(origins, directions, t_max=t_max, threads=1)).all()
-    return blocked, np.stack([counters[name] for name in ("steps", "leaves", "tests", "visits")])
+def sheet(step: float) -> F32:
+    """Points below the cloud around its middle, in tiles of 8 x 8 at this distance from each other."""
+    i = np.arange(COUNT)
+    x, y = i // 64 % 16 * 8 + i % 8, i // 1024 * 8 + i // 8 % 8
+    return np.stack([(x - 64) * step, (y - 32) * step, np.full(COUNT, -1.0)], axis=1).astype(np.float32)
+
+
+def same_counters(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
+    """Whether all counters of all rays are equal."""
+    return all((one[name] == other[name]).all() for name in ("steps", "leaves", "tests", "visits"))
 
 
 @pytest.mark.parametrize("spec", SPECS)
-def test_rays_to_a_light_go_in_tiles_and_bounces_in_streams(spec: str) -> None:
+def test_any_hits_go_in_the_way_that_suits_the_batch(spec: str) -> None:
     triangles = cloud(2000, 0.05, 1)
-    brute = halfspace_native.build(*triangles, "brute")
-    auto, tile, stream = (
-        halfspace_native.build(*triangles, f"{spec}traversal={way}") for way in ("auto", "tile", "stream")
+    ways = {way: halfspace_native.build(*triangles, f"{spec}traversal={way}") for way in ("tile", "packet", "stream")}
+    brute, auto = (
+        halfspace_native.build(*triangles, "brute"),
+        halfspace_native.build(*triangles, f"{spec}traversal=auto"),
     )
-    origins = sheet(2048)
-    light = (np.array([0.3, 0.2, 7.0], np.float32) - origins).astype(np.float32)
-    bounces = np.random.default_rng(2).normal(size=origins.shape).astype(np.float32)
-    for directions, t_max, own, other in ((light, 0.999, tile, stream), (bounces, np.inf, stream, tile)):
-        blocked, counters = counted(auto, origins, directions, t_max)
-        assert (blocked == brute.occluded(origins, directions, t_max=t_max)).all()
+    rng = np.random.default_rng(2)
+    # Dense and sparse rays to a point, rays to a large light, and bounces.
+    for step, light, bounce, own in (
+        (0.0005, 0.0, 0.0, "tile"),
+        (0.024, 0.0, 0.0, "packet"),
+        (0.016, 1.0, 0.0, "stream"),
+        (0.016, 0.0, 20.0, "stream"),
+    ):
+        origins = sheet(step)
+        aim = np.array([0.3, 0.2, 7.0]) + rng.normal(size=origins.shape) * max(light, bounce)
+        rays = (origins, (aim - origins).astype(np.float32))
+        blocked, counters = auto.occluded(*rays, t_max=0.999, threads=1, counters=True)
+        assert (blocked == brute.occluded(*rays, t_max=0.999)).all()
+        assert (blocked == auto.occluded(*rays, t_max=0.999)).all()
         assert 0 < blocked.sum() < len(blocked)
-        assert (counters == counted(own, origins, directions, t_max)[1]).all()
-        assert (counters != counted(other, origins, directions, t_max)[1]).any()
+        found = [
+            way
+            for way, structure in ways.items()
+            if same_counters(structure.occluded(*rays, t_max=0.999, threads=1, counters=True)[1], counters)
+        ]
+        assert found == [own], (step, light, bounce)
+        assert same_counters(auto.occluded(*rays, t_max=0.999, threads=2, counters=True)[1], counters)
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_camera_rays_go_in_tiles_where_they_keep_together(spec: str) -> None:
+    triangles = cloud(2000, 0.05, 1)
+    tile, packet, auto, brute = (
+        halfspace_native.build(*triangles, text)
+        for text in (f"{spec}traversal=tile", f"{spec}traversal=packet", f"{spec}traversal=auto", "brute")
+    )
+    eye = np.broadcast_to(np.array([0.0, 0.0, -3.0], np.float32), (COUNT, 3))
+    mixed = np.random.default_rng(3).permutation(COUNT)
+    for points, own, other in ((sheet(0.0005), tile, packet), (sheet(0.008)[mixed], packet, tile)):
+        rays = (eye, (points - eye).astype(np.float32))
+        found, expected = auto.closest(*rays, order="tile8", counters=True), brute.closest(*rays)
+        for name in ("t", "triangle", "u", "v"):
+            assert (getattr(found, name) == getattr(expected, name)).all()
+        assert same_counters(own.closest(*rays, order="tile8", counters=True).counters, found.counters)
+        assert not same_counters(other.closest(*rays, order="tile8", counters=True).counters, found.counters)
 
 
 @pytest.mark.parametrize("spec", ["bvh-sah", "kd"])
