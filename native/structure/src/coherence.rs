@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Batches by their coherence: any-hit rays go in tiles, packets or streams, camera rays in tiles or packets.
+//! Batches by their coherence: any-hit rays go in tiles, packets or streams.
 //!
-//! Nothing states what a batch is for, and how well its rays keep together depends on the tree, too: rays of a picture
-//! may pass several leaves between one pixel and the next. So a few packets of each batch are traced and counted first.
-//! The number of rays that visit a node together decides, which depends on these rays and the tree alone: neither on
-//! earlier batches nor on a clock. The sample is traced again with the others, and its counts are dropped.
+//! Nothing states what a batch is for, and how well its rays keep together depends on the tree, too: rays from a picture
+//! to a light may pass several leaves between one pixel and the next. So a few packets of each batch are traced and
+//! counted first. The number of rays that visit a node together decides, which depends on these rays and the tree alone:
+//! neither on earlier batches nor on a clock. The sample is traced again with the others, and its counts are dropped.
 
-use halfspace_ray::query::{Any, Closest, Query};
-use halfspace_ray::{Hit, Ray, RayCounters};
+use halfspace_ray::query::Any;
+use halfspace_ray::{Ray, RayCounters};
 use halfspace_trace::batch::Batch;
 use halfspace_trace::kernel::Kernel;
 use std::sync::Arc;
@@ -31,31 +31,27 @@ const RAYS_PER_PACKET: usize = 4096;
 const BATCH: usize = 1 << 14;
 
 /// Numbers of rays per visit of a packet from which one kernel is faster than another. Measured on Zen 4 with AVX2 and
-/// AVX-512: camera rays, and shadow rays of points, discs and suns, 128 x 128 to 1024 x 1024 of them. Through boxes, on 5
-/// scenes, the choice between packets and streams takes 4 and 2 % longer than the faster of both, and 1 % more from 8.5
-/// to 10; the others are measured on Sponza and the dragon alone.
+/// AVX-512: shadow rays of points, discs and suns, 128 x 128 to 1024 x 1024 of them. Through boxes, on 5 scenes, the
+/// choice between packets and streams takes 5 and 2.5 % longer than the faster of both; the others are measured on Sponza
+/// and the dragon alone.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// Tiles instead of packets for camera rays.
+    /// Tiles instead of packets.
     tiles: f32,
-    /// Tiles instead of packets for any hits.
-    shadow_tiles: f32,
-    /// Packets instead of streams for any hits.
+    /// Packets instead of streams.
     packets: f32,
 }
 
 impl Limits {
     /// Through nodes of eight boxes.
     pub const BOXES: Self = Self {
-        tiles: 10.3,
-        shadow_tiles: 13.3,
+        tiles: 13.3,
         packets: 9.25,
     };
 
     /// Through split planes, where streams visit more nodes.
     pub const PLANES: Self = Self {
-        tiles: 8.0,
-        shadow_tiles: 12.0,
+        tiles: 12.0,
         packets: 7.25,
     };
 
@@ -66,20 +62,16 @@ impl Limits {
     };
 }
 
-/// Sends each batch to one of several kernels, by the number of rays that visit a node of a packet together.
+/// Sends each batch to one of three kernels, by the number of rays that visit a node of a packet together.
 #[derive(Debug)]
-struct ByCoherence<Q: Query> {
-    /// Kernels with the number of rays per visit from which they are used, the largest first.
-    coherent: Vec<(f32, Arc<dyn Kernel<Q>>)>,
-    /// For all other batches.
-    incoherent: Arc<dyn Kernel<Q>>,
-    /// Counts the sample.
-    packets: Arc<dyn Kernel<Q>>,
-    /// Whether rays that go all ways are incoherent without a sample.
-    by_direction: bool,
+struct ByCoherence {
+    tiles: Arc<dyn Kernel<Any>>,
+    packets: Arc<dyn Kernel<Any>>,
+    streams: Arc<dyn Kernel<Any>>,
+    limits: Limits,
 }
 
-/// Any hits: `tiles` and `packets` answer batches whose rays visit nodes together, `streams` the others.
+/// `tiles` and `packets` answer batches whose rays visit nodes together, `streams` the others.
 pub fn any_by_coherence(
     tiles: Arc<dyn Kernel<Any>>,
     packets: Arc<dyn Kernel<Any>>,
@@ -87,57 +79,42 @@ pub fn any_by_coherence(
     limits: Limits,
 ) -> Arc<dyn Kernel<Any>> {
     Arc::new(ByCoherence {
-        coherent: vec![
-            (limits.shadow_tiles, tiles),
-            (limits.packets, packets.clone()),
-        ],
-        incoherent: streams,
+        tiles,
         packets,
-        by_direction: true,
+        streams,
+        limits,
     })
 }
 
-/// Nearest hits of camera rays: `tiles` answers batches whose rays visit nodes together, `packets` the others.
-pub fn tiles_by_coherence(
-    tiles: Arc<dyn Kernel<Closest>>,
-    packets: Arc<dyn Kernel<Closest>>,
-    limits: Limits,
-) -> Arc<dyn Kernel<Closest>> {
-    Arc::new(ByCoherence {
-        coherent: vec![(limits.tiles, tiles)],
-        incoherent: packets.clone(),
-        packets,
-        by_direction: false,
-    })
-}
-
-impl<Q: Query> ByCoherence<Q> {
-    fn kernel(&self, batch: &Batch<'_>) -> &dyn Kernel<Q> {
-        if self.by_direction && !go_the_same_way(batch.rays) {
-            return &*self.incoherent;
+impl ByCoherence {
+    fn kernel(&self, batch: &Batch<'_>) -> &dyn Kernel<Any> {
+        if !go_the_same_way(batch.rays) {
+            return &*self.streams;
         }
         let together = rays_per_visit(&*self.packets, batch);
-        let coherent = self.coherent.iter().find(|(least, _)| together >= *least);
-        coherent.map_or(&*self.incoherent, |(_, kernel)| &**kernel)
+        if together >= self.limits.tiles {
+            &*self.tiles
+        } else if together >= self.limits.packets {
+            &*self.packets
+        } else {
+            &*self.streams
+        }
     }
 }
 
-impl<Q: Query> Kernel<Q> for ByCoherence<Q> {
-    fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
+impl Kernel<Any> for ByCoherence {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
         self.kernel(batch).trace(batch, answers);
     }
 
-    fn count(
-        &self,
-        batch: &Batch<'_>,
-        answers: &mut [Q::Answer],
-        counters: &mut [RayCounters],
-    ) -> bool {
+    fn count(&self, batch: &Batch<'_>, answers: &mut [bool], counters: &mut [RayCounters]) -> bool {
         self.kernel(batch).count(batch, answers, counters)
     }
 
     fn counts(&self) -> bool {
-        self.incoherent.counts() && self.coherent.iter().all(|(_, kernel)| kernel.counts())
+        [&self.tiles, &self.packets, &self.streams]
+            .iter()
+            .all(|kernel| kernel.counts())
     }
 
     fn batch(&self) -> Option<usize> {
@@ -145,15 +122,15 @@ impl<Q: Query> Kernel<Q> for ByCoherence<Q> {
     }
 
     fn working_set(&self) -> Option<usize> {
-        self.incoherent.working_set()
+        self.streams.working_set()
     }
 }
 
 /// The number of rays of a packet that visit a node together, by a sample of the batch; [`PACKET`] for batches that are
 /// too small for a sample, and for those whose sample misses the scene.
-fn rays_per_visit<Q: Query>(packets: &dyn Kernel<Q>, batch: &Batch<'_>) -> f32 {
+fn rays_per_visit(packets: &dyn Kernel<Any>, batch: &Batch<'_>) -> f32 {
     let rays = sample(batch.rays);
-    let mut answers = vec![Q::answer(Hit::MISS); rays.len()];
+    let mut answers = vec![false; rays.len()];
     let mut counters = vec![RayCounters::default(); rays.len()];
     let batch = Batch {
         rays: &rays,
@@ -261,12 +238,12 @@ mod tests {
         traced: AtomicU32,
     }
 
-    impl<Q: Query> Kernel<Q> for Stub {
-        fn trace(&self, _: &Batch<'_>, _: &mut [Q::Answer]) {
+    impl Kernel<Any> for Stub {
+        fn trace(&self, _: &Batch<'_>, _: &mut [bool]) {
             self.traced.fetch_add(1, Ordering::Relaxed);
         }
 
-        fn count(&self, _: &Batch<'_>, _: &mut [Q::Answer], counters: &mut [RayCounters]) -> bool {
+        fn count(&self, _: &Batch<'_>, _: &mut [bool], counters: &mut [RayCounters]) -> bool {
             for c in counters {
                 (c.steps_boxes, c.joined) = (self.groups, self.joined);
             }
@@ -302,7 +279,7 @@ mod tests {
     fn rays_that_visit_nodes_together_are_counted() {
         let together = |n: usize, packets: &Stub| {
             with_batch(&rays(n, |_| [1.0; 3]), |batch| {
-                rays_per_visit::<Any>(packets, batch)
+                rays_per_visit(packets, batch)
             })
         };
         assert_eq!(together(4096, &packets(4, 33)), 9.25);
@@ -317,27 +294,22 @@ mod tests {
     fn batches_go_to_the_kernel_of_their_coherence() {
         let corner = |i: usize| [0, 1, 2].map(|k: usize| if i >> k & 1 == 0 { 1.0 } else { -1.0 });
         let (along, around) = (rays(4096, |_| [1.0; 3]), rays(4096, corner));
-        // Returns which of the kernels trace any hits and nearest hits of rays with this number of rays per visit.
+        // Returns which of the kernels trace rays with this number of rays per visit.
         let traced = |rays: &[Ray], joined: u32| {
-            let [tiles, streams, camera] = [(); 3].map(|()| Arc::new(Stub::default()));
-            let [shadow, near] = [(); 2].map(|()| packets(10, joined));
+            let [tiles, streams] = [(); 2].map(|()| Arc::new(Stub::default()));
+            let together = packets(10, joined);
             let any = any_by_coherence(
                 tiles.clone(),
-                shadow.clone(),
+                together.clone(),
                 streams.clone(),
                 Limits::BOXES,
             );
-            let closest = tiles_by_coherence(camera.clone(), near.clone(), Limits::BOXES);
-            with_batch(rays, |batch| {
-                any.trace(batch, &mut vec![false; rays.len()]);
-                closest.trace(batch, &mut vec![Hit::MISS; rays.len()]);
-            });
-            [tiles, shadow, streams, camera, near].map(|stub| stub.traced.load(Ordering::Relaxed))
+            with_batch(rays, |batch| any.trace(batch, &mut vec![false; rays.len()]));
+            [tiles, together, streams].map(|stub| stub.traced.load(Ordering::Relaxed))
         };
-        assert_eq!(traced(&along, 130), [1, 0, 0, 1, 0]);
-        assert_eq!(traced(&along, 110), [0, 1, 0, 1, 0]);
-        assert_eq!(traced(&along, 90), [0, 1, 0, 0, 1]);
-        assert_eq!(traced(&along, 80), [0, 0, 1, 0, 1]);
-        assert_eq!(traced(&around, 130), [0, 0, 1, 1, 0]);
+        assert_eq!(traced(&along, 130), [1, 0, 0]);
+        assert_eq!(traced(&along, 110), [0, 1, 0]);
+        assert_eq!(traced(&along, 80), [0, 0, 1]);
+        assert_eq!(traced(&around, 130), [0, 0, 1]);
     }
 }

@@ -2,7 +2,7 @@
 //! The assignment of kernels to kinds of ray batches. A plan is made once, with the tree, so no caller matches on the
 //! kind of tree.
 
-use crate::coherence::{Limits, any_by_coherence, tiles_by_coherence};
+use crate::coherence::{Limits, any_by_coherence};
 use crate::way::Rays;
 use halfspace_ray::Order;
 use halfspace_ray::query::{Any, Closest, Query};
@@ -98,17 +98,6 @@ impl Plan {
             Rays::Tile,
             any_by_coherence(tiles, packets, streams, limits),
         )
-    }
-
-    /// Assigns nearest-hit rays ordered in tiles of pixels to `tiles` where they keep together, and to `packets` where
-    /// geometry is finer than their spacing. The route is that of the former.
-    pub fn with_tiles_by_coherence(
-        self,
-        tiles: Arc<dyn Kernel<Closest>>,
-        packets: Arc<dyn Kernel<Closest>>,
-        limits: Limits,
-    ) -> Self {
-        self.with_tiles(Rays::Tile, tiles_by_coherence(tiles, packets, limits))
     }
 
     /// Applies the parameter `shadow`. `cache`: any-hit rays first test a cached blocker, tiles and packets the leaf that

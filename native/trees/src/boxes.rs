@@ -35,18 +35,17 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch, by a sample: camera rays in tiles or packets, shadow rays in tiles, packets \
-             or streams, other rays in streams",
+            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
+             sample, other rays in streams",
         ),
         plan: |boxes| {
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
-            let packets = packet::kernel::boxes(&boxes.tree, &boxes.leaves, 16);
             let shadow_tiles = tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             let shadow = packet::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
             let any = boxes.any_stream();
             (boxes.singly().with_closest(Rays::Stream, streams))
-                .with_tiles_by_coherence(tiles, packets, Limits::BOXES)
+                .with_tiles(Rays::Tile, tiles)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::BOXES)
         },
     },

@@ -52,8 +52,8 @@ pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch, by a sample: camera rays in tiles or packets, shadow rays in tiles, packets \
-             or streams, other rays in streams",
+            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
+             sample, other rays in streams",
         ),
         way(nodes, single, "One by One", Rays::Single, "one by one"),
         in_tiles(nodes),
@@ -156,7 +156,7 @@ impl Together {
             Rays::Packet => packets.take_all(single, rays),
             Rays::Stream => streams.take_all(single, rays),
             Rays::Auto => (single.with_closest(Rays::Stream, streams.closest))
-                .with_tiles_by_coherence(tiles.closest, packets.closest, Limits::OTHERS)
+                .with_tiles(Rays::Tile, tiles.closest)
                 .with_any_by_coherence(tiles.any, packets.any, streams.any, Limits::OTHERS),
             Rays::Single | Rays::Flight | Rays::Beam => single,
         }

@@ -68,24 +68,6 @@ def test_any_hits_go_in_the_way_that_suits_the_batch(spec: str) -> None:
         assert same_counters(auto.occluded(*rays, t_max=0.999, threads=2, counters=True)[1], counters)
 
 
-@pytest.mark.parametrize("spec", SPECS)
-def test_camera_rays_go_in_tiles_where_they_keep_together(spec: str) -> None:
-    triangles = cloud(2000, 0.05, 1)
-    tile, packet, auto, brute = (
-        halfspace_native.build(*triangles, text)
-        for text in (f"{spec}traversal=tile", f"{spec}traversal=packet", f"{spec}traversal=auto", "brute")
-    )
-    eye = np.broadcast_to(np.array([0.0, 0.0, -3.0], np.float32), (COUNT, 3))
-    mixed = np.random.default_rng(3).permutation(COUNT)
-    for points, own, other in ((sheet(0.0005), tile, packet), (sheet(0.008)[mixed], packet, tile)):
-        rays = (eye, (points - eye).astype(np.float32))
-        found, expected = auto.closest(*rays, order="tile8", counters=True), brute.closest(*rays)
-        for name in ("t", "triangle", "u", "v"):
-            assert (getattr(found, name) == getattr(expected, name)).all()
-        assert same_counters(own.closest(*rays, order="tile8", counters=True).counters, found.counters)
-        assert not same_counters(other.closest(*rays, order="tile8", counters=True).counters, found.counters)
-
-
 @pytest.mark.parametrize("spec", ["bvh-sah", "kd"])
 def test_rays_in_random_order_get_their_own_answers(spec: str) -> None:
     """The tree exceeds the caches, and each ray starts far from the one before: they are sorted, then traced."""

@@ -29,18 +29,16 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch, by a sample: camera rays in tiles or packets, shadow rays in tiles, packets \
-             or streams, other rays in streams",
+            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
+             sample, other rays in streams",
         ),
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
             let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
-            let packets = packet::kernel::planes(&planes.tree, &planes.leaves, 16);
             let shadow_tiles = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let shadow = packet::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
-            Ok((planes.by_distances())
-                .with_tiles_by_coherence(tiles, packets, Limits::PLANES)
+            Ok((planes.by_distances().with_tiles(Rays::Tile, tiles))
                 .with_closest(Rays::Stream, streams)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES))
         },
