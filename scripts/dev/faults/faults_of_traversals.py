@@ -29,8 +29,8 @@ TRAVERSALS = (
     Fault(
         "batches go to kernels for other coherences",
         _COHERENCE,
-        "together >= *least",
-        "together < *least",
+        "together >= self.limits.packets",
+        "together < self.limits.packets",
         ("lib", "coherence::tests::batches_go_to_the_kernel_of_their_coherence"),
     ),
     Fault(

@@ -244,7 +244,7 @@ def test_shaders_are_those_of_cycles(lit: Any, family: dict[str, atlas.Maker]) -
     # Highlights of suns on bent and stretched facets are noisier than matte surfaces. Blender 4.5 differs in how nodes
     # are read, which fewer samples show.
     coarse = bpy.app.version < (5, 0) and family not in (DIFFUSE, TRANSLUCENT, BUMPS)
-    samples = 256 if coarse or family in (DIFFUSE, TRANSLUCENT, BUMPS) else 1024
+    samples = 256 if coarse or family in (DIFFUSE, TRANSLUCENT) else 1024
     atlas.sheet(lit, family, ball())
     ours, theirs = atlas.both(lit, family, samples=samples, bounces=BOUNCES)
     assert not atlas.differences(ours, theirs, mean=0.05 if coarse else 0.01, alike=None if coarse else 0.95)
