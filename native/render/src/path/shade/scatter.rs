@@ -80,8 +80,11 @@ impl<
             point: surface.point,
             normal,
             sets: surface.material.sets.receives,
-            // Lobes with frames of their own take longer to evaluate than their samples gain.
-            each: LOBES == 0 && !self.is(Integrator::Whitted) && self.scene.lights.several(),
+            // Lobes with frames of their own take longer to evaluate than their samples gain. The scene decides, since
+            // passes that are rarely filled come with code for such lobes, and must not change the picture.
+            each: !self.features.lobes
+                && !self.is(Integrator::Whitted)
+                && self.scene.lights.several(),
         };
         let framed = FramedBsdf {
             frame: &frame,
