@@ -157,6 +157,20 @@ PICTURES = (
         ("lib", "light::shapes::area::tests::samples_cover_what_lights_with_a_spread_emit"),
     ),
     Fault(
+        "distances by angle counted as rarer than they are",
+        "native/render/src/medium/distance.rs",
+        "0.5 * (by_distance + angles.density(distance))",
+        "0.5 * (by_distance + 0.5 * angles.density(distance))",
+        ("lib", "medium::distance::tests::lit_points_integrate_what_a_segment_scatters"),
+    ),
+    Fault(
+        "lights without regard to their distance from a segment",
+        "native/render/src/light/segment.rs",
+        "angles.opening() / angles.height",
+        "0.0 * angles.height",
+        ("lib", "light::segment::tests::lights_are_chosen_by_probabilities_that_add_up"),
+    ),
+    Fault(
         "all objects shade linked lights",
         "native/render/src/path/shadow_rays.rs",
         "surface.material.sets.shades(self.blockers)",

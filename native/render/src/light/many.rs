@@ -8,7 +8,7 @@ use crate::light::tree::{BoundingSphere, LightTree};
 /// Chooses among more lights than [`crate::light::MAX_COMPARED`].
 pub(super) struct Many {
     /// All lights at finite distances.
-    tree: LightTree,
+    pub(super) tree: LightTree,
     /// Lamps at finite distances that a ray can hit.
     pub(super) hittable: LightTree,
     /// Indices of suns and the background, ascending.
@@ -16,7 +16,7 @@ pub(super) struct Many {
     /// Normalized running sum of their brightness, for choosing by binary search.
     far_running: Vec<f32>,
     /// Sum of their brightness.
-    far_brightness: f32,
+    pub(super) far_brightness: f32,
 }
 
 impl Many {
@@ -57,8 +57,11 @@ impl Many {
 
     /// Returns the probability of choosing a light from `far`; `None` if no light can contribute.
     fn share_of_far(&self, receiver: Receiver) -> Option<f32> {
-        // Compare the estimates of both sides.
-        let (near, far) = (self.tree.importance(receiver), self.far_brightness);
+        self.share_of_far_from(self.tree.importance(receiver), self.far_brightness)
+    }
+
+    /// Returns the probability of choosing from `far`, by the estimates of both sides; `None` if both are 0.
+    pub(super) fn share_of_far_from(&self, near: f32, far: f32) -> Option<f32> {
         match (near > 0.0, far > 0.0) {
             // The tree's estimate is only an upper bound of the irradiance, so give both sides at least a tenth.
             (true, true) => Some((far / (near + far)).clamp(0.1, 0.9)),
@@ -83,19 +86,32 @@ impl Many {
         receiver: Receiver,
         choice: f32,
     ) -> Option<(usize, f32)> {
-        // Choose between far lights and the tree first.
         let share = self.share_of_far(receiver)?;
+        let found = self.choose_side(share, choice, |left| self.tree.choose(receiver, left));
+        found.filter(|&(index, _)| {
+            !lights[index].is_far() || lights[index].importance(receiver) > 0.0
+        })
+    }
+
+    /// Chooses among the far lights with probability `share`, and otherwise by `near`, which gets a random number in
+    /// [0, 1). Returns the light's index and its probability.
+    #[inline]
+    pub(super) fn choose_side(
+        &self,
+        share: f32,
+        choice: f32,
+        near: impl FnOnce(f32) -> Option<(usize, f32)>,
+    ) -> Option<(usize, f32)> {
         if choice < share {
             // Use the random number again, rescaled to the chosen side's share.
             let left = choice / share;
             let position = self.far_running.partition_point(|&c| c <= left);
             let position = position.min(self.far.len() - 1);
             let index = self.far[position] as usize;
-            let probability = self.far_probability(position) * share;
-            return (lights[index].importance(receiver) > 0.0).then_some((index, probability));
+            return Some((index, self.far_probability(position) * share));
         }
         let left = ((choice - share) / (1.0 - share)).min(1.0 - f32::EPSILON);
-        let (index, probability) = self.tree.choose(receiver, left)?;
+        let (index, probability) = near(left)?;
         Some((index, probability * (1.0 - share)))
     }
 

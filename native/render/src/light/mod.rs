@@ -35,6 +35,7 @@ mod many;
 mod params;
 mod prepared;
 mod programs;
+mod segment;
 mod several;
 mod shapes;
 mod tree;
@@ -43,6 +44,7 @@ pub mod world;
 pub use crate::light::arrival::{Arrival, EmissiveTriangle, Emitter, Reach, Receiver};
 pub use crate::light::params::{AreaShape, LampProgram, LightKind, LightParams};
 pub use crate::light::programs::{Lit, Towards};
+pub use crate::light::segment::{Angles, Segment};
 
 /// All lights of a scene: lamps first, then emissive triangles, then the background.
 pub struct Lights {

@@ -120,13 +120,28 @@ impl LightTree {
 
     /// Estimates the irradiance from all lights together.
     pub fn importance(&self, receiver: Receiver) -> f32 {
+        self.estimate(|sphere| sphere.importance(receiver))
+    }
+
+    /// Returns the importance of the sphere around all lights; 0 without lights.
+    pub fn estimate(&self, importance: impl Fn(&BoundingSphere) -> f32) -> f32 {
         self.nodes
             .first()
-            .map_or(0.0, |root| root.sphere.importance(receiver))
+            .map_or(0.0, |root| importance(&root.sphere))
     }
 
     /// Chooses a light. `choice`: random number in [0, 1). Returns the light and the probability of choosing it.
     pub fn choose(&self, receiver: Receiver, choice: f32) -> Option<(usize, f32)> {
+        self.choose_by(|sphere| sphere.importance(receiver), choice)
+    }
+
+    /// Chooses a light like [`Self::choose`], by any estimate of what the lights in a sphere contribute.
+    #[inline]
+    pub fn choose_by(
+        &self,
+        importance: impl Fn(&BoundingSphere) -> f32,
+        choice: f32,
+    ) -> Option<(usize, f32)> {
         let mut number = 0;
         let mut left = choice;
         // Descend, rescaling the random number to the chosen child's share.
@@ -136,7 +151,7 @@ impl LightTree {
             if node.second == 0 {
                 return Some((node.sphere.light as usize, probability));
             }
-            let share = self.share_of_first(number, receiver)?;
+            let share = self.share_of_first(number, &importance)?;
             if left < share {
                 left /= share;
                 probability *= share;
@@ -164,7 +179,8 @@ impl LightTree {
             if parent == u32::MAX {
                 return probability;
             }
-            let Some(share) = self.share_of_first(parent as usize, receiver) else {
+            let importance = |sphere: &BoundingSphere| sphere.importance(receiver);
+            let Some(share) = self.share_of_first(parent as usize, importance) else {
                 return 0.0;
             };
             probability *= if number == parent + 1 {
@@ -177,10 +193,15 @@ impl LightTree {
     }
 
     /// Returns the probability of a node's first child; `None` if neither child can contribute.
-    fn share_of_first(&self, number: usize, receiver: Receiver) -> Option<f32> {
+    #[inline]
+    fn share_of_first(
+        &self,
+        number: usize,
+        importance: impl Fn(&BoundingSphere) -> f32,
+    ) -> Option<f32> {
         let second = self.nodes[number].second as usize;
-        let a = self.nodes[number + 1].sphere.importance(receiver);
-        let b = self.nodes[second].sphere.importance(receiver);
+        let a = importance(&self.nodes[number + 1].sphere);
+        let b = importance(&self.nodes[second].sphere);
         let sum = a + b;
         (sum > 0.0 && sum.is_finite()).then(|| a / sum)
     }

@@ -5,7 +5,12 @@
 //! the result is weighted by the density over all channels: the balance heuristic (Veach and Guibas 1995) over
 //! wavelengths, called spectral multiple importance sampling by Wilkie et al. 2014, "Hero wavelength spectral
 //! sampling".
+//!
+//! Points that receive light from lamps are chosen apart from the next event, in half of the cases by the angle under
+//! which the chosen lamp sees the segment (see [`crate::light::Segment`]), so that light reaches each segment, also
+//! where the path does not scatter.
 
+use crate::light::Angles;
 use crate::math::vector::Vec3;
 use crate::medium::mixture::Mixture;
 
@@ -43,28 +48,14 @@ pub fn emitted(mixture: &Mixture, distance: f32) -> Vec3 {
 /// Samples the next event before `end`. `throughput`: of the path; `choice`, `u`: random numbers in [0, 1).
 pub fn sample(mixture: &Mixture, throughput: Vec3, end: f32, [choice, u]: [f32; 2]) -> Event {
     let extinction = mixture.extinction;
-    // Choose a channel by what it would scatter. A medium that only absorbs attenuates without chance.
-    let share = (throughput * mixture.albedo()).map(f32::abs);
-    let total = share.x + share.y + share.z;
-    if !(total > 0.0 && total.is_finite()) {
+    // A medium that only absorbs attenuates without chance.
+    let Some(share) = shares(mixture, throughput) else {
         return Event {
             distance: None,
             weight: transmittance(extinction, end),
         };
-    }
-    let share = share * (1.0 / total);
-    let chosen = if choice < share.x {
-        extinction.x
-    } else if choice < share.x + share.y || share.z == 0.0 {
-        // Rounding may leave a channel that scatters nothing; take one that does.
-        if share.y > 0.0 {
-            extinction.y
-        } else {
-            extinction.x
-        }
-    } else {
-        extinction.z
     };
+    let chosen = channel(extinction, share, choice);
     // Weigh by the density over all channels.
     let distance = -(1.0 - u).ln() / chosen;
     if distance < end {
@@ -82,9 +73,90 @@ pub fn sample(mixture: &Mixture, throughput: Vec3, end: f32, [choice, u]: [f32; 
     }
 }
 
+/// Returns the probabilities of the channels: what the path would scatter in each. `None` if that is nothing.
+fn shares(mixture: &Mixture, throughput: Vec3) -> Option<Vec3> {
+    let share = (throughput * mixture.albedo()).map(f32::abs);
+    let total = share.x + share.y + share.z;
+    (total > 0.0 && total.is_finite()).then(|| share * (1.0 / total))
+}
+
+/// Chooses a channel by its share. Returns its extinction.
+fn channel(extinction: Vec3, share: Vec3, choice: f32) -> f32 {
+    if choice < share.x {
+        extinction.x
+    } else if choice < share.x + share.y || share.z == 0.0 {
+        // Rounding may leave a channel that scatters nothing; take one that does.
+        if share.y > 0.0 {
+            extinction.y
+        } else {
+            extinction.x
+        }
+    } else {
+        extinction.z
+    }
+}
+
+/// A point of a segment where light from lamps is scattered.
+#[derive(Debug, Clone, Copy)]
+pub struct LitPoint {
+    /// Distance from the start of the segment.
+    pub distance: f32,
+    /// Factor on the throughput: scattering coefficient and transmittance over the density.
+    pub weight: Vec3,
+}
+
+/// Samples the point of a segment of this length that receives light. `angles`: under which the light sees the segment;
+/// `None` for light from afar. `choice`, `u`: random numbers in [0, 1). Returns `None` where nothing scatters.
+pub fn sample_lit(
+    mixture: &Mixture,
+    throughput: Vec3,
+    length: f32,
+    angles: Option<Angles>,
+    [choice, u]: [f32; 2],
+) -> Option<LitPoint> {
+    let extinction = mixture.extinction;
+    let share = shares(mixture, throughput)?;
+    // Choose the technique, and use the number again for the distance.
+    let by_angle = angles.filter(|_| u >= 0.5);
+    let u = if angles.is_some() {
+        (2.0 * u).fract()
+    } else {
+        u
+    };
+    // Exponential distances within the segment; its share of all distances is the mass below its end.
+    let mass = |c: f32| -(-c * length).exp_m1();
+    let distance = match by_angle {
+        Some(angles) => angles.sample(u),
+        None => {
+            let chosen = channel(extinction, share, choice);
+            (-(-u * mass(chosen)).ln_1p() / chosen).min(length)
+        }
+    };
+    // Weigh by the density over all channels and both techniques: the balance heuristic.
+    let through = transmittance(extinction, distance);
+    let density = |share: f32, c: f32, through: f32| {
+        if share > 0.0 {
+            share * c * through / mass(c)
+        } else {
+            0.0
+        }
+    };
+    let by_distance = density(share.x, extinction.x, through.x)
+        + density(share.y, extinction.y, through.y)
+        + density(share.z, extinction.z, through.z);
+    let density = match angles {
+        Some(angles) => 0.5 * (by_distance + angles.density(distance)),
+        None => by_distance,
+    };
+    let weight = mixture.scattering() * through * (1.0 / density);
+    (distance.is_finite() && density > 0.0 && density.is_finite() && weight.is_finite())
+        .then_some(LitPoint { distance, weight })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::Segment;
     use crate::math::vector::vec3;
     use crate::medium::mixture::Lobe;
 
@@ -158,5 +230,57 @@ mod tests {
         assert!((light.x - (1.0 - (-6.0_f32).exp()) / 2.0).abs() < 1e-6);
         assert!((light.y - 3.0).abs() < 1e-4 && light.z == 3.0);
         assert!(emitted(&glowing, f32::INFINITY).is_finite());
+    }
+
+    #[test]
+    fn lit_points_integrate_what_a_segment_scatters() {
+        // The mean of weight · f is the integral of scattering · transmittance · f, here with f = 1 and 1 / distance².
+        let medium = mixture(vec3(0.7, 0.2, 0.0), vec3(0.0, 0.1, 0.5));
+        let centre = vec3(0.0, 0.3, 0.4);
+        for (length, near) in [
+            (2.0, false),
+            (2.0, true),
+            (f32::INFINITY, true),
+            (1e-4, true),
+        ] {
+            let segment = Segment {
+                origin: Vec3::ZERO,
+                direction: vec3(0.0, 0.0, 1.0),
+                length,
+                extinction: medium.extinction.mean(),
+            };
+            let angles = near.then(|| segment.angles(centre, 0.05));
+            let arrives = |t: f32| {
+                let away = (centre - segment.direction * t).length2();
+                if near { 1.0 / away } else { 1.0 }
+            };
+            let n = 400;
+            let (mut mean, mut integral) = (Vec3::ZERO, Vec3::ZERO);
+            for i in 0..n * n {
+                let random = [i % n, i / n].map(|k| (k as f32 + 0.5) / n as f32);
+                let lit = sample_lit(&medium, vec3(1.0, 0.8, 0.5), length, angles, random);
+                let LitPoint { distance, weight } = lit.unwrap();
+                assert!((0.0..=length).contains(&distance));
+                mean += weight * (arrives(distance) / (n * n) as f32);
+            }
+            let (steps, end) = (100_000, length.min(60.0));
+            for i in 0..steps {
+                let t = end * (i as f32 + 0.5) / steps as f32;
+                let through = transmittance(medium.extinction, t);
+                integral += medium.scattering() * through * (arrives(t) * end / steps as f32);
+            }
+            let error = (mean - integral).max_abs() / integral.max_abs();
+            assert!(error < 3e-3, "{length} {near}: {mean:?} {integral:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_lit_where_nothing_scatters_or_on_no_way() {
+        let random = [0.3, 0.7];
+        let black = mixture(Vec3::ZERO, Vec3::ONE);
+        assert!(sample_lit(&black, Vec3::ONE, 1.0, None, random).is_none());
+        let fog = mixture(Vec3::ONE, Vec3::ZERO);
+        assert!(sample_lit(&fog, Vec3::ZERO, 1.0, None, random).is_none());
+        assert!(sample_lit(&fog, Vec3::ONE, 0.0, None, random).is_none());
     }
 }

@@ -51,6 +51,8 @@ pub struct Passage {
     pub event: Event,
     /// Radiance that the media emit towards the start of the ray, for a throughput of 1.
     pub emitted: Vec3,
+    /// Whether the media are the same all along the ray.
+    pub uniform: bool,
 }
 
 impl Through<'_> {
@@ -153,6 +155,7 @@ impl Through<'_> {
                 ..event
             },
             emitted: distance::emitted(mixture, length),
+            uniform: true,
         }
     }
 
@@ -171,6 +174,7 @@ impl Through<'_> {
         let done = |distance, weight, emitted| Passage {
             event: Event { distance, weight },
             emitted,
+            uniform: false,
         };
         for _ in 0..MAX_COLLISIONS {
             at -= (1.0 - scratch.stream.number()).ln() / majorant;

@@ -29,6 +29,7 @@ mod portal;
 mod scatter;
 mod subsurface;
 mod volume;
+mod volume_light;
 
 /// Shades all hits of a wavefront; fails only if the render is cancelled.
 pub type Shade = fn(&mut Wavefront, &Context<'_>) -> Result<(), Cancelled>;

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Paths through media: lamps seen through them, emission, and scattering with a light sample.
+//! Paths through media: lamps seen through them, emission, and scattering.
 
 use crate::film::Shares;
-use crate::light::{Emitter, Lit, Reach, Receiver, power_heuristic};
+use crate::light::{Lit, Reach};
 use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::media::{Passage, Through};
 use crate::path::random::VertexSamples;
-use crate::path::shade::light_samples::{BEFORE_LIGHT, emitter_group, emitter_radiance};
 use crate::path::shade::output::Output;
+use crate::path::shade::volume_light::{light_segment, receive, receiver};
 use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::path::wavefront::Context;
 use crate::scene::RenderScene;
 use crate::scene::media::MediumRay;
 use crate::settings::{LightPass, Pass};
-use crate::values::linking::ObjectSets;
 use crate::values::view::Turn;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
@@ -68,13 +67,16 @@ pub(super) fn cross<const EXTRA: bool>(
     }
     // Sample the next event; paths beyond their limits are only attenuated.
     let random = path.next_vertex();
-    let [roulette, channel] = random.survival();
-    let [choose_light, distance] = random.choices();
+    let ([_, channel], [_, distance]) = (random.survival(), random.choices());
     let scatters = u32::from(path.bounce) <= settings.max_bounces
         && u32::from(path.volume_bounces) <= settings.volume_bounces;
     let end = if hit.is_hit() { hit.t } else { ray.t_max };
     out.scratch.stream = Stream::new(Stream::new(out.seed).fork(2));
-    let Passage { event, emitted } = through.sample(
+    let Passage {
+        event,
+        emitted,
+        uniform,
+    } = through.sample(
         [ray.t_min, end],
         path.throughput,
         scatters,
@@ -85,6 +87,9 @@ pub(super) fn cross<const EXTRA: bool>(
         let light = settings.clamped(path.throughput * emitted, path.bounce > 1);
         let group = || group_of(context.scene, &stack);
         out.add_met(light, path, LightPass::Emission, group);
+    }
+    if uniform && scatters {
+        light_segment(context, &through.ray, [ray.t_min, end], random, path, out);
     }
     path.throughput = path.throughput * event.weight;
     if !(path.throughput.max_abs() > 0.0 && path.throughput.is_finite()) {
@@ -101,31 +106,39 @@ pub(super) fn cross<const EXTRA: bool>(
         }
         return Crossed::Reached;
     };
+    // Uniform media have got their light along the whole segment.
+    let d = through.ray.direction;
+    let at = through.ray.origin + d * at;
+    scatter_at(context, [at, d], !uniform, random, path, out)
+}
+
+/// Scatters at a point. `lit`: whether light is sampled there; `d`: direction before.
+fn scatter_at<const EXTRA: bool>(
+    context: &Context<'_>,
+    [at, d]: [Vec3; 2],
+    lit: bool,
+    random: VertexSamples,
+    path: &mut Path,
+    out: &mut Output<'_, EXTRA>,
+) -> Crossed {
     if path.camera {
         out.sample.alpha = 1.0;
         if context.film.fills(Pass::Albedo) {
             out.sample.albedo = out.scratch.mixture.albedo().array();
         }
     }
+    let [roulette, _] = random.survival();
     if !path.survives(roulette) {
         return Crossed::Ended;
     }
-    path.receiver = Receiver {
-        point: through.ray.origin + through.ray.direction * at,
-        normal: Vec3::ZERO,
-        // All lights shine on media, also linked ones.
-        sets: ObjectSets::ALL.receives,
-        each: false,
-    };
-    sample_light(
-        context,
-        through.ray.direction,
-        choose_light,
-        random,
-        path,
-        out,
-    );
-    scatter(through.ray.direction, random, path, out)
+    path.receiver = receiver(at);
+    if lit {
+        let [choice, _] = random.choices();
+        let lights = &context.scene.lights;
+        let light = lights.sample(path.receiver, choice, random.light());
+        receive(context, d, light, path, out);
+    }
+    scatter(d, random, path, out)
 }
 
 /// Returns the opacity of the media that a camera ray has passed.
@@ -202,59 +215,6 @@ fn group_of(scene: &RenderScene, stack: &Stack) -> u8 {
     } else {
         0
     }
-}
-
-/// Samples a light from the scattering point and adds a shadow ray if the light could contribute. `d`: direction
-/// before.
-fn sample_light<const EXTRA: bool>(
-    context: &Context<'_>,
-    d: Vec3,
-    choice: f32,
-    random: VertexSamples,
-    path: &Path,
-    out: &mut Output<'_, EXTRA>,
-) {
-    let (scene, settings) = (context.scene, context.settings);
-    let Some(light) = scene.lights.sample(path.receiver, choice, random.light()) else {
-        return;
-    };
-    if !light.visible.to(RayKind::Volume) {
-        return;
-    }
-    // Evaluate the phase function; lights that no ray can hit get the full weight.
-    let (f, pdf) = out.scratch.mixture.phase(d.dot(light.direction));
-    let weight = if light.pdf.is_finite() {
-        power_heuristic(light.pdf, pdf)
-    } else {
-        1.0
-    };
-    let mut value = path.throughput * f * light.radiance * weight;
-    if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
-        value = value * emitter_radiance(context, &light, path, out.light_registers);
-    }
-    if !(value.max_abs() > 0.0 && value.is_finite()) {
-        return;
-    }
-    let value = settings.clamped(value, path.bounce > 0);
-    let o = path.receiver.point;
-    let (d, t_max) = if light.distance.is_finite() {
-        (light.direction * light.distance, BEFORE_LIGHT)
-    } else {
-        (light.direction, f32::INFINITY)
-    };
-    let group = || emitter_group(scene, &light);
-    let scattered = out.scattered(path, || Shares::VOLUME, group);
-    if !light.casts_shadow {
-        out.add_unoccluded(value, scattered);
-        return;
-    }
-    let ray = Ray {
-        o: o.array(),
-        d: d.array(),
-        t_min: 0.0,
-        t_max,
-    };
-    out.cast(ray, path, value, scattered, None, light.blockers);
 }
 
 /// Samples the direction after scattering. `d`: direction before.
