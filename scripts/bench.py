@@ -57,6 +57,9 @@ MANY = 16
 REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
 """Timed repeats, and those of many configurations: as few as can be ranked."""
 
+CHECK_TESTS = 10_000_000_000
+"""Triangle tests of the reference for the rays of all sets: ten seconds of brute force on two cores (Zen 5)."""
+
 OF_MERGES = ("scenes", "merge", "out", "published", "export")
 """Options that are valid together with `--merge`."""
 
@@ -91,16 +94,15 @@ def parser() -> argparse.ArgumentParser:
         "--curve",
         default=CURVE,
         metavar="SPP,...",
-        help=f"also render, with these samples per pixel, and report the "
-        f"error of each; none for no pictures (default: {CURVE})",
+        help=f"also render with these samples per pixel, and report each error; none: no pictures (default: {CURVE})",
     )
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="reference of the answers")
     add(
         "--check-rays",
         type=int,
         metavar="N",
-        help=f"rays per set to compare (default: {benchmark.Options.check_rays}, but of the scene grid's own set, "
-        "which is made to find errors, all: more than a million)",
+        help=f"rays per set to compare (default: {benchmark.Options.check_rays}, fewer if the reference would make "
+        f"more than {CHECK_TESTS:.0e} triangle tests; of the scene grid's own set, which is made to find errors, all)",
     )
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
     add("--memory-limit", type=float, metavar="GB", help="memory limit of a build (default: most of the free memory)")
@@ -184,7 +186,7 @@ def run(asked: argparse.Namespace) -> int:
                 print(f"bench: {first_line(error)}", file=sys.stderr)
                 todo.fail(number, scene, error)
                 continue
-            for note in loaded.notes:
+            for note in notes(loaded, options):
                 say(f"{scene}: {note}")
             try:
                 own = todo.run(number, loaded, measurer, say)
@@ -206,6 +208,12 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines), published, formats)
     return status(rows)
+
+
+def notes(loaded: workload.Workload, options: benchmark.Options) -> list[str]:
+    """What to know about a scene before it is measured."""
+    count, most = preparation.compared(loaded, options), options.check_rays
+    return [*loaded.notes, *([f"{count:,} rays per set compared, not {most:,}, to end sooner"] if count < most else [])]
 
 
 def moving(asked: argparse.Namespace) -> int:
@@ -380,6 +388,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         reference=asked.reference,
         check_rays=benchmark.Options.check_rays if asked.check_rays is None else asked.check_rays,
         own_rays=asked.check_rays,
+        check_tests=CHECK_TESTS if asked.check_rays is None else None,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),

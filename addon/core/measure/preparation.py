@@ -17,6 +17,7 @@ from . import costmap, curve, yardstick
 from .accuracy import Answers
 from .analysis.tradeoff import Limits, Tradeoff
 from .offsets import Moved
+from .reference import affordable
 
 if TYPE_CHECKING:
     from ..base.interface import HitArrays, Native, Structure, Tracer
@@ -34,13 +35,17 @@ MAP_SIDE = 96
 KEPT_BYTES = 1 << 30
 """Largest size of the ray-making tree that is kept as the anchor for picture times."""
 
+BLOCK = rays.TILE * rays.TILE
+"""Rays of a block. However many triangles there are, one block of each set is compared with the reference."""
+
 REFERENCES = ("brute", "exact", "embree")
 
 
 @dataclass(frozen=True)
 class Options:
     """Options of a benchmark. size: width and height of the view; check_rays: rays per set compared with the reference.
-    own_rays: the same for the scene's own ray sets, None for all of their rays.
+    own_rays: the same for the scene's own ray sets, None for all of their rays. check_tests: triangle tests that the
+    reference may make for all other sets together, None for any number; many triangles then get fewer than check_rays.
 
     threads: for builds and tracing. level: the instruction set, "best" or as `native.level()` names it. seed: of
     the rays. curve: samples per pixel of the pictures. offsets: distances of the moved grid of touching boxes.
@@ -61,6 +66,7 @@ class Options:
     reference: str = "brute"
     check_rays: int = 20_000
     own_rays: int | None = None
+    check_tests: int | None = None
     seed: int = 1
     curve: tuple[int, ...] = ()
     offsets: tuple[float, ...] = ()
@@ -112,6 +118,14 @@ class Prepared:
     portrait: bytes | None = None
 
 
+def compared(workload: Workload, options: Options) -> int:
+    """Number of rays per set that are compared with the reference, except of the scene's own sets."""
+    if options.check_tests is None or options.reference == yardstick.SPEC:
+        return options.check_rays
+    within = affordable(workload, len(options.sets), options.check_tests)
+    return min(options.check_rays, max(within // BLOCK * BLOCK, BLOCK))
+
+
 def check_room(native: Native, options: Options) -> None:
     """Raise MemoryError if there is not enough memory for the rays of a view of this size."""
     width, height = options.size
@@ -128,10 +142,10 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
     # Select the rays to check, and answer them with the reference.
-    checked = {}
+    checked, usual = {}, compared(workload, options)
     for rays_of_set in ray_sets:
         own = len(rays_of_set) if options.own_rays is None else options.own_rays
-        wanted = own if rays_of_set in workload.extra else options.check_rays
+        wanted = own if rays_of_set in workload.extra else usual
         checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
     count = sum(map(len, checked.values()))
     yield Progress(0.0, f"{count:,} rays by {options.reference}, the reference")

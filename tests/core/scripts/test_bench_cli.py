@@ -300,6 +300,18 @@ def test_rays_to_compare_bind_the_scenes_own_sets_where_they_are_named() -> None
     named, usual = (bench.read_options(bench.parser().parse_args(words), 1) for words in (["--check-rays", "128"], []))
     assert (named.check_rays, named.own_rays) == (128, 128)
     assert (usual.check_rays, usual.own_rays) == (20_000, None)
+    assert (named.check_tests, usual.check_tests) == (None, bench.CHECK_TESTS)
+
+
+def test_the_work_of_the_reference_is_bounded_and_the_rays_counted(scene: Path, monkeypatch: Any, capsys: Any) -> None:
+    # A hundred triangles and four sets: two blocks of each set.
+    monkeypatch.setattr(bench, "CHECK_TESTS", 4 * 100 * 191)
+    words = [word for word in QUICK if word not in ("--check-rays", "128")]
+    for more, wanted in (([], 128), (["--check-rays", "192"], 192)):
+        assert bench.main([str(scene), *words, *more]) == 0
+        printed = capsys.readouterr().out
+        assert f" on {4 * wanted:,} rays each" in printed
+        assert ("128 rays per set compared, not 20,000" in printed) == (not more)
 
 
 def test_a_scene_of_the_shared_folder_is_called_by_its_name(
