@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles of rays traced as beams: every pixel equals that of single rays, for any camera.
 
+#[path = "../hard/mod.rs"]
+mod hard;
 mod parallel;
 mod polygons;
 
 use halfspace::base::Monitor;
 use halfspace::nodes::octree_nodes::Octree;
-use halfspace::oracle::cases::{Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup};
+use halfspace::oracle::cases::{Random, box_triangles, grid, lattice_rays, ray, soup};
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry;
 use halfspace::scene::Triangles;
@@ -100,11 +102,12 @@ fn pixels_are_those_of_single_rays_at_every_size() {
 
 #[test]
 fn beams_answer_like_single_rays_at_1280_by_1024() {
+    let size = [1280, 1024].map(|side| side / hard::share());
     // Use few triangles, so that most of the time is spent on pixels.
     let scene = soup(grid(2, 0.3));
     let wide = (75.0_f32).to_radians().tan();
     for view in [([0.9, -3.0, 1.2], 0.6), ([1.1, -0.4, 0.8], wide)] {
-        let rays = image([1280, 1024], pinhole(view.0, view.1));
+        let rays = image(size, pinhole(view.0, view.1));
         for spec in ["octree-beam", "octree-beam:traversal=polygon", "beam-hh"] {
             let structure = build(&scene, spec);
             let expected = traced(&structure, &rays, Order::None);
@@ -195,7 +198,7 @@ fn small_cells_next_to_large_ones_lose_no_pixel() {
 
 #[test]
 fn beams_change_no_pixel_of_hard_scenes() {
-    for case in cases(Size::Small, 7) {
+    for case in hard::cases(7) {
         let bounds = case.scene.bounds();
         if bounds.is_empty() {
             continue;
@@ -356,7 +359,7 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
 
 #[test]
 fn shadow_beams_answer_like_brute_force_on_hard_scenes() {
-    for case in cases(Size::Small, 8) {
+    for case in hard::cases(8) {
         let bounds = case.scene.bounds();
         if bounds.is_empty() {
             continue;

@@ -2,8 +2,9 @@
 //! Polygon beams of one direction, those of orthographic cameras and of suns: every answer is that of brute force, and
 //! the counters say which rays were in beams.
 
+use crate::hard;
 use halfspace::base::Monitor;
-use halfspace::oracle::cases::{Random, Size, cases, grid, ray, soup, strew};
+use halfspace::oracle::cases::{Random, grid, ray, soup, strew};
 use halfspace::polybeam::NAMES;
 use halfspace::ray::rays::Limits;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Rays, Tracer};
@@ -185,7 +186,7 @@ fn directions_along_axes_and_walls_answer_like_brute_force() {
 #[test]
 fn extreme_scenes_in_parallel_light_answer_like_brute_force() {
     let mut random = Random(5);
-    for case in cases(Size::Small, 11) {
+    for case in hard::cases(11) {
         let brute = build(&case.scene, "brute");
         for structure in structures(&case.scene) {
             for odd in [usize::MAX, 5] {

@@ -4,12 +4,14 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../hard/mod.rs"]
+mod hard;
 
 use common::build;
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
 use halfspace::inspect::validate::validate;
-use halfspace::oracle::cases::{Random, Size, aimed, cases, grid, soup};
+use halfspace::oracle::cases::{Random, aimed, grid, soup};
 use halfspace::ray::{Hit, Order, Ray, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
@@ -148,7 +150,7 @@ fn moved_triangles_are_hit_as_brute_force_hits_them() {
 
 #[test]
 fn all_difficult_scenes_can_move() {
-    for case in cases(Size::Small, 7) {
+    for case in hard::cases(7) {
         for spec in ["bvh-sah", "bih", "bih1", "bih-n", "bih-bvh"] {
             let built = build(&case.scene, spec);
             let shift = (
