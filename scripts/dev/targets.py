@@ -20,7 +20,8 @@ class Target:
     """A system by Blender's name of it, and the compiler's.
 
     compiler: the C compiler that links its programs; empty where zig is the only one. runner: the program that runs
-    its programs on Linux, with arguments; empty where there is none. packages: Debian's packages with both.
+    its programs on Linux, with arguments; empty where there is none. packages: Debian's packages with both. share: the
+    tests trace one ray of this many on hard scenes, because the runner emulates the processor.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Target:
     runner: tuple[str, ...] = ()
     packages: str = ""
     variables: dict[str, str] = field(default_factory=dict)
+    share: int = 1
 
     @property
     def is_here(self) -> bool:
@@ -51,6 +53,7 @@ TARGETS = {
             "aarch64-linux-gnu-gcc",
             ("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"),
             "gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user",
+            share=11,
         ),
         Target(
             "windows-x64",

@@ -45,6 +45,9 @@ FEATURES = ["--features", "halfspace_geom/strategies"]
 NOT_TESTED = ("halfspace_python", "halfspace_benches")
 """Crates without tests of their own, as in `scripts/test.py`."""
 
+SHARE = "HALFSPACE_TEST_SHARE"
+"""The variable that makes tests trace one ray of so many on hard scenes."""
+
 FIELDS = 6
 """Number of words of a line of answers: structure, instruction set, rays, hits, bytes, hash."""
 
@@ -83,11 +86,17 @@ def prepare(target: Target) -> None:
 
 
 def test(target: Target, filters: Sequence[str]) -> None:
-    """Run the tests of all crates for a system, those whose names contain a filter. Raises CrossError, TargetError."""
+    """Run the tests of all crates for a system, those whose names contain a filter. Raises CrossError, TargetError.
+
+    Prints the share of rays that tests of hard scenes trace there: the variable's, else the system's.
+    """
+    share = os.environ.get(SHARE, str(target.share))
+    if share != "1":
+        print(f"{SHARE}={share}: one ray of {share} on hard scenes", flush=True)
     words = ["cargo", "test", *CARGO, "--release", "--workspace", "--target", target.triple, "--tests"]
     words += ["--no-fail-fast"]
     words += [word for name in NOT_TESTED for word in ("--exclude", name)]
-    run([*words, "--", *filters], targets.variables(target, run=True))
+    run([*words, "--", *filters], {**targets.variables(target, run=True), SHARE: share})
 
 
 def answers(target: Target, rays: int) -> list[str]:

@@ -41,17 +41,29 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], dict[str, str]
 
 
 @pytest.mark.parametrize(
-    ("name", "linker", "runner"),
+    ("name", "linker", "runner", "share"),
     [
-        ("windows-x64", "/bin/x86_64-w64-mingw32-gcc", "/bin/wine"),
-        ("linux-arm64", "/bin/aarch64-linux-gnu-gcc", "/bin/qemu-aarch64 -L /usr/aarch64-linux-gnu"),
+        ("windows-x64", "/bin/x86_64-w64-mingw32-gcc", "/bin/wine", "1"),
+        ("linux-arm64", "/bin/aarch64-linux-gnu-gcc", "/bin/qemu-aarch64 -L /usr/aarch64-linux-gnu", "11"),
     ],
 )
 def test_tests_of_another_system_run_in_its_runner(
-    ran: list[tuple[list[str], dict[str, str]]], name: str, linker: str, runner: str
+    ran: list[tuple[list[str], dict[str, str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    linker: str,
+    runner: str,
+    share: str,
 ) -> None:
+    monkeypatch.delenv(cross.SHARE, raising=False)
     assert cross.main(["test", name, "contract"]) == 0
     ((words, variables),) = ran
+    assert variables[cross.SHARE] == share
+    assert (f"{cross.SHARE}={share}" in capsys.readouterr().out) == (share != "1")
+    monkeypatch.setenv(cross.SHARE, "3")
+    assert cross.main(["test", name]) == 0
+    assert ran[-1][1][cross.SHARE] == "3"
     triple = targets.TARGETS[name].triple
     assert words[:2] == ["cargo", "test"]
     assert words[-2:] == ["--", "contract"]
