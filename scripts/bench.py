@@ -58,7 +58,7 @@ REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
 """Timed repeats, and those of many configurations: as few as can be ranked."""
 
 CHECK_TESTS = 10_000_000_000
-"""Triangle tests of the reference for the rays of all sets: ten seconds of brute force on two cores (Zen 5)."""
+"""Triangle tests of the reference for the rays of all sets: about ten seconds of brute force on two cores."""
 
 OF_MERGES = ("scenes", "merge", "out", "published", "export")
 """Options that are valid together with `--merge`."""

@@ -179,7 +179,7 @@ fn rays_of_several_threads_race_for_the_same_parts() {
 fn a_lazy_tree_that_would_exceed_the_memory_is_refused_at_once() {
     // Overlapping long thin triangles, each in many leaves.
     let mut random = Random(5);
-    let corners = (0..600).flat_map(|_| {
+    let corners = (0..3000).flat_map(|_| {
         let at = random.point(0.0, 1.0);
         let beside = |size: f32, random: &mut Random| {
             let by = random.point(-size, size);
@@ -188,13 +188,15 @@ fn a_lazy_tree_that_would_exceed_the_memory_is_refused_at_once() {
         [at, beside(0.5, &mut random), beside(0.005, &mut random)]
     });
     let scene = soup(corners.collect());
-    for (_, spec) in specs() {
+    // The first structures build quickest.
+    let specs = specs();
+    for (_, spec) in specs.iter().take(specs.len().div_ceil(hard::share())) {
         // Clipped triangles of unbuilt nodes take as much memory as the tree.
         let whole = format!("{spec},clip=0");
         let spec = if registry::parse(&whole).is_ok() {
             whole
         } else {
-            spec
+            spec.clone()
         };
         let within = |limit: usize| {
             let monitor = Monitor::new();
@@ -205,7 +207,7 @@ fn a_lazy_tree_that_would_exceed_the_memory_is_refused_at_once() {
         let start = ample.bytes();
         ample.built();
         let whole = ample.progress().bytes;
-        assert!(whole > 4 * start, "{spec}: {start} of {whole} bytes");
+        assert!(whole > 8 * start, "{spec}: {start} of {whole} bytes");
         let error = within(whole / 4 * 3).err();
         assert!(
             matches!(&error, Some(Error::Memory(text)) if text.contains("once rays")),
