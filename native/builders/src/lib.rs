@@ -14,6 +14,7 @@ pub mod piece;
 pub mod plane_boxes;
 pub mod plane_objects;
 pub mod refit;
+pub mod sides;
 pub mod slanted;
 pub mod slanted_split;
 pub mod space;

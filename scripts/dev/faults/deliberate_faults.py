@@ -168,7 +168,7 @@ FAULTS = (
     ),
     Fault(
         "cut triangles lost where many are split at once",
-        "native/builders/src/plane_objects/mod.rs",
+        "native/builders/src/sides.rs",
         "joined.cut.extend(part.cut);",
         "joined.cut.truncate(part.cut.len());",
         ("lib", "plane_objects::tests::many_objects"),
