@@ -47,9 +47,11 @@ FAMILIES = "kd,rbsp-kd,bsp-wn-plus-kd,bih,bvh-sah,bbox-gs,octree-param,octree-ne
 triangles without a report (Zen 5).
 """
 
+OF_THE_YARDSTICK = "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny"
+
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
-        "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
+        "scenes": OF_THE_YARDSTICK,
         "structures": "kd,kd:nodes=boxes,traversal=ordered,bsp-wn-plus-kd,"
         "bsp-wn-plus-kd:nodes=boxes,traversal=ordered,bvh-sah",
         "rays": "primary,shadow,diffuse,shuffled",
@@ -60,6 +62,11 @@ PRESETS: dict[str, dict[str, str]] = {
         "structures": ",".join(
             f"{spec}:traversal=dir" for spec in ("kd", *DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd")
         ),
+    },
+    "splits": {
+        "scenes": OF_THE_YARDSTICK,
+        "structures": ",".join(["bvh-sah", *(f"bvh-sah:splits={share}" for share in (0.05, 0.3, 1))]),
+        "rays": "primary,shadow,diffuse,shuffled",
     },
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }

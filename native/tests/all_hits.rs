@@ -64,9 +64,14 @@ fn gathered(tracer: &dyn SelectiveTracer, rays: &[Ray], most: usize) -> Vec<Vec<
 
 /// Every structure with its default traversal and with each of single rays, as lazily built trees too.
 fn specs() -> Vec<String> {
-    let mut specs = ["kd:lazy=1", "kd:leaves=scalar", "bsp-wn:leaves=scalar"]
-        .map(str::to_owned)
-        .to_vec();
+    let mut specs = [
+        "kd:lazy=1",
+        "kd:leaves=scalar",
+        "bsp-wn:leaves=scalar",
+        "bvh-sah:splits=4",
+    ]
+    .map(str::to_owned)
+    .to_vec();
     for tree in TREES {
         specs.push(tree.id.to_owned());
         let ways = tree.ways.iter().zip(tree.spelled_ways());

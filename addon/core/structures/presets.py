@@ -58,6 +58,7 @@ PRESETS = tuple(
         ("BIH, oblique", "bih-obl"),
         ("BVH", "bvh-sah"),
         ("BVH, two boxes a node", "bvh-sah:width=2"),
+        ("SBVH (Stich, Friedrich and Dietrich)", "bvh-sah:splits=0.3"),
         ("Uniform grid (Amanatides and Woo)", "grid"),
         ("Octree, Glassner", "octree-glassner"),
         ("Octree, Arvo", "octree-arvo"),

@@ -24,12 +24,15 @@ pub struct SurfaceArea {
     pub leaf_max: usize,
 }
 
-/// A partition and its cost, in units of area times triangle tests.
-#[derive(Clone, Copy)]
-struct Best {
-    cost: f64,
-    axis: usize,
-    at: f32,
+/// A partition of objects.
+#[derive(Debug, Clone, Copy)]
+pub struct Best {
+    /// Cost of the two parts as leaves, in units of area times triangle tests.
+    pub cost: f64,
+    /// Axis along which centres are compared.
+    pub axis: usize,
+    /// Largest centre below.
+    pub at: f32,
 }
 
 impl ObjectPolicy for SurfaceArea {
@@ -40,19 +43,10 @@ impl ObjectPolicy for SurfaceArea {
     fn partition(&self, node: &Node<'_, ()>) -> Partition<()> {
         let n = node.objects.len();
         let (bounds, centres) = node.measure();
-        // Try every partition of few objects, and bins of many.
-        let best = if n <= SWEEP {
-            self.sweep(node.objects, &centres)
-        } else {
-            self.bins(node.objects, &centres)
-        };
-        let Some(best) = best else {
+        let Some(best) = self.best(node.objects, &centres) else {
             return Partition::Leaf; // all centres coincide
         };
-        // Make a leaf if that is allowed and no partition is cheaper.
-        let area = bounds.area();
-        let split = f64::from(self.costs.step) * area + best.cost;
-        if n <= self.leaf_max && split >= self.leaf(n) * area {
+        if self.is_leaf(n, &bounds, best.cost) {
             return Partition::Leaf;
         }
         Partition::Centre {
@@ -64,6 +58,23 @@ impl ObjectPolicy for SurfaceArea {
 }
 
 impl SurfaceArea {
+    /// Returns the best partition of objects: every one of few objects is tried, and bins of many; `None` if all centres
+    /// coincide. `centres` is the box around them.
+    pub fn best(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
+        if objects.len() <= SWEEP {
+            self.sweep(objects, centres)
+        } else {
+            self.bins(objects, centres)
+        }
+    }
+
+    /// Returns whether `n` objects in a box make a leaf: that is allowed, and a split into leaves that cost `parts` is
+    /// not cheaper.
+    pub fn is_leaf(&self, n: usize, bounds: &Aabb, parts: f64) -> bool {
+        let area = bounds.area();
+        n <= self.leaf_max && f64::from(self.costs.step) * area + parts >= self.leaf(n) * area
+    }
+
     /// Returns whether the partition of the objects `whole` into `parts` costs less than one leaf.
     pub fn is_worth(&self, whole: &[Object], parts: &[Vec<Object>; 2]) -> bool {
         let cost = |objects: &[Object]| object::around(objects).area() * self.leaf(objects.len());
@@ -73,7 +84,7 @@ impl SurfaceArea {
 
     /// Returns the cost of a leaf of `n` objects.
     #[expect(clippy::cast_precision_loss, reason = "a cost")]
-    fn leaf(&self, n: usize) -> f64 {
+    pub fn leaf(&self, n: usize) -> f64 {
         f64::from(self.costs.leaf(n as f32))
     }
 

@@ -18,4 +18,5 @@ pub mod sides;
 pub mod slanted;
 pub mod slanted_split;
 pub mod space;
+pub mod spatial;
 pub mod sweep;

@@ -27,7 +27,10 @@ pub fn with(spec: &str, pair: &str) -> String {
 }
 
 /// Forms of trees that other values than the defaults select.
-const FORMS: [&str; 10] = [
+const FORMS: [&str; 13] = [
+    "bvh-sah:splits=1",
+    "bvh-sah:splits=4,traversal=ordered",
+    "bvh-sah:splits=0.3,traversal=flight",
     "bih:split=middle",
     "bih:split=median,traversal=packet",
     "bih-n:split=sah",

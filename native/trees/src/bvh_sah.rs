@@ -5,16 +5,18 @@
 use crate::boxes::{self, Boxes};
 use crate::refit::{Layers, MakePlan};
 use crate::ways::{all, chosen, distinct, together, traversal};
-use crate::{params, refit};
+use crate::{objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
-use halfspace_builders::object;
+use halfspace_builders::{object, spatial};
 use halfspace_leaf::keep::Keep;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::plane_boxes::PlaneBoxTree;
+use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec, named};
@@ -34,7 +36,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "objects",
     summary: "Boxes around boxes by the surface area heuristic: what most renderers use today.",
     paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
-            Boulos 2008, Getting rid of packets",
+            Boulos 2008, Getting rid of packets; for splits, Stich, Friedrich and Dietrich 2009",
     params: &[
         WIDTH,
         TRAVERSAL,
@@ -44,6 +46,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::leaf_cost(Costs::BOXES),
         params::triangle_cost(Costs::BOXES),
         params::LEAF_MAX,
+        params::SPLITS,
     ],
     ways: &WAYS,
     no_groups: "",
@@ -105,10 +108,32 @@ fn any_order(config: &Config) -> Rule {
 }
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    let (traversal, width) = (config.way().traversal, config.choice("width"));
     let frame = Frame::new(scene.bounds());
     let policy = params::surface_area(config, Costs::BOXES);
-    let binary = object::build(scene, &frame, &policy, monitor)?;
+    let share = config.float(params::SPLITS.name);
+    if share == 0.0 {
+        let binary = object::build(scene, &frame, &policy, monitor)?;
+        return whole(scene, config, frame, binary);
+    }
+    let framed = FramedScene {
+        scene,
+        frame: &frame,
+    };
+    let binary = spatial::build(framed, share, &policy, monitor)?;
+    if binary.ids.len() > scene.live().len() {
+        return of_parts(framed, config, &binary);
+    }
+    let mut built = whole(scene, config, frame, binary)?;
+    if !scene.live().is_empty() {
+        let reason = "spatial splits: at every node a partition of whole triangles was cheapest";
+        built.left_out.push(reason.to_owned());
+    }
+    Ok(built)
+}
+
+/// The structure over whole triangles, each in one leaf.
+fn whole(scene: &Triangles, config: &Config, frame: Frame, binary: ObjectTree) -> Result<Built> {
+    let (traversal, width) = (config.way().traversal, config.choice("width"));
     let order = Ordered {
         scene,
         config,
@@ -148,6 +173,34 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             )
         }
     }
+}
+
+/// The structure over parts of triangles. Its boxes cannot be fitted to moved triangles, because fitted boxes would
+/// contain the triangles whole.
+fn of_parts(framed: FramedScene<'_>, config: &Config, binary: &ObjectTree) -> Result<Built> {
+    let FramedScene { scene, frame } = framed;
+    let mut leaves = Leaves::new(Keep::Corners);
+    let tree = BoxTree::new(binary, &mut leaves)?;
+    let boxes = Boxes {
+        tree: Arc::new(if config.way().traversal == "ordered" {
+            tree
+        } else {
+            tree.by_corners()
+        }),
+        leaves: Arc::new(leaves.write(scene, frame, &binary.ids)),
+        any_order: any_order(config),
+    };
+    let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
+    let shape = nested::shape(&*boxes.tree, frame.bounds());
+    let tree = Arc::new(PlaneBoxTree(boxes.tree));
+    Ok(objects::built(
+        config,
+        *frame,
+        tree,
+        boxes.leaves,
+        plan,
+        shape,
+    ))
 }
 
 fn ordered(kernel: Arc<dyn SingleRays>) -> Plan {

@@ -67,6 +67,22 @@ pub const LEAF_MAX: ParamSpec = ParamSpec {
     needs: &[],
 };
 
+/// Budget of spatial splits.
+pub const SPLITS: ParamSpec = ParamSpec {
+    name: "splits",
+    label: "Spatial Splits",
+    doc: "Planes may cut triangles where boxes would overlap, until there are this many further references per triangle; \
+          0 is off. More gives closer boxes around long triangles, takes memory, and builds longer",
+    unit: "references per triangle",
+    kind: Kind::Float { min: 0.0, max: 4.0 },
+    default: Value::Float(0.0),
+    group: Group::Builder,
+    needs: &[Need {
+        key: "width",
+        only: Only::Options(&["8"]),
+    }],
+};
+
 const fn cost(name: &'static str, label: &'static str, doc: &'static str, value: f32) -> ParamSpec {
     ParamSpec {
         name,

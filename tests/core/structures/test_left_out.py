@@ -19,6 +19,7 @@ SUBJECTS = {
     "directions of small nodes",
     "directions besides the axes",
     "cells",
+    "spatial splits",
     "lazy",
     *(f"walls across {axes}" for axes in ("x", "y", "z", "x and y", "x and z", "y and z", "x and y and z")),
 }
