@@ -100,7 +100,7 @@ fn counters_change_no_answer() {
     let expected = answers(&brute, &rays, Order::None, None);
     for spec in specs() {
         let structure = build(&scene, &spec);
-        assert!(structure.shape().references > scene.len() * 3 / 2, "{spec}");
+        assert!(structure.shape().references > scene.len(), "{spec}");
         let mut counters = vec![RayCounters::default(); rays.len()];
         let found = answers(&structure, &rays, Order::Tiles, Some(&mut counters));
         assert!(found == expected, "{spec}");
