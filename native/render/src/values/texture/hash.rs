@@ -5,6 +5,7 @@
 use crate::math::vector::{Vec3, vec3};
 
 /// Hashes one to four words with lookup3.
+#[inline(always)]
 pub fn lookup3<const N: usize>(key: [u32; N]) -> u32 {
     // Start all three words with the length of the key, and add the first three words of it.
     let start = 0xdead_beef_u32.wrapping_add(((N as u32) << 2) + 13);

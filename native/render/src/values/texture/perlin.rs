@@ -20,18 +20,26 @@ pub fn signed<const N: usize>(p: [f32; N]) -> f32 {
     }
     let p = p.map(|x| {
         let shift = if x.abs() >= SPARSE { 0.5 } else { 0.0 };
-        x % PERIOD + shift
+        // The remainder of what is below the period is itself.
+        let within = if x.abs() < PERIOD { x } else { x % PERIOD };
+        within + shift
     });
     let cell = p.map(f32::floor);
     let f: [f32; N] = std::array::from_fn(|k| p[k] - cell[k]);
     let fade = f.map(|t| t * t * t * (t * (t * 6.0 - 15.0) + 10.0));
-    // Gradients of all corners of the cell; bit k of a corner's number is its side along axis k.
+    // Gradients of all corners of the cell; bit k of a corner's number is its side along axis k. Their hashes are
+    // computed together, in the lanes of registers.
+    let first = cell.map(|x| x as i32 as u32);
+    let mut hashes = [0_u32; 16];
     let mut values = [0.0_f32; 16];
+    for (corner, hash) in hashes.iter_mut().take(1 << N).enumerate() {
+        let side = |k: usize| (corner >> k & 1) as u32;
+        *hash = lookup3::<N>(std::array::from_fn(|k| first[k].wrapping_add(side(k))));
+    }
     for (corner, value) in values.iter_mut().take(1 << N).enumerate() {
         let side = |k: usize| corner >> k & 1;
-        let lattice = std::array::from_fn(|k| (cell[k] as i32 as u32).wrapping_add(side(k) as u32));
         *value = gradient::<N>(
-            lookup3::<N>(lattice),
+            hashes[corner],
             std::array::from_fn(|k| f[k] - side(k) as f32),
         );
     }
