@@ -23,16 +23,20 @@ pub struct VertexSamples {
     sampler: PixelSampler,
     sample: u32,
     first: u32,
+    /// The numbers of its four pairs: first numbers, then second ones.
+    pairs: [[f32; 4]; 2],
 }
 
 impl VertexSamples {
     /// The numbers of vertex number `vertex` of a path of sample `sample`.
     #[inline(always)]
     pub fn new(sampler: PixelSampler, sample: u32, vertex: u16) -> Self {
+        let first = FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(vertex);
         Self {
             sampler,
             sample,
-            first: FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(vertex),
+            first,
+            pairs: sampler.pairs(sample, [0, 1, 2, 3].map(|k| first + k)),
         }
     }
 
@@ -57,8 +61,12 @@ impl VertexSamples {
     /// For a point on the light with this number, where several are sampled; 0 is [`Self::light`].
     #[inline(always)]
     pub fn light_of(self, number: u32) -> [f32; 2] {
+        if number == 0 {
+            return self.light();
+        }
         // The pairs of other lights lie far beyond those of all vertices.
-        self.pair(2 + (number << 24))
+        self.sampler
+            .pair(self.sample, self.first + 2 + (number << 24))
     }
 
     /// For Russian roulette and for passing transparent surfaces.
@@ -68,7 +76,7 @@ impl VertexSamples {
     }
 
     #[inline(always)]
-    fn pair(self, k: u32) -> [f32; 2] {
-        self.sampler.pair(self.sample, self.first + k)
+    fn pair(self, k: usize) -> [f32; 2] {
+        [self.pairs[0][k], self.pairs[1][k]]
     }
 }
