@@ -236,11 +236,11 @@ def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_lay
             at_vertices = tubes.tangents(rows[made.before], rows[made.after], made.share)
         else:
             at_vertices = rows[made.before] * (1 - share) + rows[made.after] * share
-        layers[key] = np.ascontiguousarray(at_vertices[made.triangles])
+        layers[key] = at_vertices.take(made.triangles, axis=0)
     for key, rows in values.of_curves.items():
-        layers[key] = np.ascontiguousarray(rows[made.numbers[made.triangles]])
+        layers[key] = rows.take(made.numbers.take(made.triangles), axis=0)
     if len(made.along):
-        layers[STRAND, "Tangent"] = np.ascontiguousarray(made.along[made.triangles])
+        layers[STRAND, "Tangent"] = made.along.take(made.triangles, axis=0)
     return layers
 
 
