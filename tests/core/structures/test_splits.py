@@ -23,7 +23,7 @@ def beams(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_parameter_is_shown_for_eight_boxes_only() -> None:
-    def shown(values: dict[str, object]) -> set[str]:
+    def shown(values: dict[str, str]) -> set[str]:
         return {one.name for one in relevance.relevant(BVH, relevance.effective(BVH, values))}
 
     assert "splits" in shown({})
