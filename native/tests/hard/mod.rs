@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The cases of `halfspace::oracle`, with fewer rays where a machine is emulated; tests without rays take fewer structures.
+//! The cases of `halfspace::oracle`, with fewer rays where a machine is emulated.
+//! Tests without rays take fewer structures.
 
 use halfspace::oracle::cases::{self, Case, Size};
 
