@@ -134,6 +134,8 @@ mod tests {
     }
 
     proptest! {
+        // Few random points lie in the bounds, and few planes cut what is there.
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
         /// Coordinates, weights and heights have few bits, so that all values are exact.
         #[test]
         fn every_point_of_the_triangle_is_in_the_part_on_its_side(

@@ -19,13 +19,18 @@ fn framed(frame: &Frame, corners: [[f32; 3]; 3]) -> Triangle {
     }
 }
 
+/// A weight of a corner; often on an edge, where signs are uncertain.
+fn weight() -> impl Strategy<Value = f32> {
+    prop_oneof![0.0f32..1.0, Just(0.0), Just(1.0)]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
     #[test]
     fn no_hit_is_ever_rejected_and_proven_hits_are_hits(
         corners in [point(), point(), point()],
         o in point(),
-        weights in [0.0f32..1.0, 0.0f32..1.0],
+        weights in [weight(), weight()],
         t_min in prop_oneof![Just(0.0f32), Just(-1.0), Just(f32::NEG_INFINITY)],
         turned in any::<bool>(),
     ) {
