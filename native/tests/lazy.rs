@@ -73,7 +73,7 @@ fn the_lazy_tree_equals_the_complete_one() {
     let scene = large();
     let rays = aimed(&scene, 40, &mut Random(3));
     for (i, (at_once, spec)) in specs().into_iter().enumerate() {
-        for threads in [1, [2, 16][i % 2]] {
+        for &threads in hard::in_turn(&[1, 2, 16], i) {
             let eager = build(&scene, &at_once, threads);
             let untouched = build(&scene, &spec, threads);
             let before = untouched.progress();
@@ -126,23 +126,24 @@ fn rays_that_build_answer_like_brute_force() {
             let lazy = || build(&scene, &spec, 1);
             let hits = closest(&lazy(), &rays);
             assert_eq!(wrong(&hits, &expected), 0, "{name}, {spec}");
-            // The other queries build a tree in turn: a structure meets each of them in some cases of every kind.
-            let mut found = hits.clone();
-            match (c + s) % 3 {
-                0 => lazy().closest_ordered(&rays, &mut found, None, Order::Tiles),
-                1 => {
-                    let mut counters = vec![RayCounters::default(); rays.len()];
-                    lazy().closest(&rays, &mut found, Some(&mut counters));
+            // Each other query builds a tree, too.
+            for &query in hard::in_turn(&["tiles", "counted", "occluded"], c + s) {
+                let mut found = hits.clone();
+                match query {
+                    "tiles" => lazy().closest_ordered(&rays, &mut found, None, Order::Tiles),
+                    "counted" => {
+                        let mut counters = vec![RayCounters::default(); rays.len()];
+                        lazy().closest(&rays, &mut found, Some(&mut counters));
+                    }
+                    _ => {
+                        let mut blocked = vec![false; rays.len()];
+                        lazy().occluded(&rays, &mut blocked, None);
+                        let hits: Vec<_> = expected.iter().map(Hit::is_hit).collect();
+                        assert_eq!(blocked, hits, "{name}, {spec}: occluded");
+                    }
                 }
-                _ => {
-                    let mut blocked = vec![false; rays.len()];
-                    lazy().occluded(&rays, &mut blocked, None);
-                    let hits: Vec<_> = expected.iter().map(Hit::is_hit).collect();
-                    assert_eq!(blocked, hits, "{name}, {spec}: occluded");
-                }
+                assert_eq!(wrong(&found, &expected), 0, "{name}, {spec}: {query}");
             }
-            let query = ["tiles", "counted", "occluded"][(c + s) % 3];
-            assert_eq!(wrong(&found, &expected), 0, "{name}, {spec}: {query}");
         }
     }
 }

@@ -95,17 +95,15 @@ fn rays(case: &Case) -> Vec<Ray> {
 
 #[test]
 fn packets_lose_nothing_on_hard_scenes() {
-    let sets = levels();
-    let best = sets.len() - 1;
+    // Each instruction set, and the best one with counters.
+    let mut ways: Vec<_> = levels().into_iter().map(|way| (way, false)).collect();
+    ways.extend(ways.last().copied().map(|(way, _)| (way, true)));
     for (c, case) in hard::cases(8).into_iter().enumerate() {
         let rays = rays(&case);
         let expected = answers(&build(&case.scene, "brute"), &rays, None);
         for (s, spec) in SPECS.into_iter().enumerate() {
             let structure = build(&case.scene, spec);
-            // Trace with the best instruction set, and in turn with each other one or with counters: a structure meets
-            // all of them in some cases of every kind.
-            let other = (c + s) % sets.len();
-            for ((set, level), counts) in [(sets[best], false), (sets[other], other == best)] {
+            for &((set, level), counts) in hard::in_turn(&ways, c + s) {
                 let mut counters = vec![RayCounters::default(); rays.len()];
                 let counted = counts.then_some(&mut counters[..]);
                 let found = answers(&structure.at_level(level), &rays, counted);

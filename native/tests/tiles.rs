@@ -174,10 +174,7 @@ fn shadow_tiles_answer_like_brute_force_on_hard_scenes() {
         let expected = blocked(&brute, &rays);
         for (s, spec) in SPECS.into_iter().enumerate() {
             let structure = build(&case.scene, spec);
-            // Trace with the best instruction set, and with each other one in turn.
-            let (best, others) = sets.split_last().expect("there is one");
-            let other = others.get((c + s) % others.len().max(1));
-            for (set, level) in [Some(best), other].into_iter().flatten() {
+            for (set, level) in hard::in_turn(&sets, c + s) {
                 let found = blocked(&structure.at_level(*level), &rays);
                 let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
                 assert_eq!(wrong, 0, "{}, {spec}, {set}: of {}", case.name, rays.len());

@@ -15,6 +15,16 @@ pub fn share() -> usize {
     share
 }
 
+/// All of these; where a machine is emulated, one in turn.
+#[allow(dead_code, reason = "some tests have nothing to choose among")]
+pub fn in_turn<T>(all: &[T], turn: usize) -> &[T] {
+    if share() == 1 {
+        return all;
+    }
+    let chosen = turn % all.len();
+    &all[chosen..=chosen]
+}
+
 /// All small cases of a seed, each with its share of the rays.
 pub fn cases(seed: u64) -> Vec<Case> {
     let share = share();
