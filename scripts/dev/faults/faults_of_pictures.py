@@ -166,8 +166,8 @@ PICTURES = (
     Fault(
         "lights without regard to their distance from a segment",
         "native/render/src/light/segment.rs",
-        "angles.opening() / angles.height",
-        "0.0 * angles.height",
+        "angle.max(1e-7) / height",
+        "0.0 * height",
         ("lib", "light::segment::tests::lights_are_chosen_by_probabilities_that_add_up"),
     ),
     Fault(
