@@ -21,6 +21,32 @@ pub struct Sides {
 }
 
 impl Sides {
+    /// Classifies objects by a plane across an axis. Boxes that extend beyond it by more than `little` are cut; their
+    /// triangles are clipped later, if they go to both sides. Objects above keep the memory of the list.
+    pub fn along_axis(mut objects: Vec<Object>, axis: usize, at: f32, little: f32) -> Self {
+        let mut sides = Self::default();
+        objects.retain(|object| {
+            // Distances by which the object extends below and above the plane.
+            let below = at - object.bounds.min[axis];
+            let above = object.bounds.max[axis] - at;
+            if below.min(above) <= little {
+                // An object in the plane belongs below, as in the tree of planes.
+                if below < above {
+                    return true;
+                }
+                sides.apart[0].push(*object);
+            } else {
+                let mut parts = [object.bounds; 2];
+                parts[0].max[axis] = at;
+                parts[1].min[axis] = at;
+                sides.cut.push((*object, parts));
+            }
+            false
+        });
+        sides.apart[1] = objects;
+        sides
+    }
+
     /// Adds an object with the boxes around its parts. An object without a part below is not added but returned
     /// with its part above.
     pub fn take(&mut self, whole: Object, parts: [Aabb; 2]) -> Option<Object> {

@@ -136,8 +136,8 @@ TRAVERSALS = (
     Fault("sure hits outside the interval", _QUERY, "low > from && high < to", "low < high", ENDS),
     Fault(
         "triangles that planes cut end at the plane",
-        "native/builders/src/plane_objects/mod.rs",
-        "parts[1].min[axis] = split",
+        "native/builders/src/sides.rs",
+        "parts[1].min[axis] = at",
         "parts[1].min[axis] = parts[1].max[axis]",
         ("plane_boxes", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
     ),
@@ -147,13 +147,6 @@ TRAVERSALS = (
         "self.outwards(part.min[k], -1.0)",
         "part.min[k].next_up()",
         ("lib", "spatial::tests::the_box_of_a_part_is_rounded_outwards"),
-    ),
-    Fault(
-        "parts above a spatial split lost",
-        "native/builders/src/spatial/mod.rs",
-        "parts[1].min[axis] = at",
-        "parts[1].min[axis] = parts[1].max[axis]",
-        ("lib", "spatial::tests::the_boxes_of_parts_cover_long_triangles"),
     ),
     Fault(
         "triangles cut by oblique planes count for one side only",

@@ -255,29 +255,11 @@ impl Builder<'_> {
     fn sides(&self, mut objects: Vec<Object>, node: &Node) -> Result<Sides> {
         self.monitor.check()?;
         let little = LITTLE * self.magnitude;
-        let mut sides = Sides::default();
         match *node {
-            Node::Axis { axis, split, .. } => objects.retain(|object| {
-                // Distances by which the object extends below and above the plane.
-                let below = split - object.bounds.min[axis];
-                let above = object.bounds.max[axis] - split;
-                if below.min(above) <= little {
-                    // An object in the plane belongs below, as in the tree of planes.
-                    if below < above {
-                        return true;
-                    }
-                    sides.apart[0].push(*object);
-                } else {
-                    // Cut the box only; the triangle is clipped later if necessary.
-                    let mut parts = [object.bounds; 2];
-                    parts[0].max[axis] = split;
-                    parts[1].min[axis] = split;
-                    sides.cut.push((*object, parts));
-                }
-                false
-            }),
+            Node::Axis { axis, split, .. } => Ok(Sides::along_axis(objects, axis, split, little)),
             Node::Oblique { normal, offset, .. } => {
                 // Clip each triangle to both sides of an oblique plane.
+                let mut sides = Sides::default();
                 let mut cutter = Cutter::new(normal, offset, self.magnitude, little);
                 objects.retain_mut(|object| {
                     let parts = cutter.parts(self.corners(object), &object.bounds);
@@ -287,11 +269,11 @@ impl Builder<'_> {
                         true
                     })
                 });
+                sides.apart[1] = objects;
+                Ok(sides)
             }
             Node::Leaf { .. } => unreachable!("leaves have no plane"),
         }
-        sides.apart[1] = objects;
-        Ok(sides)
     }
 
     /// Returns the vertices of an object's triangle in the structure's frame.

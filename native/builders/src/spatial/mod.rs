@@ -232,28 +232,9 @@ impl Builder<'_> {
     }
 
     /// Splits objects by a plane.
-    fn split(&self, mut objects: Vec<Object>, plane: Plane) -> Result<[Vec<Object>; 2]> {
+    fn split(&self, objects: Vec<Object>, plane: Plane) -> Result<[Vec<Object>; 2]> {
         let Plane { axis, at, .. } = plane;
-        let little = self.cutter.little();
-        let mut sides = Sides::default();
-        objects.retain(|object| {
-            // Distances by which the object extends below and above the plane.
-            let below = at - object.bounds.min[axis];
-            let above = object.bounds.max[axis] - at;
-            if below.min(above) <= little {
-                if below < above {
-                    return true;
-                }
-                sides.apart[0].push(*object);
-            } else {
-                let mut parts = [object.bounds; 2];
-                parts[0].max[axis] = at;
-                parts[1].min[axis] = at;
-                sides.cut.push((*object, parts));
-            }
-            false
-        });
-        sides.apart[1] = objects;
+        let sides = Sides::along_axis(objects, axis, at, self.cutter.little());
         let cut = |object: &Object, cells: [Aabb; 2]| {
             cells.map(|cell| self.cutter.around(object, &cell).unwrap_or(Aabb::EMPTY))
         };
