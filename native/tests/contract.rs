@@ -5,6 +5,8 @@
 mod all_ways;
 mod far_scenes;
 mod hard;
+#[path = "hard/turns.rs"]
+mod turns;
 
 use all_ways::{specs, with};
 use halfspace::base::Monitor;
@@ -85,7 +87,7 @@ fn every_structure_answers_like_brute_force() {
             // Trace some of the rays on each instruction set.
             let some: Vec<_> = rays.iter().copied().step_by(8).collect();
             let expected: Vec<_> = reference.iter().copied().step_by(8).collect();
-            for (set, level) in hard::in_turn(&sets, c / 2 + i) {
+            for (set, level) in turns::in_turn(&sets, c / 2 + i) {
                 let wrong = differences(&structure.at_level(*level), &some, &expected);
                 assert_eq!(wrong, 0, "{name}, {spec}, {set}: of {} rays", some.len());
             }

@@ -3,6 +3,8 @@
 //! answers are those of brute force while it grows.
 
 mod hard;
+#[path = "hard/turns.rs"]
+mod turns;
 
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
@@ -73,7 +75,7 @@ fn the_lazy_tree_equals_the_complete_one() {
     let scene = large();
     let rays = aimed(&scene, 40, &mut Random(3));
     for (i, (at_once, spec)) in specs().into_iter().enumerate() {
-        for &threads in hard::in_turn(&[1, 2, 16], i) {
+        for &threads in turns::in_turn(&[1, 2, 16], i) {
             let eager = build(&scene, &at_once, threads);
             let untouched = build(&scene, &spec, threads);
             let before = untouched.progress();
@@ -127,7 +129,7 @@ fn rays_that_build_answer_like_brute_force() {
             let hits = closest(&lazy(), &rays);
             assert_eq!(wrong(&hits, &expected), 0, "{name}, {spec}");
             // Each other query builds a tree, too.
-            for &query in hard::in_turn(&["tiles", "counted", "occluded"], c + s) {
+            for &query in turns::in_turn(&["tiles", "counted", "occluded"], c + s) {
                 let mut found = hits.clone();
                 match query {
                     "tiles" => lazy().closest_ordered(&rays, &mut found, None, Order::Tiles),

@@ -3,6 +3,8 @@
 
 mod common;
 mod hard;
+#[path = "hard/turns.rs"]
+mod turns;
 
 use common::build;
 use halfspace::oracle::cases::{Case, Random, aimed, grid, lattice_rays, ray, soup, strew};
@@ -103,7 +105,7 @@ fn packets_lose_nothing_on_hard_scenes() {
         let expected = answers(&build(&case.scene, "brute"), &rays, None);
         for (s, spec) in SPECS.into_iter().enumerate() {
             let structure = build(&case.scene, spec);
-            for &((set, level), counts) in hard::in_turn(&ways, c + s) {
+            for &((set, level), counts) in turns::in_turn(&ways, c + s) {
                 let mut counters = vec![RayCounters::default(); rays.len()];
                 let counted = counts.then_some(&mut counters[..]);
                 let found = answers(&structure.at_level(level), &rays, counted);

@@ -3,6 +3,8 @@
 
 mod common;
 mod hard;
+#[path = "hard/turns.rs"]
+mod turns;
 
 use common::build;
 use fearless_simd::{Level, dispatch};
@@ -174,7 +176,7 @@ fn shadow_tiles_answer_like_brute_force_on_hard_scenes() {
         let expected = blocked(&brute, &rays);
         for (s, spec) in SPECS.into_iter().enumerate() {
             let structure = build(&case.scene, spec);
-            for (set, level) in hard::in_turn(&sets, c + s) {
+            for (set, level) in turns::in_turn(&sets, c + s) {
                 let found = blocked(&structure.at_level(*level), &rays);
                 let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
                 assert_eq!(wrong, 0, "{}, {spec}, {set}: of {}", case.name, rays.len());

@@ -46,7 +46,7 @@ NOT_TESTED = ("halfspace_python", "halfspace_benches")
 """Crates without tests of their own, as in `scripts/test.py`."""
 
 SHARE = "HALFSPACE_TEST_SHARE"
-"""The variable that makes tests trace one ray of so many on hard scenes."""
+"""Environment variable of a whole number N: tests of hard scenes trace every Nth ray."""
 
 FIELDS = 6
 """Number of words of a line of answers: structure, instruction set, rays, hits, bytes, hash."""

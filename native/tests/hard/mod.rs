@@ -3,26 +3,16 @@
 //! Tests without rays take fewer structures.
 
 use halfspace::oracle::cases::{self, Case, Size};
+use std::sync::LazyLock;
 
 /// Tests of hard scenes trace one ray of this many: the value of `HALFSPACE_TEST_SHARE`, 1 where it is not set.
 pub fn share() -> usize {
-    let text = std::env::var("HALFSPACE_TEST_SHARE").unwrap_or_else(|_| "1".to_owned());
-    let share = text.parse().ok().filter(|&share| share > 0);
-    let share = share.expect("HALFSPACE_TEST_SHARE: a whole number above 0");
-    if share > 1 {
-        println!("HALFSPACE_TEST_SHARE: one ray of {share} on hard scenes");
-    }
-    share
-}
-
-/// All of these; where a machine is emulated, one in turn.
-#[allow(dead_code, reason = "some tests have nothing to choose among")]
-pub fn in_turn<T>(all: &[T], turn: usize) -> &[T] {
-    if share() == 1 {
-        return all;
-    }
-    let chosen = turn % all.len();
-    &all[chosen..=chosen]
+    static SHARE: LazyLock<usize> = LazyLock::new(|| {
+        let text = std::env::var("HALFSPACE_TEST_SHARE").unwrap_or_else(|_| "1".to_owned());
+        let share = text.parse().ok().filter(|&share| share > 0);
+        share.expect("HALFSPACE_TEST_SHARE: a whole number above 0")
+    });
+    *SHARE
 }
 
 /// All small cases of a seed, each with its share of the rays.

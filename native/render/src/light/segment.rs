@@ -92,8 +92,8 @@ impl Segment {
         }
     }
 
-    /// Estimates the integral of the irradiance from a sphere over the segment, within six percent: whatever it is, the
-    /// light's probability is computed from it.
+    /// Estimates the integral of the irradiance from a sphere over the segment: in vacuum within six percent, in a
+    /// medium by the transmittance to the nearest point. Lights are chosen by it, so that its error is noise alone.
     fn importance(&self, sphere: &BoundingSphere) -> f32 {
         let to_centre = sphere.centre - self.origin;
         let foot = to_centre.dot(self.direction);
