@@ -3,6 +3,7 @@
 //! centres for many (Wald 2007, On fast construction of SAH-based bounding volume hierarchies).
 
 use crate::object::{self, Node, Object, ObjectPolicy, Partition};
+use crate::reach::Reach;
 use halfspace_geom::Aabb;
 use halfspace_nodes::cost::Costs;
 use rayon::prelude::*;
@@ -98,6 +99,15 @@ impl SurfaceArea {
         let mut best: Option<Best> = None;
         let mut order = [0_u64; SWEEP];
         let mut areas = [0.0; SWEEP];
+        // Each box is needed six times, each cost of a leaf up to six times.
+        let mut boxes = [Reach::EMPTY; SWEEP];
+        for (reach, object) in boxes.iter_mut().zip(objects) {
+            *reach = Reach::new(&object.bounds);
+        }
+        let mut leaves = [0.0; SWEEP];
+        for (i, leaf) in leaves[..n].iter_mut().enumerate().skip(1) {
+            *leaf = self.leaf(i);
+        }
         for axis in 0..3 {
             if centres.min[axis] >= centres.max[axis] {
                 continue;
@@ -105,29 +115,33 @@ impl SurfaceArea {
             // Sort the objects by their centres, as integer keys with the object's index in the low byte.
             let order = &mut order[..n];
             for (i, (key, object)) in order.iter_mut().zip(objects).enumerate() {
-                *key = u64::from(ascending(object.centre(axis))) << 8 | i as u64;
+                // Both zeros are one centre.
+                *key = u64::from(ascending(object.centre(axis) + 0.0)) << 8 | i as u64;
             }
             // The order of equal centres does not matter: no partition lies between them.
             order.sort_unstable();
-            let object = |key: u64| &objects[usize::from(key as u8)];
+            let reach = |key: u64| &boxes[usize::from(key as u8)];
             // Accumulate the areas from above, then sweep from below and evaluate each partition.
-            let mut above = Aabb::EMPTY;
+            let mut above = Reach::EMPTY;
             for i in (1..n).rev() {
-                above = above.union(&object(order[i]).bounds);
+                above = above.union(reach(order[i]));
                 areas[i] = above.area();
             }
-            let mut below = Aabb::EMPTY;
+            let mut below = Reach::EMPTY;
             for i in 1..n {
-                let last = object(order[i - 1]);
-                below = below.union(&last.bounds);
-                // Only partitions between different centres can be reproduced from `at`.
-                let at = last.centre(axis);
-                if at == object(order[i]).centre(axis) {
+                below = below.union(reach(order[i - 1]));
+                // Only partitions between different centres can be reproduced from the largest centre below.
+                if order[i - 1] >> 8 == order[i] >> 8 {
                     continue;
                 }
-                let cost = below.area() * self.leaf(i) + areas[i] * self.leaf(n - i);
+                let cost = below.area() * leaves[i] + areas[i] * leaves[n - i];
                 if best.is_none_or(|b| cost < b.cost) {
-                    best = Some(Best { cost, axis, at });
+                    let last = &objects[usize::from(order[i - 1] as u8)];
+                    best = Some(Best {
+                        cost,
+                        axis,
+                        at: last.centre(axis),
+                    });
                 }
             }
         }
@@ -165,7 +179,7 @@ impl SurfaceArea {
                 let cost = below.cost(self) + costs[i];
                 if filled && below.count < objects.len() && best.is_none_or(|b| cost < b.cost) {
                     // An empty bin repeats the previous boundary.
-                    let at = below.last;
+                    let at = 0.0 - below.reach.free();
                     best = Some(Best { cost, axis, at });
                 }
             }
@@ -188,35 +202,34 @@ fn ascending(x: f32) -> u32 {
 /// The objects whose centres fall between two heights.
 #[derive(Clone, Copy)]
 struct Bin {
-    bounds: Aabb,
-    /// Their largest centre: a partition at it reproduces the bins without computing them again.
-    last: f32,
+    /// Their boxes, with the negated largest centre: a partition at it reproduces the bins without computing them again.
+    reach: Reach,
     count: usize,
 }
 
 impl Bin {
     /// Bin without objects.
     const EMPTY: Self = Self {
-        bounds: Aabb::EMPTY,
-        last: f32::NEG_INFINITY,
+        reach: Reach::EMPTY,
         count: 0,
     };
 
     /// Returns the bin of the objects of both.
+    #[inline(always)]
     fn union(&self, other: &Self) -> Self {
         Self {
-            bounds: self.bounds.union(&other.bounds),
-            last: self.last.max(other.last),
+            reach: self.reach.union(&other.reach),
             count: self.count + other.count,
         }
     }
 
     /// Returns the cost of a leaf of the objects, in units of area.
+    #[inline(always)]
     fn cost(&self, policy: &SurfaceArea) -> f64 {
         if self.count == 0 {
             0.0
         } else {
-            self.bounds.area() * policy.leaf(self.count)
+            self.reach.area() * policy.leaf(self.count)
         }
     }
 }
@@ -250,26 +263,107 @@ impl Grid {
         }
     }
 
+    /// Returns the bin along each axis; the last one also takes the largest centre. The bin may be off by rounding, but
+    /// equal centres share a bin.
+    #[inline(always)]
+    fn bins_of(&self, centre: [f32; 3]) -> [usize; 3] {
+        // Adding 2^23 leaves an integer in the lowest bits, without the checks of a conversion.
+        let last = (BINS - 1) as f32;
+        std::array::from_fn(|k| {
+            let x = (centre[k] - self.low[k]) * self.scale[k];
+            let whole = if x < last { x } else { last }.floor();
+            (whole + 8_388_608.0).to_bits() as usize % BINS
+        })
+    }
+
     /// Adds objects to bins, one bin per axis.
     fn fill(&self, objects: &[Object]) -> [[Bin; BINS]; 3] {
         let mut bins = [[Bin::EMPTY; BINS]; 3];
-        // Add each object to one bin per axis; the last bin also takes the largest centre.
         for object in objects {
+            let reach = Reach::new(&object.bounds);
+            let centre = [0, 1, 2].map(|k| object.centre(k));
+            let own = self.bins_of(centre);
             for (k, bins) in bins.iter_mut().enumerate() {
-                let centre = object.centre(k);
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "saturates, and is clamped"
-                )]
-                // The bin may be off by rounding, but equal centres share a bin.
-                let i = ((centre - self.low[k]) * self.scale[k]) as usize;
-                let bin = &mut bins[i.min(BINS - 1)];
-                bin.bounds = bin.bounds.union(&object.bounds);
-                bin.last = bin.last.max(centre);
+                let bin = &mut bins[own[k]];
+                bin.reach = bin.reach.union(&reach.with(-centre[k]));
                 bin.count += 1;
             }
         }
         bins
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const POLICY: SurfaceArea = SurfaceArea {
+        costs: Costs::BOXES,
+        leaf_max: 8,
+    };
+
+    /// Objects whose centres often coincide.
+    fn objects(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Object>> {
+        let number = || prop_oneof![(-4_i8..4).prop_map(f32::from), -4.0_f32..4.0];
+        let size = || prop_oneof![Just(0.0_f32), 0.0_f32..2.0];
+        let object = ([number(), number(), number()], [size(), size(), size()]);
+        prop::collection::vec(object, count).prop_map(|all| {
+            let object = |(id, (low, size)): (u32, ([f32; 3], [f32; 3]))| {
+                let mut bounds = Aabb::EMPTY;
+                bounds.grow(low);
+                bounds.grow([0, 1, 2].map(|k| low[k] + size[k]));
+                Object { bounds, id }
+            };
+            (0..).zip(all).map(object).collect()
+        })
+    }
+
+    fn best(objects: &[Object]) -> Option<Best> {
+        POLICY.best(objects, &object::measure(objects).1)
+    }
+
+    /// Cost of the partition at this centre; `None` if it leaves a side empty.
+    fn cost(objects: &[Object], axis: usize, at: f32) -> Option<f64> {
+        let (below, above): (Vec<Object>, Vec<_>) =
+            objects.iter().partition(|object| object.centre(axis) <= at);
+        let side = |side: &[Object]| {
+            let all = side
+                .iter()
+                .fold(Aabb::EMPTY, |all, object| all.union(&object.bounds));
+            all.area() * POLICY.leaf(side.len())
+        };
+        (!below.is_empty() && !above.is_empty()).then(|| side(&below) + side(&above))
+    }
+
+    proptest! {
+        #[test]
+        fn no_partition_of_few_objects_is_cheaper(objects in objects(2..SWEEP + 1)) {
+            let all = objects.iter().flat_map(|object| (0..3).map(|k| (k, object.centre(k))));
+            let costs = all.filter_map(|(axis, at)| cost(&objects, axis, at));
+            let cheapest = costs.min_by(f64::total_cmp);
+            prop_assert_eq!(best(&objects).map(|best| best.cost), cheapest);
+        }
+
+        #[test]
+        fn the_cost_is_that_of_the_partition(objects in objects(2..4 * SWEEP)) {
+            if let Some(best) = best(&objects) {
+                prop_assert_eq!(cost(&objects, best.axis, best.at), Some(best.cost));
+            }
+        }
+    }
+
+    #[test]
+    fn equal_centres_share_a_bin_and_all_bins_are_used() {
+        let grid = Grid::new(Aabb {
+            min: [0.0, -1.0, 5.0],
+            max: [32.0, 1.0, 5.0],
+        });
+        for i in 0..=32_u8 {
+            let x = f32::from(i);
+            let [a, b, c] = grid.bins_of([x, x / 16.0 - 1.0, 5.0]);
+            let expected = usize::from(i.min(31));
+            assert_eq!([a, b, c], [expected, expected, 0]);
+        }
     }
 }

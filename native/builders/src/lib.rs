@@ -13,6 +13,7 @@ pub mod octree;
 pub mod piece;
 pub mod plane_boxes;
 pub mod plane_objects;
+mod reach;
 pub mod refit;
 pub mod sides;
 pub mod slanted;

@@ -5,6 +5,7 @@
 //! in place, the depth limit and parallelism are implemented here, once. The result depends only on the triangles and
 //! the policy, not on the number of threads.
 
+use crate::reach::Reach;
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, footprint};
 use halfspace_geom::Aabb;
@@ -64,12 +65,16 @@ impl<R> Node<'_, R> {
 
 /// Returns the boxes around objects and around their centres, on the calling thread.
 pub fn measure(objects: &[Object]) -> (Aabb, Aabb) {
-    let mut both = (Aabb::EMPTY, Aabb::EMPTY);
+    let mut both = (Reach::EMPTY, Reach::EMPTY);
     for object in objects {
-        both.0 = both.0.union(&object.bounds);
-        both.1.grow([0, 1, 2].map(|k| object.centre(k)));
+        both.0 = both.0.union(&Reach::new(&object.bounds));
+        let centre = [0, 1, 2].map(|k| object.centre(k));
+        both.1 = both.1.union(&Reach::new(&Aabb {
+            min: centre,
+            max: centre,
+        }));
     }
-    both
+    (both.0.bounds(), both.1.bounds())
 }
 
 /// A proposed partition of a node's objects.
@@ -345,7 +350,9 @@ impl<P: ObjectPolicy> Builder<'_, P> {
 
 /// Returns the box around objects.
 pub fn around(objects: &[Object]) -> Aabb {
-    (objects.iter()).fold(Aabb::EMPTY, |all, object| all.union(&object.bounds))
+    let reach = |object: &Object| Reach::new(&object.bounds);
+    let all = objects.iter().map(reach);
+    all.fold(Reach::EMPTY, |all, one| all.union(&one)).bounds()
 }
 
 /// Returns a leaf of these objects.

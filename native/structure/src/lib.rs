@@ -2,6 +2,7 @@
 //! Built structures: a tree over a scene, and a plan that assigns a kernel to each kind of ray batch.
 
 pub mod coherence;
+pub mod footprint;
 pub mod instances;
 pub mod leaf_depth;
 pub mod outline;

@@ -3,6 +3,7 @@
 //! kind of tree.
 
 use crate::coherence::{Limits, any_by_coherence};
+use crate::footprint::{Footprint, closest_by_footprint};
 use crate::way::Rays;
 use halfspace_ray::Order;
 use halfspace_ray::query::{Any, Closest, Query};
@@ -77,6 +78,17 @@ impl Plan {
     pub fn with_tiles(mut self, rays: Rays, kernel: Arc<dyn Kernel<Closest>>) -> Self {
         self.tiles = Some(RoutedKernel { kernel, rays });
         self
+    }
+
+    /// Assigns nearest-hit rays ordered in tiles of pixels to `packets` where most triangles that they hit are smaller
+    /// than a few pixels, and to `tiles` elsewhere. The route is that of `tiles`.
+    pub fn with_tiles_by_footprint(
+        self,
+        tiles: Arc<dyn Kernel<Closest>>,
+        packets: Arc<dyn Kernel<Closest>>,
+        limit: Footprint,
+    ) -> Self {
+        self.with_tiles(Rays::Tile, closest_by_footprint(tiles, packets, limit))
     }
 
     /// Assigns any-hit rays to `kernel`.

@@ -7,6 +7,7 @@ use halfspace_nodes::box_tree::BoxTree;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
+use halfspace_structure::footprint::Footprint;
 use halfspace_structure::way::Rays;
 use halfspace_trace::kernel::Kernel;
 use halfspace_trace::single::objects::boxes::boxes8;
@@ -35,8 +36,8 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
-             sample, other rays in streams",
+            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
+             tiles, packets or streams by a sample, other rays in streams",
         ),
         plan: |boxes| {
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
@@ -44,8 +45,9 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             let shadow = packet::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
             let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
             let any = boxes.any_stream();
+            let packets = packet::kernel::boxes(&boxes.tree, &boxes.leaves, 16);
             (boxes.singly().with_closest(Rays::Stream, streams))
-                .with_tiles(Rays::Tile, tiles)
+                .with_tiles_by_footprint(tiles, packets, Footprint::BOXES)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::BOXES)
         },
     },

@@ -6,6 +6,7 @@
 use halfspace_ray::query::{Any, Closest};
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
+use halfspace_structure::footprint::Footprint;
 use halfspace_structure::row::{Group, Kind, Named, ParamSpec};
 use halfspace_structure::spec::Value;
 use halfspace_structure::way::{NODES, NODES_OF_PLANES, Rays, TRAVERSAL, Way};
@@ -52,8 +53,8 @@ pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
-             sample, other rays in streams",
+            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
+             tiles, packets or streams by a sample, other rays in streams",
         ),
         way(nodes, single, "One by One", Rays::Single, "one by one"),
         in_tiles(nodes),
@@ -156,7 +157,7 @@ impl Together {
             Rays::Packet => packets.take_all(single, rays),
             Rays::Stream => streams.take_all(single, rays),
             Rays::Auto => (single.with_closest(Rays::Stream, streams.closest))
-                .with_tiles(Rays::Tile, tiles.closest)
+                .with_tiles_by_footprint(tiles.closest, packets.closest, Footprint::OTHERS)
                 .with_any_by_coherence(tiles.any, packets.any, streams.any, Limits::OTHERS),
             Rays::Single | Rays::Flight | Rays::Beam => single,
         }

@@ -24,6 +24,7 @@ _NO_LIGHT = ("lib", "shadow::tests::rays_without_a_light_go_singly")
 
 
 _COHERENCE = "native/structure/src/coherence.rs"
+_FOOTPRINT = "native/structure/src/footprint.rs"
 
 TRAVERSALS = (
     Fault(
@@ -39,6 +40,34 @@ TRAVERSALS = (
         "counters.iter().map(RayCounters::visits).sum()",
         "counters.iter().map(own).sum()",
         ("lib", "coherence::tests::rays_that_visit_nodes_together_are_counted"),
+    ),
+    Fault(
+        "the size of triangles compared the wrong way",
+        _FOOTPRINT,
+        "diagonal < self.limit.0 * pitch",
+        "diagonal > self.limit.0 * pitch",
+        ("lib", "footprint::tests::small_triangles_are_traced_in_packets_and_large_ones_in_tiles"),
+    ),
+    Fault(
+        "pixels measured at the first ray instead of at the hits",
+        _FOOTPRINT,
+        "t * (b.d[k] - a.d[k])",
+        "(b.d[k] - a.d[k])",
+        ("lib", "footprint::tests::the_median_distance_and_the_mean_triangle_decide"),
+    ),
+    Fault(
+        "bins without their largest centre",
+        "native/builders/src/binned.rs",
+        "reach.with(-centre[k])",
+        "reach.with(-object.centre(0))",
+        ("lib", "binned::tests::the_cost_is_that_of_the_partition"),
+    ),
+    Fault(
+        "boxes united without their last side",
+        "native/builders/src/reach.rs",
+        "Self([a, b, c, f32::INFINITY, -d, -e, -f, f32::INFINITY])",
+        "Self([a, b, c, f32::INFINITY, -d, -e, -e, f32::INFINITY])",
+        ("lib", "reach::tests::unions_and_areas_are_those_of_boxes"),
     ),
     Fault(
         "rays of a packet not split by their signs",

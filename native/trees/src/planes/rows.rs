@@ -11,6 +11,7 @@ use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
+use halfspace_structure::footprint::Footprint;
 use halfspace_structure::row::{Named, ParamSpec};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_trace::single::planes::{
@@ -29,8 +30,8 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles, shadow rays in tiles, packets or streams by a \
-             sample, other rays in streams",
+            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
+             tiles, packets or streams by a sample, other rays in streams",
         ),
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
@@ -38,7 +39,9 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             let shadow_tiles = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let shadow = packet::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
-            Ok((planes.by_distances().with_tiles(Rays::Tile, tiles))
+            let packets = packet::kernel::planes(&planes.tree, &planes.leaves, 16);
+            Ok((planes.by_distances())
+                .with_tiles_by_footprint(tiles, packets, Footprint::PLANES)
                 .with_closest(Rays::Stream, streams)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES))
         },
