@@ -26,13 +26,12 @@ def summary(costs: RayCosts, index: int) -> list[str]:
     for name, values in (("steps", costs.steps), ("tests", costs.tests)):
         middle = float(np.median(values[values > 0])) if values.any() else 0.0
         times = f", {values[index] / middle:.1f} times the median of {middle:,.0f}" if middle else ""
-        lines.append(f"{int(values[index]):,} {name}{times}")
+        lines.append(f"{int(values[index]):,} {name if values[index] != 1 else name[:-1]}{times}")
     tests, wasted = int(costs.tests[index]), int(costs.wasted[index])
     if tests:
         usual = costs.wasted.sum() / costs.tests.sum()
-        lines.append(
-            f"{wasted:,} tests wasted, {wasted / tests:.0%} of its own; {usual:.0%} of those of all these rays"
-        )
+        what = "1 test" if wasted == 1 else f"{wasted:,} tests"
+        lines.append(f"{what} wasted, {wasted / tests:.0%} of its own; {usual:.0%} of those of all these rays")
     x, y = costs.pixels[index]
     return [f"{SETS[costs.rays.name]} ray of pixel {x}, {y} from the top left", *lines]
 

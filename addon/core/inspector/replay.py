@@ -16,6 +16,9 @@ from ..overlay.cells import Path
 from ..tree import location
 from ..tree.table import KIND_LABELS, LEAF, Table
 
+ROUNDED = 2.0**-23
+"""Largest relative difference between the parameter of a hit and that number before it was rounded to f32."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -66,12 +69,24 @@ def replay(table: Table, path: Path) -> Replay:
                 steps.append(Step(node, int(table.depth[node]), enter, leave, 0, -1))
                 steps += _dead_ends(table, path, node, above)
         tests = int(path.cells.count[visit]) if path.tested[visit] else 0
-        ends = float(path.enter[visit]), float(path.leave[visit])
-        steps.append(Step(leaf, int(table.depth[leaf]), *ends, tests, visit))
+        steps.append(Step(leaf, int(table.depth[leaf]), *_within(table, path, visit, leaf), tests, visit))
     if not visited:
         steps += _dead_ends(table, path, -1, above)
     inner = sum(step.leaf < 0 for step in steps)
     return Replay(tuple(steps), max(path.steps - inner, 0))
+
+
+def _within(table: Table, path: Path, visit: int, leaf: int) -> tuple[float, float]:
+    """Ray parameters at which the ray enters and leaves a visited leaf, at most those of its hit.
+
+    A hit on the side of the leaf at which the ray enters may be rounded to a parameter before it.
+    """
+    enter, leave = float(path.enter[visit]), float(path.leave[visit])
+    if np.isnan(enter) and np.isfinite(path.t):
+        entered, left = span(table, path, leaf)
+        if path.t <= entered <= min(path.t * (1.0 + ROUNDED), left):
+            return entered, entered
+    return enter, leave
 
 
 def _dead_ends(table: Table, path: Path, node: int, above: set[int]) -> list[Step]:

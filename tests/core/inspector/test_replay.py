@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from rooms_of_triangles import SIZE, WORKLOAD, built
 
+from addon.core.base import native
 from addon.core.inspector import ray_costs, reasons, replay
 from addon.core.overlay import cells
+from addon.core.tree import table
 from addon.core.tree.table import LEAF
 
 SPECS = ["kd", "bsp-wn-plus-kd", "bvh-sah", "bih", "obb", "octree-param", "grid", "brute"]
@@ -65,6 +67,21 @@ def test_a_step_states_its_interval_and_its_tests() -> None:
     assert replay.words(nodes, first)[0].startswith("Node 0: ")
     full = next(step for step in made.steps if step.tests)
     assert replay.words(nodes, full)[-1] == f"{full.tests} of {nodes.counts[full.node]} triangles tested"
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah"])
+def test_a_hit_on_the_side_of_its_leaf_lies_in_it(spec: str) -> None:
+    corners = np.array(list(itertools.product((-1, 1), repeat=3)), np.float32)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([part for a, b, c, d in quads for part in ((a, b, c), (a, c, d))], np.int32)
+    structure = native.load().build(corners, triangles, spec)
+    nodes = table.read(structure, corners, triangles)
+    origin = np.array([7.3589, -6.9258, 4.9583], np.float32)
+    path = cells.follow(structure, origin.tolist(), (-origin / np.linalg.norm(origin)).tolist())
+    assert np.isnan(path.enter).all(), "the hit is rounded to a parameter before the leaf"
+    step = replay.replay(nodes, path).steps[-1]
+    assert step.enter == step.leave == pytest.approx(path.t, rel=1e-6)
+    assert replay.words(nodes, step)[1] == f"Ray interval: {path.t:.4g} to {path.t:.4g}"
 
 
 def test_a_ray_beside_the_scene_visits_nothing_or_the_root() -> None:
