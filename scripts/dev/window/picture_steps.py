@@ -21,7 +21,7 @@ from window_areas import EXTENSION, area_of, within
 
 OUT = Path(os.environ.get("WINDOW_OUT", "/job/out"))
 
-LONGEST = 60
+LONGEST = 300
 """Seconds after which a render counts as hanging."""
 
 found: dict[str, Any] = {}
