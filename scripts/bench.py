@@ -356,7 +356,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
     brief = configurations > MANY
-    # Only a report shows pictures, peak memory and cost maps.
+    # Only a report shows pictures, peak memory, cost maps and the shapes of trees.
     shown = asked.out is not None or not brief
     repeats = asked.repeats if asked.repeats is not None else FEWER if brief else REPEATS
     for name, least, most in (
@@ -376,9 +376,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     samples = [] if asked.curve in ("none", None if shown else CURVE) else specs.numbers(asked.curve, "--curve")
     if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
-        raise UsageError(
-            f"--curve: expected numbers of samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}"
-        )
+        raise UsageError(f"--curve: expected samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
         sets=sets,
@@ -397,6 +395,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         tradeoff=not asked.only_rays and not brief,
         peak=shown and not asked.only_rays,
         maps=shown and not asked.only_rays,
+        shapes=shown,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
         brief=brief,
     )

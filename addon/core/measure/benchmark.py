@@ -302,7 +302,7 @@ class _Run:
                 candidate.work[whole.name] = field.work(counters, answers.hit)
         # Copy the statistics now: each further pass over a lazily built tree adds nodes.
         candidate.statistics = dict(structure.statistics)
-        if candidate.spec != yardstick.SPEC:
+        if candidate.spec != yardstick.SPEC and options.shapes:
             candidate.shape = field.shape(candidate.native)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:

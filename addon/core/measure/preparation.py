@@ -51,7 +51,8 @@ class Options:
     the rays. curve: samples per pixel of the pictures. offsets: distances of the moved grid of touching boxes.
     scaling: whether smaller views are timed. tradeoff: whether errors are measured against the time of a ray, with
     and without error bounds. peak: whether each build is repeated in its own process, to measure its memory. maps:
-    whether cost maps are kept. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
+    whether cost maps are kept. shapes: whether the statistics of trees are computed, which takes longer than the build
+    of a kd-tree. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
     pictures are timed once, and only the usually quickest configuration of each tree gets pictures with more than
     the fewest samples and a measurement of peak memory.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
@@ -74,6 +75,7 @@ class Options:
     tradeoff: bool = False
     peak: bool = False
     maps: bool = False
+    shapes: bool = True
     pass_seconds: float = PASS_SECONDS
     memory_limit: int | None = None
     brief: bool = False
@@ -83,8 +85,10 @@ class Options:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
 
     def identity(self) -> dict[str, Any]:
-        """The options that a finished row depends on; pass_seconds only changes the number of timed rays."""
-        return {key: value for key, value in self.as_dict().items() if key != "pass_seconds"}
+        """The options that a finished row depends on; pass_seconds only changes the number of timed rays, and rows that
+        are kept have shapes.
+        """
+        return {key: value for key, value in self.as_dict().items() if key not in ("pass_seconds", "shapes")}
 
 
 @dataclass(frozen=True)

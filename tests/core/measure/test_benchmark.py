@@ -258,6 +258,8 @@ def test_optional_measurements_are_in_the_row() -> None:
     # Without error bounds the same traversal is wrong on touching boxes; the octree has none without them.
     assert all(point["wrong_unguarded"] > 0 for point in rows["kd"]["offsets"])
     assert rows["octree-net"]["offsets"][0]["wrong_unguarded"] is None
+    assert all(row["field"]["tree"]["nodes"] for row in rows.values())
+    assert measure(["kd"], replace(QUICK, repeats=1, shapes=False))["kd"]["field"]["tree"] is None
 
 
 def test_a_cost_map_is_the_work_of_each_pixel_or_of_tiles_traversed_as_a_whole() -> None:
