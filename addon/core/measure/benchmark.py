@@ -60,6 +60,9 @@ LIVE_BYTES = 4 << 30
 GROUP = 8
 """Number of configurations that are interleaved; their rows finish together. The anchor is timed in each group."""
 
+USUAL_TRIANGLES = 250_000
+"""In a brief benchmark, more triangles than these shorten the passes, whose rays are then slower than usual ones."""
+
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
@@ -291,6 +294,8 @@ class _Run:
             )
             # Limit the timed rays by the speed just measured.
             limit = options.pass_seconds
+            if options.brief:
+                limit *= min(1.0, USUAL_TRIANGLES / max(len(self._workload.triangles), 1))
             if candidate.spec == options.reference:
                 limit = min(limit, ORACLE_SECONDS)
             candidate.checked[whole.name] = len(some) / max(seconds, 1e-9) / 1e6
