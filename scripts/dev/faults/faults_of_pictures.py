@@ -10,6 +10,27 @@ _LINKED = "shadows::linked_lights_shine_on_their_receivers_and_are_shaded_by_the
 
 SURFACES = (
     Fault(
+        "light that leaves a sphere of lights bounded at its centre",
+        "native/render/src/light/emission.rs",
+        "less(beside, [sine, cosine])",
+        "less(beside, [0.0 * sine, cosine.max(1.0)])",
+        ("lib", "emission::tests::light_that_arrives_is_never_bounded_by_zero"),
+    ),
+    Fault(
+        "a spot's bound without the scale of its matrix",
+        "native/render/src/light/shapes/cone.rs",
+        "half.tan() * across / along",
+        "half.tan()",
+        ("lib", "cone::tests::light_leaves_only_into_the_bound"),
+    ),
+    Fault(
+        "lights divided regardless of their directions",
+        "native/render/src/light/division.rs",
+        "self.emission?.measure()",
+        "self.emission.map(|_| 1.0)?",
+        ("lib", "division::tests::lights_of_other_directions_are_separated"),
+    ),
+    Fault(
         "facets seen from the light's side",
         "native/render/src/material/bsdf/facets.rs",
         "facets.d(h) * 0.25 / wi.z",

@@ -31,6 +31,8 @@ use crate::values::visibility::{RayKind, Visibility};
 mod arrival;
 mod compile;
 pub mod direction_map;
+mod division;
+mod emission;
 mod many;
 mod params;
 mod prepared;

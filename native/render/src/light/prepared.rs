@@ -2,6 +2,7 @@
 //! One light: its shape, its strength and an estimate of its contribution to a point.
 
 use crate::light::Receiver;
+use crate::light::emission::Emission;
 use crate::light::programs::Shader;
 use crate::light::shapes::{Area, Disc, Sun, Triangle};
 use crate::light::tree::BoundingSphere;
@@ -54,16 +55,18 @@ impl Light {
 
     /// Returns the bounding sphere of a light at a finite distance.
     pub(super) fn bounding_sphere(&self, light: u32) -> Option<BoundingSphere> {
-        let (centre, radius) = match &self.shape {
-            Shape::Disc(disc) => (disc.centre(), disc.radius),
-            Shape::Area(area) => area.bounding_sphere(),
-            Shape::Triangle(_, triangle) => triangle.bounding_sphere(),
+        let ((centre, radius), emission) = match &self.shape {
+            Shape::Disc(disc) => ((disc.centre(), disc.radius), disc.emission()),
+            Shape::Area(area) => (area.bounding_sphere(), area.emission()),
+            // Both sides of a triangle shine.
+            Shape::Triangle(_, triangle) => (triangle.bounding_sphere(), Emission::ALL),
             Shape::Sun(_) | Shape::World => return None,
         };
         Some(BoundingSphere {
             centre,
             radius,
             brightness: self.brightness,
+            emission,
             light,
         })
     }
@@ -95,6 +98,7 @@ impl Light {
                         centre,
                         radius,
                         brightness: 1.0,
+                        emission: Emission::ALL,
                         light: 0,
                     };
                     sphere.importance(receiver)

@@ -217,6 +217,7 @@ impl Many {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::emission::Emission;
     use crate::light::{LightKind, LightParams};
     use crate::math::vector::vec3;
     use crate::tests::setup::{at, light};
@@ -273,6 +274,7 @@ mod tests {
             (vec3(30.0, 1.0, 0.0), 4.0, 3.0),
         ] {
             let sphere = BoundingSphere {
+                emission: Emission::ALL,
                 centre,
                 radius,
                 brightness: 2.0,

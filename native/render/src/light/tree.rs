@@ -2,11 +2,12 @@
 //! A binary tree over lights, which chooses one of a million in about twenty steps: at each node, each child is
 //! taken with probability proportional to its estimated contribution.
 //!
-//! After Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting", without
-//! their cones, splitting and cost: nodes are halved by number of lights along their longest axis. The same tree
-//! finds the lights that a ray can hit.
+//! After Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting", with their
+//! cones and cost, without splitting. The same tree finds the lights that a ray can hit.
 
 use crate::light::Receiver;
+use crate::light::division;
+use crate::light::emission::Emission;
 use crate::math::vector::{Vec3, vec3};
 
 /// Bounding sphere of a light or of a node's lights, with their total intensity.
@@ -18,14 +19,16 @@ pub struct BoundingSphere {
     pub radius: f32,
     /// Intensity: irradiance at distance 1.
     pub brightness: f32,
+    /// Directions into which the lights shine.
+    pub emission: Emission,
     /// The light; `u32::MAX` for inner nodes.
     pub light: u32,
 }
 
 impl BoundingSphere {
     /// Estimates the irradiance from the sphere: intensity over the squared distance of the centre (inside, over
-    /// the squared radius), multiplied by the largest cosine of any point of the sphere. Zero only where no light
-    /// can arrive.
+    /// the squared radius), multiplied by the largest cosines of any point of the sphere, at the receiver and at the
+    /// light. Zero only where no light can arrive.
     #[inline]
     pub fn importance(&self, receiver: Receiver) -> f32 {
         let to_centre = self.centre - receiver.point;
@@ -34,20 +37,22 @@ impl BoundingSphere {
         if d2 <= r2 || d2 == 0.0 {
             return self.brightness / r2.max(1e-12);
         }
+        let (distance, wide2) = (d2.sqrt(), r2 / d2);
+        let wide = (1.0 - wide2).max(0.0).sqrt();
+        let emitted = (self.emission).towards(to_centre * (-1.0 / distance), [wide2.sqrt(), wide]);
         let cosine = if receiver.normal == Vec3::ZERO {
             1.0
         } else {
             // The largest cosine is cos(angle to the centre - angular radius), or 1 within the radius.
-            let c = receiver.normal.dot(to_centre) / d2.sqrt();
-            let (s2, wide2) = ((1.0 - c * c).max(0.0), r2 / d2);
-            let wide = (1.0 - wide2).max(0.0).sqrt();
+            let c = receiver.normal.dot(to_centre) / distance;
+            let s2 = (1.0 - c * c).max(0.0);
             if c >= wide {
                 1.0
             } else {
                 (c * wide + (s2 * wide2).sqrt()).max(0.0)
             }
         };
-        self.brightness * cosine / d2
+        self.brightness * emitted * cosine / d2
     }
 }
 
@@ -79,10 +84,11 @@ impl LightTree {
         if spheres.is_empty() {
             return tree;
         }
-        // Ranges to be built, with the parent whose second child they become; `u32::MAX` for first children.
-        let mut pending = vec![(0, spheres.len(), u32::MAX)];
+        // Ranges to be built with their depths, and the parent whose second child they become; `u32::MAX` for first
+        // children.
+        let mut pending = vec![(0..spheres.len(), 0, u32::MAX)];
         // Nodes are numbered in depth-first order, so a first child directly follows its parent.
-        while let Some((start, end, second_of)) = pending.pop() {
+        while let Some((range, depth, second_of)) = pending.pop() {
             // Append the node, and enter it as its parent's second child if it is one.
             let number = tree.nodes.len() as u32;
             let parent = if second_of == u32::MAX {
@@ -92,28 +98,28 @@ impl LightTree {
                 second_of
             };
             // Bound the lights of the node.
-            let range = &mut spheres[start..end];
-            let sphere = bounding_sphere(range);
+            let lights = &mut spheres[range.clone()];
+            let sphere = bounding_sphere(lights);
             tree.nodes.push(Node {
                 sphere,
                 parent: if number == 0 { u32::MAX } else { parent },
                 second: 0,
             });
             // A single light is a leaf.
-            if range.len() == 1 {
+            if lights.len() == 1 {
                 tree.leaves[sphere.light as usize] = number;
                 continue;
             }
-            // Halve the range by number along the longest axis of the centres; equal coordinates by index.
-            let axis = longest_axis(range);
-            let middle = range.len() / 2;
-            range.select_nth_unstable_by(middle, |a, b| {
-                let key = |sphere: &BoundingSphere| sphere.centre.array()[axis];
-                key(a).total_cmp(&key(b)).then(a.light.cmp(&b.light))
-            });
-            // Push the second half first, so that the first half directly follows its parent.
-            pending.push((start + middle, end, number));
-            pending.push((start, start + middle, u32::MAX));
+            // Divide by cost, or halve where that is impossible or the tree is deep.
+            let by_cost = if depth < DEEP {
+                division::by_cost(lights)
+            } else {
+                None
+            };
+            let middle = range.start + by_cost.unwrap_or_else(|| division::halve(lights));
+            // Push the second part first, so that the first one directly follows its parent.
+            pending.push((middle..range.end, depth + 1, number));
+            pending.push((range.start..middle, depth + 1, u32::MAX));
         }
         tree
     }
@@ -208,7 +214,7 @@ impl LightTree {
 
     /// Calls `f` with every light whose bounding sphere the ray may touch. `direction` must have unit length.
     pub fn along(&self, origin: Vec3, direction: Vec3, mut f: impl FnMut(usize)) {
-        // Halving by number keeps the depth at most 32, so the stack cannot overflow.
+        // From the depth DEEP on halving by number adds at most 32 levels, so the stack cannot overflow.
         let mut stack = [0_u32; 64];
         let mut count = usize::from(!self.nodes.is_empty());
         while count > 0 {
@@ -234,10 +240,14 @@ impl LightTree {
     }
 }
 
+/// Depth from which on nodes are halved by number.
+const DEEP: u32 = 30;
+
 /// The largest f32 below 1.
 const ONE_MINUS: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Returns a sphere around the bounding box of `spheres`, with the sum of their intensities.
+/// Returns a sphere around the bounding box of `spheres`, with the sum of their intensities, which shines wherever one of
+/// them does.
 fn bounding_sphere(spheres: &[BoundingSphere]) -> BoundingSphere {
     if let [one] = spheres {
         return *one;
@@ -248,20 +258,13 @@ fn bounding_sphere(spheres: &[BoundingSphere]) -> BoundingSphere {
         centre: (low + high) * 0.5,
         radius: (high - low).length() * 0.5,
         brightness: brightness as f32,
+        emission: division::emission(spheres),
         light: u32::MAX,
     }
 }
 
-/// Returns the axis along which the centres extend farthest.
-fn longest_axis(spheres: &[BoundingSphere]) -> usize {
-    let [low, high] = bounds(spheres, false);
-    let size = (high - low).array();
-    let longest = |a: usize, b: usize| if size[b] > size[a] { b } else { a };
-    longest(longest(0, 1), 2)
-}
-
 /// Returns the bounding box of the spheres, or of their centres if not `whole`.
-fn bounds(spheres: &[BoundingSphere], whole: bool) -> [Vec3; 2] {
+pub(super) fn bounds(spheres: &[BoundingSphere], whole: bool) -> [Vec3; 2] {
     // Extend the box by each sphere.
     let mut out = [Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)];
     for sphere in spheres {
@@ -285,6 +288,7 @@ mod tests {
                     centre: vec3((t * 0.7).sin() * 9.0, (t * 1.3).cos() * 7.0, t * 0.01),
                     radius: 0.01 * (1.0 + (t * 2.1).sin()),
                     brightness: 1.0 + (t * 0.3).cos(),
+                    emission: Emission::ALL,
                     light: i,
                 }
             })

@@ -3,6 +3,7 @@
 
 use std::f32::consts::PI;
 
+use crate::light::emission::Emission;
 use crate::light::shapes::LightRay;
 use crate::light::shapes::spherical_rectangle::SphericalRectangle;
 use crate::light::shapes::spread::Spread;
@@ -255,6 +256,11 @@ impl Area {
         // grazing than its centre.
         let d2 = axis.length2();
         (cos / d2.sqrt()).max(0.05) / d2.max(self.area)
+    }
+
+    /// Returns the bound of the directions into which the light shines.
+    pub fn emission(&self) -> Emission {
+        Emission::around(self.normal, self.spread.half_angle())
     }
 
     /// The light as seen from a point, if it is a rectangle whose solid angle can be sampled.

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The cone of a spot light, with the falloff of Cycles.
 
+use std::f32::consts::FRAC_PI_2;
+
+use crate::light::emission::Emission;
 use crate::math::vector::{Vec3, matrix_column, vec3};
 
 /// The cone of a spot light.
@@ -41,6 +44,30 @@ impl Cone {
         })
     }
 
+    /// Returns the bound of the directions into which light leaves.
+    pub(super) fn emission(&self) -> Emission {
+        // The directions that the light's matrix makes of the local cone around -z: a column is a cross product of rows of
+        // the inverse, up to a common factor.
+        let [x, y, z] = self.inverse;
+        let [x, y, z] = [y.cross(z), z.cross(x), x.cross(y)];
+        let sign = if x.dot(self.inverse[0]) < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let [x, y, axis] = [x, y, z * -sign];
+        let [across, along] = [x.length().max(y.length()), axis.length()];
+        // A sheared cone is not symmetric about its axis.
+        let sheared = x.dot(y).abs() + x.dot(axis).abs() + y.dot(axis).abs()
+            > 1e-4 * across * (across + along);
+        let half = self.cos_half.clamp(-1.0, 1.0).acos();
+        if sheared || half >= FRAC_PI_2 {
+            return Emission::ALL;
+        }
+        let reach = (half.tan() * across / along).atan();
+        Emission::around(axis.normalized(), reach)
+    }
+
     /// Returns the attenuation, as in Cycles, of light that leaves in this direction: a smoothstep over the cosine.
     #[inline]
     pub(super) fn attenuation(&self, direction: Vec3) -> f32 {
@@ -52,5 +79,50 @@ impl Cone {
         let cos = -local.z / local.length().max(1e-30);
         let x = ((cos - self.cos_half) * self.smooth).clamp(0.0, 1.0);
         x * x * (3.0 - 2.0 * x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::sampler::PixelSampler;
+
+    /// A matrix with these columns and no translation.
+    fn matrix(columns: [[f64; 3]; 3]) -> [[f64; 4]; 4] {
+        let row = |k: usize| [columns[0][k], columns[1][k], columns[2][k], 0.0];
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    }
+
+    #[test]
+    fn light_leaves_only_into_the_bound() {
+        let (turned, wide) = ([0.6, 0.8, 0.0], [-1.6, 1.2, 0.0]);
+        let matrices = [
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            [turned, wide, [0.0, 0.0, 3.0]],
+            [turned, wide, [0.0, 0.0, -0.5]],
+            [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [0.0, 0.3, 1.0]],
+        ];
+        let sampler = PixelSampler::new(3, 4, 5);
+        for (k, columns) in matrices.into_iter().enumerate() {
+            for size in [0.1, 0.9, 2.5, 3.2] {
+                let cone = Cone::new(&matrix(columns), size, 0.1).unwrap();
+                let bound = cone.emission();
+                let (mut lit, mut bounded) = (0, 0);
+                for i in 0..4096 {
+                    let [u, v] = sampler.pair(i, 0);
+                    let (z, turn) = (2.0 * u - 1.0, std::f32::consts::TAU * v);
+                    let r = (1.0 - z * z).sqrt();
+                    let direction = vec3(r * turn.cos(), r * turn.sin(), z);
+                    let within = bound.towards(direction, [0.0, 1.0]) > 0.0;
+                    bounded += u32::from(within);
+                    if cone.attenuation(direction) > 0.0 {
+                        lit += 1;
+                        assert!(within, "matrix {k}, angle {size}: {direction:?}");
+                    }
+                }
+                // The bound is tight for cones that are no ellipses.
+                assert!(k > 0 || size > 3.0 || f64::from(bounded) < 1.1 * f64::from(lit) + 8.0);
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 
 use std::f32::consts::PI;
 
+use crate::light::emission::Emission;
 use crate::light::shapes::LightRay;
 use crate::light::shapes::cone::Cone;
 use crate::math::trig::sin_cos_turns;
@@ -112,6 +113,11 @@ impl Disc {
     /// Whether it is a sphere.
     pub fn is_sphere(&self) -> bool {
         self.sphere
+    }
+
+    /// Returns the bound of the directions into which the light shines.
+    pub fn emission(&self) -> Emission {
+        self.cone.as_ref().map_or(Emission::ALL, Cone::emission)
     }
 
     /// Returns the centre.

@@ -45,6 +45,11 @@ impl Spread {
         self.tangent == f32::INFINITY
     }
 
+    /// Returns half the cone's angle, in radians.
+    pub fn half_angle(self) -> f32 {
+        self.tangent.atan()
+    }
+
     /// Radius of the circle, on a plane at this distance, whose points shine on a receiver.
     pub fn reach(self, distance: f32) -> f32 {
         self.tangent * distance
