@@ -12,6 +12,9 @@ use crate::math::vector::{Vec3, vec3};
 /// Number of intervals of centres along each axis (theirs).
 const BINS: usize = 12;
 
+/// Groups of more than this number of lights are divided along their longest axes alone, which is faster (chosen).
+const MANY: usize = 1024;
+
 /// Lights whose centres fall into an interval.
 #[derive(Debug, Clone, Copy)]
 struct Group {
@@ -39,21 +42,26 @@ impl Group {
         }
     }
 
+    #[inline(always)]
     fn union(&self, b: &Self) -> Self {
+        // No coordinate is NaN, so each comparison and selection is one instruction.
+        let less = |a: f32, b: f32| if b < a { b } else { a };
+        let more = |a: f32, b: f32| if b > a { b } else { a };
+        let (low, high) = (self.low, self.high);
         Self {
             low: vec3(
-                self.low.x.min(b.low.x),
-                self.low.y.min(b.low.y),
-                self.low.z.min(b.low.z),
+                less(low.x, b.low.x),
+                less(low.y, b.low.y),
+                less(low.z, b.low.z),
             ),
             high: vec3(
-                self.high.x.max(b.high.x),
-                self.high.y.max(b.high.y),
-                self.high.z.max(b.high.z),
+                more(high.x, b.high.x),
+                more(high.y, b.high.y),
+                more(high.z, b.high.z),
             ),
             brightness: self.brightness + b.brightness,
             emission: match (&self.emission, &b.emission) {
-                (Some(a), Some(b)) => Some(a.union(b)),
+                (Some(a), Some(b)) if !a.is_all() => Some(a.union(b)),
                 (a, b) => a.or(*b),
             },
         }
@@ -83,7 +91,8 @@ pub(super) fn by_cost(spheres: &mut [BoundingSphere]) -> Option<usize> {
         ((along * BINS as f32) as usize).min(BINS - 1)
     };
     let mut best: Option<(f32, usize, usize)> = None;
-    for axis in (0..3).filter(|&axis| size[axis] > 0.0 && size[axis].is_finite()) {
+    let divided = |axis: usize| size[axis] == longest || spheres.len() <= MANY;
+    for axis in (0..3).filter(|&axis| size[axis] > 0.0 && size[axis].is_finite() && divided(axis)) {
         let mut bins = [Group::EMPTY; BINS];
         for sphere in &*spheres {
             let own = &mut bins[bin(sphere, axis)];
@@ -108,10 +117,15 @@ pub(super) fn by_cost(spheres: &mut [BoundingSphere]) -> Option<usize> {
         }
     }
     let (_, axis, boundary) = best?;
-    // Both sides hold a light, since both costs exist.
-    let above = |sphere: &BoundingSphere| bin(sphere, axis) >= boundary;
-    spheres.sort_unstable_by_key(|sphere| (above(sphere), sphere.light));
-    Some(spheres.partition_point(|sphere| !above(sphere)))
+    // Move the lights below the boundary to the front. Both sides hold a light, since both costs exist.
+    let mut below = 0;
+    for i in 0..spheres.len() {
+        if bin(&spheres[i], axis) < boundary {
+            spheres.swap(below, i);
+            below += 1;
+        }
+    }
+    Some(below)
 }
 
 /// Moves the half of the lights with smaller centres along their longest axis to the front, equal ones by index; returns
@@ -148,7 +162,11 @@ mod tests {
     fn divided(mut spheres: Vec<BoundingSphere>) -> [Vec<u32>; 2] {
         let middle = by_cost(&mut spheres).unwrap();
         let (a, b) = spheres.split_at(middle);
-        [a, b].map(|side| side.iter().map(|sphere| sphere.light).collect())
+        [a, b].map(|side| {
+            let mut lights: Vec<u32> = side.iter().map(|sphere| sphere.light).collect();
+            lights.sort_unstable();
+            lights
+        })
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub struct Emission {
     turned: [f32; 2],
     /// Cosine of the reach.
     edge: f32,
+    /// Measure of the directions, weighted by their cosines to the nearest axis (§4.4 there).
+    measure: f32,
 }
 
 impl Emission {
@@ -33,6 +35,7 @@ impl Emission {
         reach: FRAC_PI_2,
         turned: [0.0, -1.0],
         edge: 0.0,
+        measure: 4.0 * PI,
     };
 
     /// Directions around a unit vector, within an angle of at most a right one.
@@ -44,16 +47,22 @@ impl Emission {
         let (sine, cosine) = spread.sin_cos();
         // At a right angle light still arrives from points beside the middle; rounding must not make the bound tighter.
         let edge = if reach < FRAC_PI_2 { reach.cos() } else { 0.0 };
+        let wide = (spread + reach).min(PI);
+        let core = 2.0 * PI * (1.0 - cosine);
+        let rim = 2.0 * wide * sine - (spread - 2.0 * wide).cos() - 2.0 * spread * sine + cosine;
         Self {
             axis,
             spread,
             reach,
             turned: [sine, cosine],
             edge,
+            measure: core + FRAC_PI_2 * rim,
         }
     }
 
-    fn is_all(&self) -> bool {
+    /// Whether light may leave in every direction.
+    #[inline(always)]
+    pub fn is_all(&self) -> bool {
         self.spread >= PI
     }
 
@@ -97,13 +106,9 @@ impl Emission {
         if least > self.edge { least } else { 0.0 }
     }
 
-    /// Returns the measure of the directions, weighted by their cosines to the nearest axis (§4.4 there).
+    /// Returns the measure of the directions, weighted by their cosines to the nearest axis.
     pub fn measure(&self) -> f32 {
-        let (wide, [sine, cosine]) = ((self.spread + self.reach).min(PI), self.turned);
-        let core = 2.0 * PI * (1.0 - cosine);
-        let rim = 2.0 * wide * sine - (self.spread - 2.0 * wide).cos() - 2.0 * self.spread * sine
-            + cosine;
-        core + FRAC_PI_2 * rim
+        self.measure
     }
 }
 

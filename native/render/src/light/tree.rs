@@ -110,8 +110,8 @@ impl LightTree {
                 tree.leaves[sphere.light as usize] = number;
                 continue;
             }
-            // Divide by cost, or halve where that is impossible or the tree is deep.
-            let by_cost = if depth < DEEP {
+            // Divide by cost, or halve where that is impossible, gains little, or the tree is deep.
+            let by_cost = if depth < DEEP && lights.len() > FEW {
                 division::by_cost(lights)
             } else {
                 None
@@ -239,6 +239,10 @@ impl LightTree {
         }
     }
 }
+
+/// Nodes of at most this number of lights are halved by number, since their costs would take most of the time of large
+/// trees (chosen).
+const FEW: usize = 4;
 
 /// Depth from which on nodes are halved by number.
 const DEEP: u32 = 30;
