@@ -376,7 +376,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     samples = [] if asked.curve in ("none", None if shown else CURVE) else specs.numbers(asked.curve, "--curve")
     if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
-        raise UsageError(f"--curve: expected samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}")
+        raise UsageError(f"--curve: expected numbers of samples up to {curve.MOST_SAMPLES}, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
         sets=sets,
