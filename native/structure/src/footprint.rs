@@ -52,8 +52,8 @@ struct ByFootprint {
     diagonal: OnceLock<f32>,
 }
 
-/// `packets` answer batches in whose middle the mean triangle of the scene is smaller than the limit, and `tiles` the
-/// others.
+/// Returns a kernel that sends batches to `packets` where the mean triangle of the scene is smaller than the limit at
+/// the median hit, and the others to `tiles`.
 pub fn closest_by_footprint(
     tiles: Arc<dyn Kernel<Closest>>,
     packets: Arc<dyn Kernel<Closest>>,
@@ -123,7 +123,8 @@ fn distance(a: &Ray, b: &Ray, t: f32) -> f32 {
     length([0, 1, 2].map(|k| (b.o[k] - a.o[k]) + t * (b.d[k] - a.d[k])))
 }
 
-/// The mean diagonal of the boxes of triangles that rays can hit; of many, every so many triangles count.
+/// Returns the mean diagonal of the boxes of triangles that rays can hit. Averages at most [`TRIANGLES`] of them, at
+/// equal steps of their list.
 fn mean_diagonal(scene: &Triangles) -> f32 {
     let live = scene.live();
     let step = live.len().div_ceil(TRIANGLES).max(1);
