@@ -5,7 +5,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use crate::math::vector::{Frame, Vec3, vec3};
+use crate::math::vector::{Frame, Vec3, angle, vec3};
 
 /// Angle in radians that is added to bounds, more than their rounding errors.
 const SLACK: f32 = 2e-3;
@@ -110,11 +110,6 @@ impl Emission {
     pub fn measure(&self) -> f32 {
         self.measure
     }
-}
-
-/// Returns the angle between two vectors, in radians. The arc cosine would lose small angles.
-fn angle(a: Vec3, b: Vec3) -> f32 {
-    a.cross(b).length().atan2(a.dot(b))
 }
 
 /// Returns the cosine of an angle, given by its cosine, less another one, given by its sine and cosine; 1 if the other is

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! f32 vectors, colours and frames for shading.
 
+use halfspace_geom::vec3::{length, sub, widen};
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};
 
 /// Range of squared lengths within which the squares of components neither overflow nor lose digits that count.
@@ -203,6 +204,13 @@ impl Neg for Vec3 {
     fn neg(self) -> Self {
         vec3(-self.x, -self.y, -self.z)
     }
+}
+
+/// Returns the angle between two directions of unit length, radians.
+pub fn angle(a: Vec3, b: Vec3) -> f32 {
+    // The chord keeps small angles, which the cosine rounds away.
+    let chord = length(sub(widen(a.array()), widen(b.array())));
+    (2.0 * (0.5 * chord).min(1.0).asin()) as f32
 }
 
 /// A right-handed orthonormal frame whose third axis is a given unit vector.

@@ -3,7 +3,7 @@
 
 use crate::math::vector::Vec3;
 use crate::path::beams::polygons::Plane;
-use halfspace_geom::vec3::{add_scaled, dot, length, map, sub, widen};
+use halfspace_geom::vec3::{add_scaled, dot, length, map, widen};
 use halfspace_ray::Ray;
 
 /// What the rays of a beam share.
@@ -115,17 +115,10 @@ impl Source {
     }
 }
 
-/// Returns the angle between two directions of unit length, radians.
-pub fn angle(a: Vec3, b: Vec3) -> f32 {
-    // The chord keeps small angles, which the cosine rounds away.
-    let chord = length(sub(widen(a.array()), widen(b.array())));
-    (2.0 * (0.5 * chord).min(1.0).asin()) as f32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::vector::vec3;
+    use crate::math::vector::{angle, vec3};
     use std::f32::consts::FRAC_PI_2;
 
     /// The plane z = 1.

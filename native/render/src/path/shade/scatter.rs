@@ -3,8 +3,8 @@
 
 use crate::light::Receiver;
 use crate::material::bsdf::{Bsdf, LobeFilter, Scatter};
-use crate::math::vector::{Frame, Vec3};
-use crate::path::beams::source::{Event, angle};
+use crate::math::vector::{Frame, Vec3, angle};
+use crate::path::beams::source::Event;
 use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
