@@ -212,4 +212,32 @@ PICTURES = (
         "true",
         ("lib", "values::evaluate::tests::wrong_arrays_and_references_are_named"),
     ),
+    Fault(
+        "a gradient of noise in lanes without its last case",
+        "native/render/src/values/texture/perlin_lanes.rs",
+        "(h & 13).simd_eq(12)",
+        "(h & 15).simd_eq(12)",
+        ("lib", "perlin_lanes::tests::noise_is_that_of_single_points"),
+    ),
+    Fault(
+        "noise in lanes with the octaves of the first point",
+        "native/render/src/values/texture/fractal_lanes.rs",
+        "one.detail == first.detail",
+        "true",
+        ("lib", "wide::tests::eight_points_get_the_values_of_each"),
+    ),
+    Fault(
+        "a step in lanes not clamped",
+        "native/render/src/values/program/wide.rs",
+        "if *clamp { x.map(clamp_unit) } else { x }",
+        "x",
+        ("lib", "wide::tests::eight_points_get_the_values_of_each"),
+    ),
+    Fault(
+        "hits that get the values of the first of their lanes",
+        "native/render/src/path/shade/programs.rs",
+        "wide.map(|lanes| lanes[lane])",
+        "wide.map(|lanes| lanes[0])",
+        ("lib", "programs_ahead::a_picture_is_that_of_its_pixels_one_by_one"),
+    ),
 )

@@ -66,6 +66,8 @@ pub struct Material {
     pub transparent: bool,
     /// Whether its program traces rays.
     pub traces_rays: bool,
+    /// Whether its program runs ahead of shading, at several points at once.
+    pub runs_ahead: bool,
     /// Whether it can emit.
     pub emits: bool,
     /// Whether some emission passes through a coat and so depends on the direction.
@@ -131,6 +133,7 @@ impl Material {
             catcher: params.catcher && !params.hole,
             transparent: any(Closure::may_be_transparent),
             traces_rays,
+            runs_ahead: program.gains_in_lanes() && !traces_rays,
             emits: any(Closure::may_emit),
             dims_emission: any(Closure::dims_emission),
             reflects: any(|c| c.may_reflect() || c.may_be_rough() || c.is_hair()),

@@ -14,6 +14,7 @@ use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
 /// A surface point hit by a ray.
+#[derive(Clone, Copy)]
 pub struct Surface<'a> {
     /// Position, interpolated from the vertices, which keeps its error at a few units in the last place.
     pub point: Vec3,

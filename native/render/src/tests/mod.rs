@@ -11,6 +11,7 @@ mod light_passes;
 mod motion;
 mod negative;
 mod passes;
+mod programs_ahead;
 mod same_picture;
 mod secondary_beams;
 pub(crate) mod setup;

@@ -4,11 +4,12 @@
 use crate::check::{Error, Result};
 use crate::math::vector::Vec3;
 use crate::values::image::Image;
-use crate::values::program::{Op, Operand, Program, Step, Value, read};
+use crate::values::program::{LANES, Op, Operand, Program, Step, Value, read, read_one};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::varying::Varying;
 use crate::values::view::History;
 use crate::values::visibility::RayKind;
+use halfspace_base::simd;
 
 /// A program, and the points at which its result is computed.
 #[derive(Debug, Default)]
@@ -48,16 +49,25 @@ impl Evaluation {
         for op in program.ops() {
             self.check_reference(op)?;
         }
-        // Run the program at each point.
-        let mut registers = Vec::new();
-        let points = self.positions.iter().zip(&self.normals).enumerate();
-        Ok(points
-            .map(|(i, (&position, &normal))| {
-                let point = self.point(i, position.into(), normal.into());
-                program.run(&self.images, &point, &mut registers);
+        // Run the program at each point, or at eight together. Free lanes repeat the last point.
+        let point = |i: usize| self.point(i, self.positions[i].into(), self.normals[i].into());
+        let (mut registers, mut wide) = (Vec::new(), Vec::new());
+        if !program.gains_in_lanes() {
+            let points = (0..count).map(|i| {
+                program.run(&self.images, &point(i), &mut registers);
                 read(roots[0], &registers)
-            })
-            .collect())
+            });
+            return Ok(points.collect());
+        }
+        let mut values = Vec::with_capacity(count);
+        while values.len() < count {
+            let begin = values.len();
+            let points = std::array::from_fn(|lane| point((begin + lane).min(count - 1)));
+            program.run_wide(simd::level(), &self.images, &points, &mut wide);
+            let lanes = (0..LANES.min(count - begin)).map(|lane| read_one(roots[0], &wide, lane));
+            values.extend(lanes);
+        }
+        Ok(values)
     }
 
     /// The point of this index.
@@ -104,7 +114,8 @@ impl Evaluation {
 mod tests {
     use super::*;
     use crate::values::math_nodes::Math;
-    use crate::values::program::{Coordinate, Shift};
+    use crate::values::program::{Coordinate, Noise, Shift, Spread};
+    use crate::values::texture::fractal::NoiseKind;
     use crate::values::varying::Layer;
 
     /// The product of a layer's value and the position along x, at two points.
@@ -140,6 +151,38 @@ mod tests {
     fn each_point_has_its_own_value() {
         let values = evaluation().run().unwrap();
         assert_eq!([values[0][0], values[1][0]], [6.0, 35.0]);
+    }
+
+    #[test]
+    fn noise_at_many_points_is_that_at_each() {
+        let noise = Op::Noise(Noise {
+            spread: Spread {
+                dimensions: 3,
+                color: false,
+            },
+            kind: NoiseKind::Sum,
+            normalize: true,
+        });
+        let at = |positions: &[[f32; 3]]| {
+            let mut cloud = evaluation();
+            let mut args = vec![Operand::Register(1)];
+            args.extend([0.0, 3.0, 2.0, 0.5, 2.0, 0.0, 0.0, 0.0].map(Operand::number));
+            cloud.steps[2] = Step {
+                op: noise.clone(),
+                args,
+            };
+            cloud.positions = positions.to_vec();
+            cloud.normals = vec![[0.0, 0.0, 1.0]; positions.len()];
+            cloud.varying.layers[0].values = vec![2.0; 9 * positions.len()];
+            cloud.run().unwrap()
+        };
+        let positions: Vec<_> = (0..11_u8)
+            .map(|i| [0.3 * f32::from(i), 1.7, -0.2])
+            .collect();
+        let each: Vec<_> = positions.iter().flat_map(|&one| at(&[one])).collect();
+        assert_eq!(at(&positions), each);
+        assert_ne!(each[0], each[10]);
+        assert!(at(&[]).is_empty());
     }
 
     #[test]

@@ -137,6 +137,7 @@ fn smooth_min(a: f32, b: f32, c: f32) -> f32 {
 
 impl Math {
     /// Evaluates the operation for the node's three inputs.
+    #[inline(always)]
     pub fn eval(self, a: f32, b: f32, c: f32) -> f32 {
         // Comparisons return 1 or 0.
         let truth = |x: bool| f32::from(u8::from(x));
@@ -208,6 +209,7 @@ fn refract(a: Vec3, n: Vec3, eta: f32) -> Vec3 {
 
 impl VectorMath {
     /// Evaluates the operation for the node's inputs; a scalar result is returned in all three components.
+    #[inline(always)]
     pub fn eval(self, a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
         match self {
             Self::Add => a + b,
@@ -259,6 +261,7 @@ impl VectorMath {
 
 impl Blend {
     /// Blends `a` with `b` by the factor `t`.
+    #[inline(always)]
     pub fn eval(self, t: f32, a: Vec3, b: Vec3) -> Vec3 {
         // Most modes interpolate between `a` and their result.
         let s = 1.0 - t;

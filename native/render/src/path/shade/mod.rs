@@ -9,6 +9,7 @@ use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
 use crate::path::calls::Cancelled;
 use crate::path::shade::output::{Extra, Output};
+use crate::path::shade::programs::Programs;
 use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
@@ -26,6 +27,7 @@ mod emission;
 mod light_samples;
 mod output;
 mod portal;
+mod programs;
 mod scatter;
 mod subsurface;
 mod volume;
@@ -104,10 +106,12 @@ fn shade<
     let mut splits = Vec::new();
     let mut unseen = PixelSample::EMPTY;
     let mut bsdf = Bsdf::empty();
+    let mut programs = Programs::new(context);
     for i in 0..rays.len() {
         if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
             return Err(Cancelled);
         }
+        let known = programs.ready::<SMOOTH>(context, i, (rays, hits, paths, walks), registers);
         ahead.fetch(hits, i);
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
@@ -130,6 +134,7 @@ fn shade<
             extra,
             shadows: &mut *shadows,
             registers: &mut *registers,
+            has_run: known.is_some(),
             light_registers: &mut *light_registers,
             work: &mut *work,
             source: sources.get(i).copied().unwrap_or(Source::None),
@@ -139,23 +144,20 @@ fn shade<
             scratch: &mut *scratch,
             seed: 0,
         };
-        if let Some(next) = shader.shade_hit(&ray, &hits[i], &mut path, &mut bsdf, &mut out) {
+        if let Some(next) = shader.shade_hit(&ray, &hits[i], known, &mut path, &mut bsdf, &mut out)
+        {
             rays[kept] = next;
-            if !sources.is_empty() {
-                sources[kept] = out.next;
-            }
-            if EXTRA
-                && let Some(extra) = &out.extra
-                && !shares.is_empty()
-            {
-                shares[kept] = extra.shares;
-            }
-            if let Some(stack) = out.media {
-                media[kept] = stack;
-            }
-            if !walks.is_empty() {
-                walks[kept] = out.walk;
-            }
+            set(sources, kept, Some(out.next));
+            set(
+                shares,
+                kept,
+                out.extra
+                    .as_ref()
+                    .filter(|_| EXTRA)
+                    .map(|extra| extra.shares),
+            );
+            set(media, kept, out.media);
+            set(walks, kept, Some(out.walk));
             paths[kept] = path;
             kept += 1;
         }
@@ -164,6 +166,14 @@ fn shade<
     // Append the paths that shadow catchers split off.
     splits.into_iter().for_each(|split| split.append(wave));
     Ok(())
+}
+
+/// Stores what a path that continues has of a kind of data, unless no path has any.
+#[inline(always)]
+fn set<T>(all: &mut [T], index: usize, own: Option<T>) {
+    if let (Some(place), Some(own)) = (all.get_mut(index), own) {
+        *place = own;
+    }
 }
 
 /// Continues a ray behind a surface that does not exist for it.
@@ -238,12 +248,13 @@ impl<
         self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
     }
 
-    /// Shades one hit. Returns the next ray if the path continues.
+    /// Shades one hit. `known`: its surface, if its program has run. Returns the next ray if the path continues.
     #[inline(always)]
     fn shade_hit(
         &self,
         ray: &Ray,
         hit: &Hit,
+        known: Option<Surface<'a>>,
         path: &mut Path,
         bsdf: &mut Bsdf<GLOSSY, GLASS, LOBES>,
         out: &mut Output<'_, EXTRA>,
@@ -272,7 +283,7 @@ impl<
             return None;
         }
         // Find the surface; rays to which it is invisible pass through it.
-        let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
+        let mut surface = known.unwrap_or_else(|| Surface::at::<SMOOTH>(scene, hit, d));
         out.work.normals_fetched += u64::from(SMOOTH);
         if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
             || EXTRA && path.catch == Catch::OnlyCatchers && !surface.material.catcher
@@ -357,14 +368,13 @@ impl<
         if material.program.is_empty() {
             return;
         }
-        let mut point = surface.shading_point(scene, d, path.kind);
-        // Reflected rays see about as much of a surface as a camera at their origin would.
-        point.footprint = self.context.camera.pixel_width(path.passed + distance);
-        point.view = Some(self.context.camera.view());
-        point.history = path.history(distance);
-        if self.features.program_rays && material.traces_rays {
+        if out.has_run {
+            // The registers hold the results.
+        } else if self.features.program_rays && material.traces_rays {
+            let point = programs::point(self.context, surface, d, distance, path);
             around::run(self.context, path.sample(), surface, point, path, out);
         } else {
+            let point = programs::point(self.context, surface, d, distance, path);
             material.program.run(&scene.images, &point, out.registers);
         }
         out.work.shaded_textures += 1;

@@ -24,6 +24,8 @@ pub(super) struct Output<'a, const EXTRA: bool> {
     pub(super) shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
     pub(super) registers: &'a mut Vec<Value>,
+    /// Whether the registers hold the results of the surface's program already.
+    pub(super) has_run: bool,
     /// Registers of the programs of emitters.
     pub(super) light_registers: &'a mut Vec<Value>,
     pub(super) work: &'a mut Work,

@@ -11,12 +11,14 @@ mod compile;
 mod op;
 mod pure;
 mod textures;
+mod wide;
 
 pub use crate::values::program::op::{
     Bump, CellOutput, Cells, ColorModel, Coordinate, Ease, Gradient, Noise, Op, Shift, Space,
     Spread, VectorKind,
 };
 use crate::values::program::pure::pure;
+pub use crate::values::program::wide::{LANES, Wide, read_one};
 
 /// The value of a step: a colour and its alpha, a vector, or a number repeated three times.
 pub type Value = [f32; 4];
@@ -79,79 +81,89 @@ impl Program {
     /// Evaluates all steps at a point and writes their results to `registers`.
     pub fn run(&self, images: &[Image], point: &ShadingPoint<'_>, registers: &mut Vec<Value>) {
         registers.clear();
-        // Operations that depend on the point are handled here, all others by `pure`.
+        // Each step appends its register.
         for step in &self.steps {
-            let arg = |k: usize| read(step.args[k], registers);
-            let value = match &step.op {
-                Op::Image {
-                    image,
-                    interpolation,
-                    extension,
-                    unassociate,
-                    panorama,
-                } => {
-                    // A panorama is addressed by direction, any other image by (u, v).
-                    let [x, y, z, _] = arg(0);
-                    let [u, v] = if *panorama {
-                        direction_to_uv(vec3(x, y, z))
-                    } else {
-                        [x, y]
-                    };
-                    let image = &images[usize::from(*image)];
-                    image.at(u, v, *interpolation, *extension, *unassociate)
-                }
-                Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
-                Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
-                Op::ObjectValue(column) => point.object_value(*column),
-                Op::Voxels => point.voxels(arg(0)[0], rgb(arg(1)), arg(2)),
-                Op::Transform(kind, from, to) => {
-                    vector(point.transformed(rgb(arg(0)), *kind, *from, *to))
-                }
-                Op::Fresnel => {
-                    // Inside the surface light leaves, so the relative index is inverted.
-                    let ior = arg(0)[0].max(1e-5);
-                    let eta = if point.inside { 1.0 / ior } else { ior };
-                    number(fresnel::dielectric(point.cosine(), eta).0)
-                }
-                Op::LayerFresnel => {
-                    // The blend factor of Layer Weight is one minus the inverse index.
-                    let eta = (1.0 - arg(0)[0]).max(1e-5);
-                    let eta = if point.inside { eta } else { 1.0 / eta };
-                    number(fresnel::dielectric(point.cosine(), eta).0)
-                }
-                Op::LayerFacing => {
-                    // Blender's curve from the blend factor to the exponent.
-                    let blend = arg(0)[0].clamp(0.0, 1.0 - 1e-5);
-                    let exponent = if blend < 0.5 {
-                        2.0 * blend
-                    } else {
-                        0.5 / (1.0 - blend)
-                    };
-                    number(1.0 - point.cosine().powf(exponent))
-                }
-                Op::Wireframe(pixels) => {
-                    number(f32::from(u8::from(point.is_near_edge(arg(0)[0], *pixels))))
-                }
-                Op::NormalMap(layer) => vector(point.mapped_normal(*layer, rgb(arg(0)), arg(1)[0])),
-                Op::NormalMapSpace(object) => {
-                    vector(point.normal_from_color(*object, rgb(arg(0)), arg(1)[0]))
-                }
-                Op::Bump(bump) => {
-                    let heights = [0, 1, 2].map(|k| arg(k)[0]);
-                    let [strength, distance] = [3, 4].map(|k| arg(k)[0]);
-                    vector(point.bumped_normal(*bump, heights, strength, distance, rgb(arg(5))))
-                }
-                Op::Occlusion(settings) => {
-                    number(point.unoccluded(*settings, rgb(arg(1)), arg(0)[0]))
-                }
-                Op::Bevel(samples) => vector(point.bevelled(*samples, arg(0)[0])),
-                Op::Raycast(settings) => {
-                    vector(point.cast(*settings, rgb(arg(0)), rgb(arg(1)), arg(2)[0]))
-                }
-                op => pure(op, arg),
-            };
-            // Each step appends its register.
+            let value = step.evaluate(images, point, |k| read(step.args[k], registers));
             registers.push(value.map(finite_or_zero));
+        }
+    }
+}
+
+impl Step {
+    /// Evaluates the step at a point. `arg`: returns an argument.
+    #[inline(always)]
+    fn evaluate(
+        &self,
+        images: &[Image],
+        point: &ShadingPoint<'_>,
+        arg: impl Fn(usize) -> Value,
+    ) -> Value {
+        // Operations that depend on the point are handled here, all others by `pure`.
+        match &self.op {
+            Op::Image {
+                image,
+                interpolation,
+                extension,
+                unassociate,
+                panorama,
+            } => {
+                // A panorama is addressed by direction, any other image by (u, v).
+                let [x, y, z, _] = arg(0);
+                let [u, v] = if *panorama {
+                    direction_to_uv(vec3(x, y, z))
+                } else {
+                    [x, y]
+                };
+                let image = &images[usize::from(*image)];
+                image.at(u, v, *interpolation, *extension, *unassociate)
+            }
+            Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
+            Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
+            Op::ObjectValue(column) => point.object_value(*column),
+            Op::Voxels => point.voxels(arg(0)[0], rgb(arg(1)), arg(2)),
+            Op::Transform(kind, from, to) => {
+                vector(point.transformed(rgb(arg(0)), *kind, *from, *to))
+            }
+            Op::Fresnel => {
+                // Inside the surface light leaves, so the relative index is inverted.
+                let ior = arg(0)[0].max(1e-5);
+                let eta = if point.inside { 1.0 / ior } else { ior };
+                number(fresnel::dielectric(point.cosine(), eta).0)
+            }
+            Op::LayerFresnel => {
+                // The blend factor of Layer Weight is one minus the inverse index.
+                let eta = (1.0 - arg(0)[0]).max(1e-5);
+                let eta = if point.inside { eta } else { 1.0 / eta };
+                number(fresnel::dielectric(point.cosine(), eta).0)
+            }
+            Op::LayerFacing => {
+                // Blender's curve from the blend factor to the exponent.
+                let blend = arg(0)[0].clamp(0.0, 1.0 - 1e-5);
+                let exponent = if blend < 0.5 {
+                    2.0 * blend
+                } else {
+                    0.5 / (1.0 - blend)
+                };
+                number(1.0 - point.cosine().powf(exponent))
+            }
+            Op::Wireframe(pixels) => {
+                number(f32::from(u8::from(point.is_near_edge(arg(0)[0], *pixels))))
+            }
+            Op::NormalMap(layer) => vector(point.mapped_normal(*layer, rgb(arg(0)), arg(1)[0])),
+            Op::NormalMapSpace(object) => {
+                vector(point.normal_from_color(*object, rgb(arg(0)), arg(1)[0]))
+            }
+            Op::Bump(bump) => {
+                let heights = [0, 1, 2].map(|k| arg(k)[0]);
+                let [strength, distance] = [3, 4].map(|k| arg(k)[0]);
+                vector(point.bumped_normal(*bump, heights, strength, distance, rgb(arg(5))))
+            }
+            Op::Occlusion(settings) => number(point.unoccluded(*settings, rgb(arg(1)), arg(0)[0])),
+            Op::Bevel(samples) => vector(point.bevelled(*samples, arg(0)[0])),
+            Op::Raycast(settings) => {
+                vector(point.cast(*settings, rgb(arg(0)), rgb(arg(1)), arg(2)[0]))
+            }
+            op => pure(op, arg),
         }
     }
 }

@@ -125,13 +125,13 @@ fn mapped(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
 
 /// Clamps a number to 0..1.
 #[inline(always)]
-fn clamp_unit(x: f32) -> f32 {
+pub(super) fn clamp_unit(x: f32) -> f32 {
     x.clamp(0.0, 1.0)
 }
 
 /// Transforms a point by an affine map.
 #[inline(always)]
-fn transform(rows: &[[f32; 4]; 3], p: Vec3) -> Value {
+pub(super) fn transform(rows: &[[f32; 4]; 3], p: Vec3) -> Value {
     let [a, b, c] = rows.map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]);
     [a, b, c, 1.0]
 }
@@ -185,9 +185,13 @@ fn euler(p: Vec3, angles: Vec3, invert: bool) -> Vec3 {
 
 /// Whether a position lies in a cell of the checker's first colour.
 #[inline(always)]
-fn on_first_square(p: Vec3) -> bool {
+pub(super) fn on_first_square(p: Vec3) -> bool {
     // Shift and scale slightly, so that positions on cell boundaries do not flicker.
-    let cell = p.map(|c| ((c + 1e-6) * 0.999_999).floor().abs() % 2.0);
+    // Subtract the even number below.
+    let cell = p.map(|c| {
+        let cell = ((c + 1e-6) * 0.999_999).floor().abs();
+        cell - 2.0 * (0.5 * cell).floor()
+    });
     (cell.x == cell.y) == (cell.z == 1.0)
 }
 

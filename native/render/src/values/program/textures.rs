@@ -63,10 +63,10 @@ pub fn texture(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
     }
 }
 
-/// The Noise Texture.
-fn fractal(noise: &Noise, arg: impl Fn(usize) -> Value) -> Value {
-    let x = |k: usize| arg(k)[0];
-    let fractal = Fractal {
+/// The parameters of the Noise Texture. `x`: returns the first component of an argument.
+#[inline(always)]
+pub(super) fn fractal_of(noise: &Noise, x: impl Fn(usize) -> f32) -> Fractal {
+    Fractal {
         kind: noise.kind,
         detail: x(3),
         roughness: x(4),
@@ -75,7 +75,13 @@ fn fractal(noise: &Noise, arg: impl Fn(usize) -> Value) -> Value {
         gain: x(7),
         distortion: x(8),
         normalize: noise.normalize,
-    };
+    }
+}
+
+/// The Noise Texture.
+fn fractal(noise: &Noise, arg: impl Fn(usize) -> Value) -> Value {
+    let x = |k: usize| arg(k)[0];
+    let fractal = fractal_of(noise, x);
     let (p, w) = (rgb(arg(0)) * x(2), x(1) * x(2));
     // A colour takes three evaluations, so it is computed only if it is used.
     macro_rules! at {

@@ -7,6 +7,9 @@ use crate::values::math_nodes::named;
 use crate::values::texture::hash::unit;
 use crate::values::texture::perlin::signed;
 
+/// Largest number of octaves after the first.
+pub(super) const MAX_DETAIL: f32 = 15.0;
+
 named! {
     /// How octaves are combined.
     NoiseKind {
@@ -60,7 +63,7 @@ impl Fractal {
 
     fn octaves<const N: usize>(self, p: [f32; N]) -> f32 {
         let settings = Self {
-            detail: self.detail.clamp(0.0, 15.0),
+            detail: self.detail.clamp(0.0, MAX_DETAIL),
             roughness: self.roughness.max(0.0),
             ..self
         };
@@ -181,14 +184,17 @@ fn scaled<const N: usize>(p: [f32; N], factor: f32) -> [f32; N] {
 
 /// Shifts a position by 100 to 200 along each axis, which decorrelates the noise.
 fn moved<const N: usize>(p: [f32; N], seed: f32) -> [f32; N] {
-    std::array::from_fn(|k| {
-        let shift = if N == 1 {
-            unit([seed])
-        } else {
-            unit([seed, k as f32])
-        };
-        p[k] + (100.0 + 100.0 * shift)
-    })
+    std::array::from_fn(|k| p[k] + shift::<N>(seed, k))
+}
+
+/// The shift of [`moved`] along an axis.
+pub(super) fn shift<const N: usize>(seed: f32, axis: usize) -> f32 {
+    let shift = if N == 1 {
+        unit([seed])
+    } else {
+        unit([seed, axis as f32])
+    };
+    100.0 + 100.0 * shift
 }
 
 #[cfg(test)]

@@ -4,16 +4,27 @@
 
 use crate::math::vector::{Vec3, vec3};
 
+/// Rotations of the rounds of lookup3 that mix three words reversibly, as far as a key of four words takes them.
+pub(super) const LOOKUP3_FOURTH: [(u32, u32, u32); 2] = [(4, 6, 8), (16, 19, 4)];
+
+/// Rotations of the final mix of lookup3 but for its last step.
+pub(super) const LOOKUP3_FINAL: [(u32, u32, u32); 2] = [(14, 11, 25), (16, 4, 14)];
+
+/// What all three words of lookup3 start with for a key of this many words.
+pub(super) const fn lookup3_start(words: usize) -> u32 {
+    0xdead_beef_u32.wrapping_add(((words as u32) << 2) + 13)
+}
+
 /// Hashes one to four words with lookup3.
 #[inline(always)]
 pub fn lookup3<const N: usize>(key: [u32; N]) -> u32 {
     // Start all three words with the length of the key, and add the first three words of it.
-    let start = 0xdead_beef_u32.wrapping_add(((N as u32) << 2) + 13);
+    let start = lookup3_start(N);
     let word = |k: usize| key.get(k).copied().unwrap_or(0);
     let [mut a, mut b, mut c] = [0, 1, 2].map(|k| start.wrapping_add(word(k)));
     // A fourth word is added after a round that mixes the others reversibly.
     if N == 4 {
-        for (x, y, z) in [(4, 6, 8), (16, 19, 4)] {
+        for (x, y, z) in LOOKUP3_FOURTH {
             a = a.wrapping_sub(c) ^ c.rotate_left(x);
             c = c.wrapping_add(b);
             b = b.wrapping_sub(a) ^ a.rotate_left(y);
@@ -24,7 +35,7 @@ pub fn lookup3<const N: usize>(key: [u32; N]) -> u32 {
         a = a.wrapping_add(word(3));
     }
     // The final mix.
-    for (x, y, z) in [(14, 11, 25), (16, 4, 14)] {
+    for (x, y, z) in LOOKUP3_FINAL {
         c = (c ^ b).wrapping_sub(b.rotate_left(x));
         a = (a ^ c).wrapping_sub(c.rotate_left(y));
         b = (b ^ a).wrapping_sub(a.rotate_left(z));

@@ -2,10 +2,12 @@
 //! Procedural textures, with the values of Blender's.
 
 pub mod fractal;
+pub mod fractal_lanes;
 pub mod gabor;
 mod hash;
 pub mod pattern;
 mod perlin;
+mod perlin_lanes;
 pub mod radial;
 pub mod voronoi;
 

@@ -5,10 +5,10 @@
 use crate::values::texture::hash::lookup3;
 
 /// Factors that scale the sums of gradients to -1..1, by the number of dimensions; the values of Blender.
-const SCALES: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];
+pub(super) const SCALES: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];
 
 /// The noise repeats with this period, because f32 is too coarse for noise at larger coordinates.
-const PERIOD: f32 = 100_000.0;
+pub(super) const PERIOD: f32 = 100_000.0;
 
 /// Coordinates beyond this are whole numbers, at which the noise would be zero; they are shifted by half a cell.
 const SPARSE: f32 = 1_000_000.0;
