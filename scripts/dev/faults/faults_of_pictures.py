@@ -240,4 +240,11 @@ PICTURES = (
         "wide.map(|lanes| lanes[0])",
         ("lib", "programs_ahead::a_picture_is_that_of_its_pixels_one_by_one"),
     ),
+    Fault(
+        "programs ahead of shading at the wrong distance",
+        "native/render/src/path/shade/programs.rs",
+        "wave.hits[hit(lane)].t",
+        "0.0 * wave.hits[hit(lane)].t",
+        ("lib", "programs_ahead::a_picture_is_that_of_its_pixels_one_by_one"),
+    ),
 )

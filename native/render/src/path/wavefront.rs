@@ -23,7 +23,7 @@ use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::media::{Scratch, enclosure};
 use crate::path::points::Points;
-use crate::path::shade::{self, Shade};
+use crate::path::shade::{self, Buffers, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
 use crate::path::walk::RandomWalk;
@@ -132,6 +132,7 @@ pub struct Wavefront {
     /// Registers of the programs of emitters and transparent surfaces.
     pub(super) light_registers: Vec<Value>,
     calls: Calls,
+    pub(super) programs: Buffers,
     /// The compiled variant of shading for the scene's features.
     shade: Shade,
     /// Counts of rays and traversal work so far.
@@ -159,6 +160,7 @@ impl Wavefront {
             registers: Vec::new(),
             light_registers: Vec::new(),
             calls: Calls::default(),
+            programs: Buffers::default(),
             shade: shade::choose(features, extra),
             work: Work::default(),
         }

@@ -16,6 +16,8 @@ pub struct Features {
     pub lights_hittable: bool,
     /// At least one material varies over its surface: its program has to run.
     pub textures: bool,
+    /// At least one material's program runs ahead of shading.
+    pub programs_ahead: bool,
     /// At least one material's program traces rays.
     pub program_rays: bool,
     /// At least one material has a lobe that reflects off facets, or a rough diffuse one.
@@ -64,6 +66,7 @@ impl Features {
             lights: !lights.is_empty(),
             lights_hittable: lights.any_hittable(),
             textures: any(|m| !m.program.is_empty()),
+            programs_ahead: any(|m| m.runs_ahead),
             program_rays: any(|m| m.traces_rays),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),

@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::values::math_nodes::Math;
     use crate::values::program::{Coordinate, Noise, Shift, Spread};
-    use crate::values::texture::fractal::NoiseKind;
+    use crate::values::texture::fractal::{Fractal, NoiseKind};
     use crate::values::varying::Layer;
 
     /// The product of a layer's value and the position along x, at two points.
@@ -179,9 +179,19 @@ mod tests {
         let positions: Vec<_> = (0..11_u8)
             .map(|i| [0.3 * f32::from(i), 1.7, -0.2])
             .collect();
-        let each: Vec<_> = positions.iter().flat_map(|&one| at(&[one])).collect();
-        assert_eq!(at(&positions), each);
-        assert_ne!(each[0], each[10]);
+        let fractal = Fractal {
+            kind: NoiseKind::Sum,
+            detail: 2.0,
+            roughness: 0.5,
+            lacunarity: 2.0,
+            offset: 0.0,
+            gain: 0.0,
+            distortion: 0.0,
+            normalize: true,
+        };
+        let expected = positions.iter().map(|p| fractal.at(p.map(|x| x * 3.0)));
+        let expected: Vec<_> = expected.map(|x| [x, x, x, 1.0]).collect();
+        assert_eq!(at(&positions), expected);
         assert!(at(&[]).is_empty());
     }
 

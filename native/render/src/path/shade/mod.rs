@@ -9,7 +9,7 @@ use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
 use crate::path::calls::Cancelled;
 use crate::path::shade::output::{Extra, Output};
-use crate::path::shade::programs::Programs;
+use crate::path::shade::programs::{Programs, Wave};
 use crate::path::shade::volume::Crossed;
 use crate::path::state::Path;
 use crate::path::wavefront::{Context, Wavefront};
@@ -32,6 +32,8 @@ mod scatter;
 mod subsurface;
 mod volume;
 mod volume_light;
+
+pub use crate::path::shade::programs::Buffers;
 
 /// Shades all hits of a wavefront; fails only if the render is cancelled.
 pub type Shade = fn(&mut Wavefront, &Context<'_>) -> Result<(), Cancelled>;
@@ -98,6 +100,7 @@ fn shade<
         registers,
         light_registers,
         work,
+        programs,
         ..
     } = wave;
     // Compact the arrays in place: path `kept` overwrites one that has been read already.
@@ -106,13 +109,19 @@ fn shade<
     let mut splits = Vec::new();
     let mut unseen = PixelSample::EMPTY;
     let mut bsdf = Bsdf::empty();
-    let mut programs = Programs::new(context);
+    let mut programs = Programs::new(context, programs);
     for i in 0..rays.len() {
         if i.is_multiple_of(CHECKED) && context.stop.load(Ordering::Relaxed) {
             return Err(Cancelled);
         }
-        let known = programs.ready::<SMOOTH>(context, i, (rays, hits, paths, walks), registers);
         ahead.fetch(hits, i);
+        let all = Wave {
+            rays,
+            hits,
+            paths,
+            walks,
+        };
+        let known = programs.ready::<SMOOTH>(context, i, all, registers);
         // Shade on a copy of the path; it is stored back only if it continues.
         let mut path = paths[i];
         let ray = rays[i];
@@ -148,14 +157,7 @@ fn shade<
         {
             rays[kept] = next;
             set(sources, kept, Some(out.next));
-            set(
-                shares,
-                kept,
-                out.extra
-                    .as_ref()
-                    .filter(|_| EXTRA)
-                    .map(|extra| extra.shares),
-            );
+            set(shares, kept, out.shares());
             set(media, kept, out.media);
             set(walks, kept, Some(out.walk));
             paths[kept] = path;
@@ -168,11 +170,13 @@ fn shade<
     Ok(())
 }
 
-/// Stores what a path that continues has of a kind of data, unless no path has any.
+/// Stores an item of a path that continues. Does nothing if the array is empty: the wavefront has no such items.
 #[inline(always)]
 fn set<T>(all: &mut [T], index: usize, own: Option<T>) {
-    if let (Some(place), Some(own)) = (all.get_mut(index), own) {
-        *place = own;
+    if let Some(own) = own
+        && !all.is_empty()
+    {
+        all[index] = own;
     }
 }
 
@@ -368,14 +372,14 @@ impl<
         if material.program.is_empty() {
             return;
         }
-        if out.has_run {
-            // The registers hold the results.
-        } else if self.features.program_rays && material.traces_rays {
+        // Run the program, unless the registers hold its results.
+        if !out.has_run {
             let point = programs::point(self.context, surface, d, distance, path);
-            around::run(self.context, path.sample(), surface, point, path, out);
-        } else {
-            let point = programs::point(self.context, surface, d, distance, path);
-            material.program.run(&scene.images, &point, out.registers);
+            if self.features.program_rays && material.traces_rays {
+                around::run(self.context, path.sample(), surface, point, path, out);
+            } else {
+                material.program.run(&scene.images, &point, out.registers);
+            }
         }
         out.work.shaded_textures += 1;
         if let Some(normal) = material.normal(out.registers) {

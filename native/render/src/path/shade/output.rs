@@ -24,7 +24,8 @@ pub(super) struct Output<'a, const EXTRA: bool> {
     pub(super) shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
     pub(super) registers: &'a mut Vec<Value>,
-    /// Whether the registers hold the results of the surface's program already.
+    /// Whether the registers hold the results of the program of the surface that the ray has hit; never for rays below
+    /// surfaces.
     pub(super) has_run: bool,
     /// Registers of the programs of emitters.
     pub(super) light_registers: &'a mut Vec<Value>,
@@ -63,6 +64,13 @@ impl<const EXTRA: bool> Output<'_, EXTRA> {
             }
             self.shadows.push_media(passing);
         }
+    }
+
+    /// Returns the shares of the lobes of the path's first surface, if rarely filled passes need them.
+    #[inline(always)]
+    pub(super) fn shares(&self) -> Option<Shares> {
+        let extra = self.extra.as_ref().filter(|_| EXTRA);
+        extra.map(|extra| extra.shares)
     }
 
     /// Makes a hole behind media as deep as they transmit.

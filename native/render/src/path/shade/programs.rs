@@ -8,6 +8,7 @@ use fearless_simd::Level;
 use halfspace_base::simd;
 use halfspace_ray::{Hit, Ray};
 
+use crate::film::catcher::Catch;
 use crate::math::vector::Vec3;
 use crate::path::state::Path;
 use crate::path::walk::RandomWalk;
@@ -17,25 +18,31 @@ use crate::scene::surface::Surface;
 use crate::values::program::{LANES, Value, Wide};
 use crate::values::shading_point::ShadingPoint;
 
-/// Number of hits whose programs run before they are shaded (chosen: their values fit into the second cache).
+/// Number of hits whose programs run before they are shaded (chosen: the values of a hundred steps take 400 KiB).
 const BLOCK: usize = 256;
 
-/// Smallest number of hits of a material that run together (chosen: lanes take about as long as three hits in turn).
+/// Smallest number of hits of a material that run together (chosen).
 const FEW: usize = 3;
 
-/// The hits of a block, and the results of their programs.
-pub(super) struct Programs<'a> {
-    /// Whether any runs ahead.
-    active: bool,
-    level: Level,
+/// Memory that is used again from wavefront to wavefront.
+#[derive(Default)]
+pub struct Buffers {
     /// Material and hit, sorted.
     order: Vec<(u32, u32)>,
-    /// The place of each hit in `ran`; none where its program has not run.
+    /// The index of each hit of the block in [`Programs::ran`]; `None` where its program has not run.
     places: Vec<Option<u32>>,
-    ran: Vec<Ran<'a>>,
-    /// The registers of one after the other.
+    /// Registers of all programs that have run, one program after the other.
     values: Vec<Value>,
     wide: Vec<Wide>,
+}
+
+/// The programs of a block of hits that run ahead of shading.
+pub(super) struct Programs<'a, 'b> {
+    /// Whether the program of any material runs ahead.
+    active: bool,
+    level: Level,
+    buffers: &'b mut Buffers,
+    ran: Vec<Ran<'a>>,
 }
 
 /// A surface whose program has run.
@@ -45,21 +52,25 @@ struct Ran<'a> {
     registers: Range<usize>,
 }
 
-/// The rays of a wavefront, what they have hit, their paths, and the walks that they are part of, if the scene has any.
-pub(super) type Wave<'a> = (&'a [Ray], &'a [Hit], &'a [Path], &'a [Option<RandomWalk>]);
+/// The rays of a wavefront.
+#[derive(Clone, Copy)]
+pub(super) struct Wave<'a> {
+    pub(super) rays: &'a [Ray],
+    pub(super) hits: &'a [Hit],
+    pub(super) paths: &'a [Path],
+    /// The walks below surfaces that the rays are part of; empty if the scene has none.
+    pub(super) walks: &'a [Option<RandomWalk>],
+}
 
-impl<'a> Programs<'a> {
-    /// An empty block. No program runs ahead of shading in media, in which paths may end before their hits.
-    pub(super) fn new(context: &Context<'a>) -> Self {
-        let scene = context.scene;
+impl<'a, 'b> Programs<'a, 'b> {
+    /// An empty block. No program runs ahead in media, in which paths may end before their hits.
+    pub(super) fn new(context: &Context<'a>, buffers: &'b mut Buffers) -> Self {
+        let features = context.scene.features();
         Self {
-            active: !scene.features().media && scene.materials.iter().any(|m| m.runs_ahead),
+            active: features.programs_ahead && !features.media,
             level: simd::level(),
-            order: Vec::new(),
-            places: Vec::new(),
+            buffers,
             ran: Vec::new(),
-            values: Vec::new(),
-            wide: Vec::new(),
         }
     }
 
@@ -77,12 +88,12 @@ impl<'a> Programs<'a> {
             return None;
         }
         if i.is_multiple_of(BLOCK) {
-            let block = i..wave.1.len().min(i + BLOCK);
+            let block = i..wave.hits.len().min(i + BLOCK);
             self.run::<SMOOTH>(context, block, wave);
         }
-        let ran = &self.ran[self.places[i % BLOCK]? as usize];
+        let ran = &self.ran[self.buffers.places[i % BLOCK]? as usize];
         registers.clear();
-        registers.extend_from_slice(&self.values[ran.registers.clone()]);
+        registers.extend_from_slice(&self.buffers.values[ran.registers.clone()]);
         Some(ran.surface)
     }
 
@@ -91,54 +102,73 @@ impl<'a> Programs<'a> {
         &mut self,
         context: &Context<'a>,
         block: Range<usize>,
-        (rays, hits, paths, walks): Wave<'_>,
+        wave: Wave<'_>,
     ) {
         let scene = context.scene;
-        self.order.clear();
-        self.values.clear();
+        let Buffers {
+            order,
+            places,
+            values,
+            wide,
+        } = &mut *self.buffers;
         self.ran.clear();
-        self.places.clear();
-        self.places.resize(block.len(), None);
-        // Sort the hits by material. Programs that trace rays, and rays below surfaces, are left to shading.
-        let ahead = Ahead::new(scene);
-        for i in block.clone() {
-            ahead.fetch(hits, i);
-            let hit = &hits[i];
-            if !hit.is_hit() || walks.get(i).is_some_and(Option::is_some) {
-                continue;
-            }
-            let number = scene.attributes.at(hit.triangle).material();
-            let material = &scene.materials[number];
-            if material.runs_ahead {
-                self.order.push((number as u32, i as u32));
-            }
-        }
-        self.order.sort_unstable();
+        values.clear();
+        places.clear();
+        places.resize(block.len(), None);
+        collect(context, block.clone(), wave, order);
         // Run each program for eight hits at a time. Free lanes repeat the last hit.
-        for same in self.order.chunk_by(|a, b| a.0 == b.0) {
-            let program = &scene.materials[same[0].0 as usize].program;
-            for some in same.chunks(LANES).filter(|some| some.len() >= FEW) {
+        for of_material in order.chunk_by(|a, b| a.0 == b.0) {
+            let program = &scene.materials[of_material[0].0 as usize].program;
+            for group in of_material.chunks(LANES).filter(|group| group.len() >= FEW) {
+                let hit = |lane: usize| group[lane.min(group.len() - 1)].1 as usize;
+                let direction = |lane: usize| Vec3::from(wave.rays[hit(lane)].d);
                 let surfaces: [Surface<'a>; LANES] = std::array::from_fn(|lane| {
-                    let i = some[lane.min(some.len() - 1)].1 as usize;
-                    Surface::at::<SMOOTH>(scene, &hits[i], Vec3::from(rays[i].d))
+                    Surface::at::<SMOOTH>(scene, &wave.hits[hit(lane)], direction(lane))
                 });
                 let points = std::array::from_fn(|lane| {
-                    let i = some[lane.min(some.len() - 1)].1 as usize;
-                    let d = Vec3::from(rays[i].d);
-                    point(context, &surfaces[lane], d, hits[i].t, &paths[i])
+                    let (distance, path) = (wave.hits[hit(lane)].t, &wave.paths[hit(lane)]);
+                    point(context, &surfaces[lane], direction(lane), distance, path)
                 });
-                program.run_wide(self.level, &scene.images, &points, &mut self.wide);
-                for (lane, (&(_, i), surface)) in some.iter().zip(surfaces).enumerate() {
-                    let begin = self.values.len();
-                    let values = self.wide.iter().map(|wide| wide.map(|lanes| lanes[lane]));
-                    self.values.extend(values);
-                    self.places[i as usize - block.start] = Some(self.ran.len() as u32);
-                    let registers = begin..self.values.len();
+                program.run_wide(self.level, &scene.images, &points, wide);
+                // Store the registers hit by hit.
+                for (lane, surface) in surfaces.into_iter().enumerate().take(group.len()) {
+                    let begin = values.len();
+                    values.extend(wide.iter().map(|wide| wide.map(|lanes| lanes[lane])));
+                    places[hit(lane) - block.start] = Some(self.ran.len() as u32);
+                    let registers = begin..values.len();
                     self.ran.push(Ran { surface, registers });
                 }
             }
         }
     }
+}
+
+/// Collects the hits of a block whose programs run ahead, sorted by material. Leaves out what shading may not need: rays
+/// below surfaces, and surfaces that rays pass.
+fn collect(
+    context: &Context<'_>,
+    block: Range<usize>,
+    wave: Wave<'_>,
+    order: &mut Vec<(u32, u32)>,
+) {
+    let scene = context.scene;
+    let ahead = Ahead::new(scene);
+    order.clear();
+    for i in block {
+        ahead.fetch(wave.hits, i);
+        let (hit, path) = (&wave.hits[i], &wave.paths[i]);
+        if !hit.is_hit() || wave.walks.get(i).is_some_and(Option::is_some) {
+            continue;
+        }
+        let index = scene.attributes.at(hit.triangle).material();
+        let material = &scene.materials[index];
+        let seen = material.visible.to(path.kind)
+            && (material.catcher || path.catch != Catch::OnlyCatchers);
+        if material.runs_ahead && seen {
+            order.push((index as u32, i as u32));
+        }
+    }
+    order.sort_unstable();
 }
 
 /// The point of a surface that a path's ray along the unit direction `d` reaches at this distance, as input of a

@@ -187,7 +187,7 @@ fn euler(p: Vec3, angles: Vec3, invert: bool) -> Vec3 {
 #[inline(always)]
 pub(super) fn on_first_square(p: Vec3) -> bool {
     // Shift and scale slightly, so that positions on cell boundaries do not flicker.
-    // Subtract the even number below.
+    // Subtract the even number below: the remainder by 2, which no vector instruction computes.
     let cell = p.map(|c| {
         let cell = ((c + 1e-6) * 0.999_999).floor().abs();
         cell - 2.0 * (0.5 * cell).floor()

@@ -12,6 +12,7 @@ use crate::values::program::pure::{clamp_unit, on_first_square, transform};
 use crate::values::program::textures::fractal_of;
 use crate::values::program::{Noise, Op, Operand, Program, Step, Value, finite_or_zero};
 use crate::values::shading_point::ShadingPoint;
+use crate::values::texture::fractal::NoiseKind;
 use crate::values::texture::fractal_lanes::FractalLanes;
 
 /// Number of points that are evaluated together.
@@ -26,7 +27,11 @@ pub type Wide = [Lanes; 4];
 impl Program {
     /// Whether lanes save more time than collecting their points takes.
     pub fn gains_in_lanes(&self) -> bool {
-        self.ops().any(|op| matches!(op, Op::Noise(_)))
+        // The number of octaves must be the same at all points.
+        self.steps.iter().any(|step| {
+            matches!(&step.op, Op::Noise(noise) if noise.kind == NoiseKind::Sum)
+                && step.args[3].constant().is_some()
+        })
     }
 
     /// Evaluates all steps at eight points and writes their results to `registers`.
@@ -55,7 +60,7 @@ impl Program {
         registers.clear();
         // Steps without a form for lanes are evaluated point by point.
         for step in &self.steps {
-            let arg = |k: usize| read(step.args[k], registers);
+            let arg = |k: usize| read_all(step.args[k], registers);
             let wide = in_lanes(simd, &step.op, arg)
                 .unwrap_or_else(|| one_by_one(step, images, points, registers));
             registers.push(wide.map(|lanes| lanes.map(finite_or_zero)));
@@ -65,7 +70,7 @@ impl Program {
 
 /// Returns the values of an operand.
 #[inline(always)]
-fn read(operand: Operand, registers: &[Wide]) -> Wide {
+fn read_all(operand: Operand, registers: &[Wide]) -> Wide {
     match operand {
         Operand::Value(v) => v.map(|x| [x; LANES]),
         Operand::Register(r) => registers[usize::from(r)],
@@ -101,7 +106,7 @@ fn one_by_one(
 
 /// Numbers as values.
 #[inline(always)]
-fn number(x: Lanes) -> Wide {
+fn wide_number(x: Lanes) -> Wide {
     [x, x, x, [1.0; LANES]]
 }
 
@@ -114,7 +119,7 @@ fn each(f: impl Fn(usize) -> [f32; 3]) -> Wide {
 }
 
 /// Evaluates an operation in lanes; `None` if it has no form for them. Operations with minima or maxima have none,
-/// since which of two zeros these return may differ between instructions.
+/// since which of two zeros these return may differ between instructions; a clamp consists of comparisons.
 #[inline(always)]
 fn in_lanes<S: Simd>(simd: S, op: &Op, arg: impl Fn(usize) -> Wide) -> Option<Wide> {
     let vector = |wide: &Wide, lane: usize| vec3(wide[0][lane], wide[1][lane], wide[2][lane]);
@@ -131,14 +136,14 @@ fn in_lanes<S: Simd>(simd: S, op: &Op, arg: impl Fn(usize) -> Wide) -> Option<Wi
         };
     }
     match op {
-        Op::Alpha => Some(number(arg(0)[3])),
-        Op::Channel(c) => Some(number(arg(0)[usize::from(*c).min(3)])),
+        Op::Alpha => Some(wide_number(arg(0)[3])),
+        Op::Channel(c) => Some(wide_number(arg(0)[usize::from(*c).min(3)])),
         Op::Combine => Some([arg(0)[0], arg(1)[0], arg(2)[0], [1.0; LANES]]),
         Op::Math(math, clamp) => {
             let [a, b, c] = [0, 1, 2].map(|k| arg(k)[0]);
             let found = select!(math, Math: Add Subtract Multiply Divide MultiplyAdd LessThan GreaterThan Absolute Floor
                 Fract; |math: Math| -> Lanes { std::array::from_fn(|i| math.eval(a[i], b[i], c[i])) });
-            found.map(|x| number(if *clamp { x.map(clamp_unit) } else { x }))
+            found.map(|x| wide_number(if *clamp { x.map(clamp_unit) } else { x }))
         }
         Op::VectorMath(math) => {
             let [a, b, c] = [0, 1, 2].map(&arg);
@@ -172,7 +177,7 @@ fn in_lanes<S: Simd>(simd: S, op: &Op, arg: impl Fn(usize) -> Wide) -> Option<Wi
             let first: [bool; LANES] =
                 std::array::from_fn(|i| on_first_square(vector(&p, i) * scale[i]));
             if *as_number {
-                return Some(number(first.map(|first| f32::from(u8::from(first)))));
+                return Some(wide_number(first.map(|first| f32::from(u8::from(first)))));
             }
             let (a, b) = (arg(1), arg(2));
             let pick = |k: usize| std::array::from_fn(|i| if first[i] { a[k][i] } else { b[k][i] });
@@ -183,12 +188,12 @@ fn in_lanes<S: Simd>(simd: S, op: &Op, arg: impl Fn(usize) -> Wide) -> Option<Wi
     }
 }
 
-/// The Noise Texture; `None` where its noise has no form for lanes.
+/// The Noise Texture; `None` if its noise has no form for lanes.
 #[inline(always)]
 fn noise<S: Simd>(simd: S, settings: &Noise, arg: impl Fn(usize) -> Wide) -> Option<Wide> {
     let inputs: [Lanes; 9] = std::array::from_fn(|k| arg(k)[0]);
-    let each = std::array::from_fn(|lane| fractal_of(settings, |k| inputs[k][lane]));
-    let fractal = FractalLanes::new(simd, &each)?;
+    let parameters = std::array::from_fn(|lane| fractal_of(settings, |k| inputs[k][lane]));
+    let fractal = FractalLanes::new(simd, &parameters)?;
     // Scale position and fourth coordinate.
     let position = arg(0);
     let scale = f32x8::from_slice(simd, &inputs[2]);
@@ -202,8 +207,8 @@ fn noise<S: Simd>(simd: S, settings: &Noise, arg: impl Fn(usize) -> Wide) -> Opt
         2 => fractal.at(simd, [x, y], color),
         3 => fractal.at(simd, [x, y, z], color),
         _ => fractal.at(simd, [x, y, z, w], color),
-    }?;
-    let mut wide = number([1.0; LANES]);
+    };
+    let mut wide = wide_number([1.0; LANES]);
     r.store_slice(&mut wide[0]);
     g.store_slice(&mut wide[1]);
     b.store_slice(&mut wide[2]);

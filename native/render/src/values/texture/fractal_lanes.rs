@@ -17,8 +17,8 @@ pub struct FractalLanes<S: Simd> {
 }
 
 impl<S: Simd> FractalLanes<S> {
-    /// The parameters of eight points; `None` if octaves are not simply added, or points differ in their number or in
-    /// whether they are distorted.
+    /// The parameters of eight points; `None` if octaves are not simply added, or if the points differ in their number of
+    /// octaves or in whether they are distorted.
     #[inline(always)]
     pub fn new(simd: S, each: &[Fractal; 8]) -> Option<Self> {
         let [first, ..] = each;
@@ -41,39 +41,34 @@ impl<S: Simd> FractalLanes<S> {
         })
     }
 
-    /// Returns the noise at the points, or three noises as a colour; `None` where [`signed`] returns it.
+    /// Returns the noise at the points, or three noises as a colour.
     #[inline(always)]
-    pub fn at<const N: usize>(
-        &self,
-        simd: S,
-        p: [f32x8<S>; N],
-        color: bool,
-    ) -> Option<[f32x8<S>; 3]> {
-        let p = self.distorted(simd, p)?;
-        let first = self.sum(simd, p)?;
+    pub fn at<const N: usize>(&self, simd: S, p: [f32x8<S>; N], color: bool) -> [f32x8<S>; 3] {
+        let p = self.distorted(simd, p);
+        let first = self.sum(simd, p);
         if !color {
-            return Some([first; 3]);
+            return [first; 3];
         }
-        let second = self.sum(simd, moved(p, N as f32))?;
-        Some([first, second, self.sum(simd, moved(p, (N + 1) as f32))?])
+        let second = self.sum(simd, moved(p, N as f32));
+        [first, second, self.sum(simd, moved(p, (N + 1) as f32))]
     }
 
     /// Shifts the points along each axis by other noise.
     #[inline(always)]
-    fn distorted<const N: usize>(&self, simd: S, p: [f32x8<S>; N]) -> Option<[f32x8<S>; N]> {
+    fn distorted<const N: usize>(&self, simd: S, p: [f32x8<S>; N]) -> [f32x8<S>; N] {
         let Some(distortion) = self.distortion else {
-            return Some(p);
+            return p;
         };
         let mut out = p;
         for (k, x) in out.iter_mut().enumerate() {
-            *x += signed(simd, moved(p, k as f32))? * distortion;
+            *x += signed(simd, moved(p, k as f32)) * distortion;
         }
-        Some(out)
+        out
     }
 
     /// Adds octaves of falling amplitude.
     #[inline(always)]
-    fn sum<const N: usize>(&self, simd: S, p: [f32x8<S>; N]) -> Option<f32x8<S>> {
+    fn sum<const N: usize>(&self, simd: S, p: [f32x8<S>; N]) -> f32x8<S> {
         let (whole, part) = (self.detail as u32, self.detail - self.detail.floor());
         let one = simd.splat_f32x8(1.0);
         let (mut frequency, mut amplitude) = (one, one);
@@ -89,7 +84,7 @@ impl<S: Simd> FractalLanes<S> {
             for x in &mut scaled {
                 *x *= frequency;
             }
-            sum += signed(simd, scaled)? * amplitude;
+            sum += signed(simd, scaled) * amplitude;
             most += amplitude;
             amplitude *= self.roughness;
             frequency *= self.lacunarity;
@@ -98,11 +93,11 @@ impl<S: Simd> FractalLanes<S> {
             sum = sum * 0.5 / most + 0.5;
             without = without * 0.5 / without_most + 0.5;
         }
-        Some(if part == 0.0 {
+        if part == 0.0 {
             sum
         } else {
             without + (sum - without) * part
-        })
+        }
     }
 }
 

@@ -15,7 +15,7 @@ fn number() -> impl Strategy<Value = f32> {
         6 => -4.0_f32..4.0,
         1 => Just(0.0),
         1 => Just(1.0),
-        1 => prop::sample::select(vec![-0.0, 0.5, 3e5, -2e38, 1e-42]),
+        1 => prop::sample::select(vec![-0.0, 0.5, 11.5, 15.0, 3e5, -2e38, 1e-42]),
     ]
 }
 
@@ -60,7 +60,7 @@ fn op() -> impl Strategy<Value = Op> {
         1 => any::<bool>().prop_map(Op::Checker),
         1 => spread().prop_map(Op::WhiteNoise),
         1 => any::<bool>().prop_map(|clamp| Op::MapRange(Ease::Smooth, clamp)),
-        1 => Just(Op::Luminance),
+        1 => prop::sample::select(vec![Op::Luminance, Op::Clamp, Op::BrightContrast, Op::HueSaturation, Op::Gamma]),
         1 => Just(Op::LayerFacing),
     ]
 }
@@ -141,5 +141,19 @@ fn noise_and_arithmetic_have_a_form_for_lanes() {
     assert!(has_form(&Op::Math(Math::MultiplyAdd, true)));
     assert!(has_form(&Op::Mix(Blend::Mix, true, false)));
     assert!(!has_form(&noise(NoiseKind::Ridged)));
+    // Lanes pay where the number of octaves is constant.
+    let program = |kind, octaves| {
+        let mut args = vec![Operand::Register(0); 9];
+        args[3] = octaves;
+        let step = Step {
+            op: noise(kind),
+            args,
+        };
+        Program { steps: vec![step] }
+    };
+    let (constant, varying) = (Operand::number(2.0), Operand::Register(0));
+    assert!(program(NoiseKind::Sum, constant).gains_in_lanes());
+    assert!(!program(NoiseKind::Sum, varying).gains_in_lanes());
+    assert!(!program(NoiseKind::Ridged, constant).gains_in_lanes());
     assert!(!has_form(&Op::Math(Math::Sine, false)));
 }
