@@ -271,7 +271,7 @@ fn all_rays_go_through_the_boxes_and_the_planes_are_freed() {
         let rays = structure.routes().map(|route| route.rays);
         assert_eq!(
             rays,
-            [Rays::Single, Rays::Stream, Rays::Tile, Rays::Tile],
+            [Rays::Single, Rays::Stream, Rays::Auto, Rays::Auto],
             "{id}"
         );
     }

@@ -81,14 +81,14 @@ impl Plan {
     }
 
     /// Assigns nearest-hit rays ordered in tiles of pixels to `packets` where most triangles that they hit are smaller
-    /// than a few pixels, and to `tiles` elsewhere. The route is that of `tiles`.
+    /// than a few pixels, and to `tiles` elsewhere.
     pub fn with_tiles_by_footprint(
         self,
         tiles: Arc<dyn Kernel<Closest>>,
         packets: Arc<dyn Kernel<Closest>>,
         limit: Footprint,
     ) -> Self {
-        self.with_tiles(Rays::Tile, closest_by_footprint(tiles, packets, limit))
+        self.with_tiles(Rays::Auto, closest_by_footprint(tiles, packets, limit))
     }
 
     /// Assigns any-hit rays to `kernel`.
@@ -98,7 +98,6 @@ impl Plan {
     }
 
     /// Assigns any-hit rays that keep together, as most shadow rays do, to `tiles` or `packets`, and others to `streams`.
-    /// The route is that of the first.
     pub fn with_any_by_coherence(
         self,
         tiles: Arc<dyn Kernel<Any>>,
@@ -107,7 +106,7 @@ impl Plan {
         limits: Limits,
     ) -> Self {
         self.with_any(
-            Rays::Tile,
+            Rays::Auto,
             any_by_coherence(tiles, packets, streams, limits),
         )
     }
@@ -122,7 +121,9 @@ impl Plan {
         match choice {
             "cache" => {
                 self.shadow_cache = true;
-                let reads = |rays: Rays| matches!(rays, Rays::Flight | Rays::Tile | Rays::Packet);
+                let reads = |rays: Rays| {
+                    matches!(rays, Rays::Flight | Rays::Tile | Rays::Packet | Rays::Auto)
+                };
                 self.shadow = self.shadow.filter(|routed| reads(routed.rays));
                 self
             }
