@@ -252,9 +252,12 @@ class Visits(Faces):
 
     enter: npt.NDArray[np.float64]
     leave: npt.NDArray[np.float64]
-    """(c,), in units of the direction; NaN where only the error bound led the traversal there."""
+    """(c,), in units of the direction, up to the hit; beyond it for leaves that were tested before it was known. NaN
+    where only the error bound led the traversal there."""
     depth: npt.NDArray[np.uint32]
     tested: npt.NDArray[np.bool_]
+    steps: npt.NDArray[np.uint32]
+    """Inner nodes that the traversal had visited when it tested the leaf; 0 for untested leaves."""
     triangles: npt.NDArray[np.uint32]
     """Those of all leaves, one after another."""
     triangle_offsets: npt.NDArray[np.uint32]
@@ -573,11 +576,13 @@ class Structure:
         direction: Sequence[float],
         t_min: float = 0.0,
         t_max: float = ...,
+        *,
+        any_hit: bool = False,
     ) -> RayPath:
         """The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
 
         origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
-        Raises NonFiniteError.
+        any_hit: the path of a ray of occluded(), to the hit that ends it. Raises NonFiniteError.
         """
 
 class Recording:

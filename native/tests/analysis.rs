@@ -356,8 +356,8 @@ fn depths_are_those_of_the_ray_s_path() {
                 t_min: 0.0,
                 t_max: f32::INFINITY,
             };
-            let visits = ray_path(&structure, &ray).visits;
-            let expected = visits.iter().rfind(|visit| visit.tested);
+            let visits = ray_path(&structure, &ray, false).visits;
+            let expected = visits.iter().rfind(|visit| visit.tested.is_some());
             let expected = expected.map_or(0, |visit| visit.depth as u32);
             assert_eq!(depths.of(&structure, &ray), expected, "{spec}, ray {i}");
             deepest = deepest.max(expected);

@@ -12,7 +12,6 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...core.base import native
 from ...core.inspector import csv_files, page
-from ...core.overlay import cells
 from ...core.report import results
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
@@ -82,7 +81,7 @@ def _replay(scene: Any, tree: trees.Tree) -> Any:
     ray = picking.last(scene)
     if ray is None:
         raise ExportError("Pick a ray first")
-    found = replaying.replay(scene, tree, cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max))
+    found = replaying.replay(scene, tree, ray.path(tree))
     if found is None:
         raise ExportError("The structure has no tree")
     return found

@@ -20,7 +20,6 @@ from ...core.inspector import replay as replays
 from ...core.inspector.ray_costs import RayCosts
 from ...core.measure import costmap
 from ...core.measure.reference import Reference, affordable
-from ...core.overlay import cells
 from ...core.scene.workload import Workload
 from ..measure import workloads
 from ..overlay import picking
@@ -126,18 +125,17 @@ def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
     index, costs = int(indices[place]), found.costs[name]
     origin, direction = costs.rays.origins[index], costs.rays.directions[index]
     world = tuple(float(a) + float(b) for a, b in zip(origin, tree.origin, strict=True))
-    ray = picking.Ray(world, tuple(map(float, direction)), t_max=float(costs.rays.t_max[index]))
+    t_max = float(costs.rays.t_max[index])
+    ray = picking.Ray(world, tuple(map(float, direction)), t_max=t_max, any_hit=costs.rays.any_hit)
     picking.keep(scene, ray)
     # State the counts and the reasons.
-    path = cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max)
+    path = ray.path(tree)
     table = tree.table()
     lines = [f"{place + 1:,} of {len(indices):,} by {key.lower()}"]
     if key == "TIME":
         lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.answers}")
     lines += reasons.summary(costs, index)
     lines += reasons.reasons(table, path, replays.replay(table, path), key)
-    if name == "shadow":
-        lines.append("Shown as a search of the nearest hit; the test for any hit may end earlier")
     found.shown, found.place, found.lines = (name, key), place, tuple(lines)
     _draw_ray(scene.halfspace.overlay)
 

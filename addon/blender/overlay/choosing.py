@@ -59,7 +59,7 @@ def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
             return None
     if part == "RAY":
         (ray,) = by
-        return None if ray is None else cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max)
+        return None if ray is None else ray.path(tree)
     if part == "BEAM":
         ray, spacing = by
         return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))

@@ -13,7 +13,7 @@ from bpy.props import FloatProperty, FloatVectorProperty
 from bpy_extras import view3d_utils
 
 from ...core.base import native
-from ...core.overlay import beams
+from ...core.overlay import beams, cells
 from ..session import building, trees
 
 
@@ -22,7 +22,7 @@ class Ray:
     """A picked ray. origin, direction: in world space, three numbers each.
 
     up: of the view in which it was picked. pixel: distance between the rays of neighbouring pixels there, of directions
-    of length one, or of origins if `parallel`.
+    of length one, or of origins if `parallel`. any_hit: whether the ray ends at any hit, as shadow rays do.
     """
 
     origin: tuple[float, ...]
@@ -31,10 +31,15 @@ class Ray:
     pixel: float = 1e-3
     parallel: bool = False
     t_max: float = math.inf
+    any_hit: bool = False
 
     def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The same ray in the frame with this origin in world space."""
         return tuple(float(a) - float(b) for a, b in zip(self.origin, origin, strict=True)), self.direction
+
+    def path(self, tree: trees.Tree) -> cells.Path:
+        """Its traversal of a tree."""
+        return cells.follow(tree.structure, *self.within(tree.origin), self.t_max, any_hit=self.any_hit)
 
     def tile(self, origin: Any, spacing: float) -> tuple[Any, Any]:
         """The rays of a tile around it in that frame, `spacing` pixels apart."""

@@ -187,7 +187,8 @@ def _rays(
     found = []
     for place, index in enumerate(indices.tolist()):
         origin, direction = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
-        path = cells.follow(structure, origin, direction, float(costs.rays.t_max[index]))
+        rays = costs.rays
+        path = cells.follow(structure, origin, direction, float(rays.t_max[index]), any_hit=rays.any_hit)
         made = replays.replay(table, path)
         lines = [*reasons.summary(costs, index), *reasons.reasons(table, path, made, key)]
         if nanoseconds is not None:
@@ -200,6 +201,7 @@ def _rays(
                 "enter": _parameter(step.enter),
                 "leave": _parameter(step.leave),
                 "tests": step.tests,
+                "reached": step.reached,
             }
             for step in made.steps
         ]

@@ -90,6 +90,11 @@ def _dead_ends(table: Table, replay: Replay) -> int:
     return int((np.searchsorted(leaves, inner + table.sizes[inner]) == first).sum()) if len(inner) else 0
 
 
+def _verb(path: Path) -> str:
+    """An any-hit ray ends at the first hit that is found, which need not be the nearest."""
+    return "ends at" if path.any_hit else "hits"
+
+
 def _along(table: Table, path: Path, replay: Replay) -> list[str]:
     """How the ray lies in the tree: its length, and the kind of planes along which it runs."""
     direction = path.direction / np.linalg.norm(path.direction)
@@ -97,8 +102,9 @@ def _along(table: Table, path: Path, replay: Replay) -> list[str]:
     end = path.t if np.isfinite(path.t) else float(known.max(initial=0.0))
     diagonal = float(np.linalg.norm(table.scene[3:] - table.scene[:3]))
     length = end * float(np.linalg.norm(path.direction))
+    hit = f"It {_verb(path)} triangle {path.triangle:,} at distance {path.t:.4g}"
     lines = [
-        f"It hits triangle {path.triangle:,} at distance {path.t:.4g}" if path.triangle >= 0 else "It hits nothing",
+        hit if path.triangle >= 0 else "It hits nothing",
         f"It is {length:.4g} long, {length / diagonal:.0%} of the scene's diagonal" if diagonal else "",
     ]
     angles = np.degrees(np.arcsin(np.clip(np.abs(direction), 0.0, 1.0)))

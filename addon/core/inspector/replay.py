@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The traversal of one ray, node by node, with the numbers of each step.
 
-Native paths list leaves. An inner node is visited before the first leaf below it is; a node that the ray meets before
-its hit, but none of whose leaves it meets, follows its parent. Nodes beyond the hit that were visited before the hit
-was known have no step of their own.
+Native paths list leaves: the tested ones in the order of the traversal, each with the number of inner nodes that the
+traversal had counted by then. Inner nodes are reconstructed: one is visited before the first leaf below it is; a node
+that the ray meets before its hit, but none of whose leaves it meets, follows its parent. Other nodes beyond the hit
+that were visited before the hit was known have no step of their own.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ class Step:
 
     node: its row in the table. depth: of the node. enter, leave: ray parameters in its region, NaN if only the error
     bound led the traversal there. tests: triangles tested. leaf: index of the visit in the path, -1 for inner nodes.
+    reached: inner nodes that the traversal had counted when it tested this leaf, -1 where it tested none.
     """
 
     node: int
@@ -34,6 +36,7 @@ class Step:
     leave: float
     tests: int
     leaf: int
+    reached: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,25 +71,22 @@ def replay(table: Table, path: Path) -> Replay:
                 enter, leave = span(table, path, node)
                 steps.append(Step(node, int(table.depth[node]), enter, leave, 0, -1))
                 steps += _dead_ends(table, path, node, above)
-        tests = int(path.cells.count[visit]) if path.tested[visit] else 0
-        steps.append(Step(leaf, int(table.depth[leaf]), *_within(table, path, visit, leaf), tests, visit))
+        tests, reached = (int(path.cells.count[visit]), int(path.reached[visit])) if path.tested[visit] else (0, -1)
+        steps.append(Step(leaf, int(table.depth[leaf]), *_within(path, visit), tests, visit, reached))
     if not visited:
         steps += _dead_ends(table, path, -1, above)
     inner = sum(step.leaf < 0 for step in steps)
     return Replay(tuple(steps), max(path.steps - inner, 0))
 
 
-def _within(table: Table, path: Path, visit: int, leaf: int) -> tuple[float, float]:
-    """Ray parameters at which the ray enters and leaves a visited leaf, at most those of its hit.
+def _within(path: Path, visit: int) -> tuple[float, float]:
+    """Ray parameters at which the ray enters and leaves a visited leaf, the last at most that of its hit.
 
-    A hit on the side of the leaf at which the ray enters may be rounded to a parameter before it.
+    A hit on the side of the leaf at which the ray enters may be rounded to a parameter before it. Leaves beyond a hit,
+    tested before that was known, have their whole interval.
     """
     enter, leave = float(path.enter[visit]), float(path.leave[visit])
-    if np.isnan(enter) and np.isfinite(path.t):
-        entered, left = span(table, path, leaf)
-        if path.t <= entered <= min(path.t * (1.0 + ROUNDED), left):
-            return entered, entered
-    return enter, leave
+    return (enter, enter) if path.t < enter <= path.t * (1.0 + ROUNDED) else (enter, leave)
 
 
 def _dead_ends(table: Table, path: Path, node: int, above: set[int]) -> list[Step]:
@@ -163,6 +163,8 @@ def words(table: Table, step: Step) -> list[str]:
     if step.leaf >= 0:
         count = int(table.counts[step.node])
         lines.append(f"{step.tests:,} of {count:,} triangles tested" if count else "An empty leaf")
+        if step.reached >= 0:
+            lines.append(f"The traversal had counted {step.reached:,} inner nodes by then")
     else:
         lines.append(
             f"{len(table.children_of(step.node))} children, {int(table.references[step.node]):,} triangles below"

@@ -49,6 +49,7 @@ def upto(table: Table, path: Path, replay: Replay, step: int) -> Path:
         enter=path.enter[:visits],
         leave=path.leave[:visits],
         tested=path.tested[:visits],
+        reached=path.reached[:visits],
         corners=path.corners[kept],
         ids=path.ids[kept],
         crossings=crossed,

@@ -87,14 +87,17 @@ def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
 class Path:
     """The traversal of one ray, as recorded by the native module.
 
-    origin, direction: (3,) float64, scene frame. t, triangle: of the nearest hit; triangle is -1 for a miss. steps,
-    tests: the traversal's own counters. cells: leaves along the ray, with their numbers of triangles. enter, leave:
-    (c,) parameters of the ray in each cell. tested: (c,) bool. corners: (t, 3, 3), the distinct triangles of all tested
-    leaves; ids: (t,). crossings: the planes crossed, kinds as in planes.KINDS.
+    origin, direction: (3,) float64, scene frame. any_hit: whether the ray ends at any hit, as shadow rays do. t,
+    triangle: of the nearest hit, or of the one that ended the ray; triangle is -1 for a miss. steps, tests: the
+    traversal's own counters. cells: leaves along the ray, with their numbers of triangles. enter, leave: (c,)
+    parameters of the ray in each cell. tested: (c,) bool. reached: (c,), inner nodes that the traversal had counted
+    when it tested a leaf. corners: (t, 3, 3), the distinct triangles of all tested leaves; ids: (t,). crossings: the
+    planes crossed, kinds as in planes.KINDS.
     """
 
     origin: F64
     direction: F64
+    any_hit: bool
     t: float
     triangle: int
     steps: int
@@ -103,6 +106,7 @@ class Path:
     enter: F64
     leave: F64
     tested: NDArray[np.bool_]
+    reached: NDArray[np.uint32]
     corners: F32
     ids: I32
     crossings: planes.Planes
@@ -115,13 +119,23 @@ class Path:
             f"{self.steps:,} inner nodes, {len(self.crossings):,} planes crossed",
             f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
             f"{self.tests:,} triangles tested, {len(self.ids):,} different",
-            f"Hits {met}",
+            f"Ends at {met}" if self.any_hit and self.triangle >= 0 else f"Hits {met}",
         ]
 
 
-def follow(structure: Structure, origin: Sequence[float], direction: Sequence[float], t_max: float = np.inf) -> Path:
-    """Trace a ray through a native structure and record its traversal; t in [0, t_max], in units of the direction."""
-    found = structure.trace_path(list(origin), list(direction), 0.0, t_max)
+def follow(
+    structure: Structure,
+    origin: Sequence[float],
+    direction: Sequence[float],
+    t_max: float = np.inf,
+    *,
+    any_hit: bool = False,
+) -> Path:
+    """Trace a ray through a native structure and record its traversal; t in [0, t_max], in units of the direction.
+
+    any_hit: end the ray at the first hit that is found, as shadow rays end.
+    """
+    found = structure.trace_path(list(origin), list(direction), 0.0, t_max, any_hit=any_hit)
     visits, crossed = found["visits"], found["crossings"]
     offsets = visits["triangle_offsets"].astype(np.int64)
     tested = np.asarray(visits["tested"], bool)
@@ -149,6 +163,7 @@ def follow(structure: Structure, origin: Sequence[float], direction: Sequence[fl
     return Path(
         np.array(origin, np.float64),
         np.array(direction, np.float64),
+        any_hit,
         found["t"],
         found["triangle"],
         counters["steps"],
@@ -157,6 +172,7 @@ def follow(structure: Structure, origin: Sequence[float], direction: Sequence[fl
         visits["enter"],
         visits["leave"],
         tested,
+        visits["steps"],
         corners,
         ids,
         crossings,

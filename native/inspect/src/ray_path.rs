@@ -20,15 +20,16 @@ pub struct Visit {
     pub region: Region,
     /// Depth of the leaf; the root has depth 0.
     pub depth: usize,
-    /// Interval of `t` in which the ray lies in the region, in units of the ray's direction. Both ends are NaN for a
-    /// leaf that the ray misses but whose triangles the traversal tested because of its error bounds.
+    /// Interval of `t` in which the ray lies in the region, in units of the ray's direction; it ends at the hit, unless
+    /// the leaf was tested before the hit was known and lies beyond it. Both ends are NaN for a leaf that the ray misses
+    /// but whose triangles the traversal tested because of its error bounds.
     pub span: Span,
     /// Word offset of the leaf's first block.
     pub first: u32,
     /// Number of triangles in the leaf.
     pub count: usize,
-    /// Whether the traversal tested the triangles.
-    pub tested: bool,
+    /// Number of inner nodes that the traversal had visited when it tested the triangles; `None` if it tested none.
+    pub tested: Option<u32>,
 }
 
 /// A plane that the ray crosses inside the node that the plane splits.
@@ -47,7 +48,7 @@ pub struct Crossing {
 /// The path of one ray.
 #[derive(Debug, Clone)]
 pub struct RayPath {
-    /// Nearest hit of the ray.
+    /// Nearest hit of the ray, or the one that ended its search for any.
     pub hit: Hit,
     /// Counters of the traversal.
     pub counters: RayCounters,
@@ -58,9 +59,9 @@ pub struct RayPath {
     pub crossings: Vec<Crossing>,
 }
 
-/// Returns the path of a ray to its nearest hit, or out of the scene.
-pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
-    let (hit, path) = structure.path(ray);
+/// Returns the path of a ray to its nearest hit, or to the one that ends an any-hit ray, or out of the scene.
+pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
+    let (hit, path) = structure.path(ray, any);
     let built = structure.built();
     let scale = f64::from(built.frame.scale());
     let middle = built.frame.map().origin();
@@ -74,8 +75,9 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
         line,
         span: Span {
             enter: f64::from(ray.t_min),
-            leave: f64::from(ray.t_max.min(hit.t)),
+            leave: f64::from(ray.t_max),
         },
+        end: f64::from(ray.t_max.min(hit.t)),
         path: &path,
     };
     match built.tree.as_ref().and_then(|tree| tree.cells()) {
@@ -100,7 +102,7 @@ fn alone(structure: &Structure, line: &Line, hit: Hit, path: &Path) -> RayPath {
         enter: f64::NEG_INFINITY,
         leave: f64::INFINITY,
     };
-    let tested = path.counters.tests > 0;
+    let tested = (path.counters.tests > 0).then_some(0);
     // The only leaf is visited if the line meets the scene's box.
     let visits = region.span(line, whole).map(|span| Visit {
         region: region.clone(),
@@ -123,8 +125,10 @@ struct Follow<'a> {
     /// Box of the scene, in the frame of the structure.
     bounds: Aabb,
     line: Line,
-    /// Interval of `t` from the ray's start to its nearest hit.
+    /// Interval of `t` of the ray.
     span: Span,
+    /// Value of `t` at the hit, or at the end of the ray.
+    end: f64,
     /// The record of the traversal.
     path: &'a Path,
 }
@@ -146,7 +150,7 @@ impl Follow<'_> {
         (self.merge(tree, passed), crossings)
     }
 
-    /// Returns every leaf whose region the line passes within the span, and every plane that it crosses there.
+    /// Returns every leaf whose region the line passes within the span, and every plane that it crosses before the hit.
     fn pass(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
         let (mut passed, mut crossings) = (Vec::new(), Vec::new());
         if self.bounds.is_empty() {
@@ -178,7 +182,7 @@ impl Follow<'_> {
                     span,
                     first,
                     count,
-                    tested: false,
+                    tested: None,
                 };
                 passed.push(visit);
                 continue;
@@ -186,7 +190,7 @@ impl Follow<'_> {
             // Record the split planes that the ray crosses inside the node.
             for (plane, kind) in &found.planes {
                 let t = self.line.crosses(plane);
-                if span.enter < t && t < span.leave {
+                if span.enter < t && t < span.leave.min(self.end) {
                     crossings.push(Crossing {
                         t,
                         kind: *kind,
@@ -212,31 +216,42 @@ impl Follow<'_> {
     }
 
     /// Returns the tested leaves in the order of the traversal, and between them the passed leaves that were not
-    /// tested. Omits cells that the line only touches in a point, unless they were tested.
+    /// tested. Omits cells beyond the hit and those that the line only touches in a point, unless they were tested.
     fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
-        for visit in passed {
-            let visited = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
+        for mut visit in passed {
+            if visit.span.enter <= self.end {
+                visit.span.leave = visit.span.leave.min(self.end);
+            }
+            let visited = self
+                .path
+                .leaves
+                .iter()
+                .any(|leaf| leaf.first == visit.first);
             if visit.count > 0 && visited {
                 tested.insert(visit.first, visit);
-            } else if visit.span.enter < visit.span.leave {
+            } else if visit.span.enter < visit.span.leave.min(self.end) {
                 others.push(visit);
             }
         }
         // Error bounds may make the traversal test leaves that the line misses.
-        let missing = self.path.leaves.iter().any(|l| !tested.contains_key(&l.0));
+        let missing = self
+            .path
+            .leaves
+            .iter()
+            .any(|leaf| !tested.contains_key(&leaf.first));
         if missing {
             self.find_missing(tree, &mut tested);
         }
         // Merge the two lists: each untested leaf precedes the first tested leaf that the line enters later.
         let mut visits = Vec::new();
         let mut others = others.into_iter().peekable();
-        for (first, _) in &self.path.leaves {
-            let Some(mut visit) = tested.remove(first) else {
+        for leaf in &self.path.leaves {
+            let Some(mut visit) = tested.remove(&leaf.first) else {
                 continue;
             };
-            visit.tested = true;
+            visit.tested = Some(leaf.steps);
             while let Some(other) = others.next_if(|other| other.span.enter < visit.span.enter) {
                 visits.push(other);
             }
@@ -249,7 +264,7 @@ impl Follow<'_> {
     /// Searches the whole tree for the leaves that the traversal tested although the line misses them.
     fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
         each_leaf(tree, self.bounds, |leaf| {
-            let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);
+            let wanted = self.path.leaves.iter().any(|l| l.first == leaf.first);
             if leaf.count > 0 && wanted && !tested.contains_key(&leaf.first) {
                 // The line does not meet the leaf, so it has no interval there.
                 let visit = Visit {
@@ -261,7 +276,7 @@ impl Follow<'_> {
                     },
                     first: leaf.first,
                     count: leaf.count,
-                    tested: true,
+                    tested: None,
                 };
                 tested.insert(leaf.first, visit);
             }

@@ -16,8 +16,9 @@ pub fn path<'py>(
     py: Python<'py>,
     structure: &Structure,
     ray: &Ray,
+    any: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let path = py.detach(|| ray_path(structure, ray));
+    let path = py.detach(|| ray_path(structure, ray, any));
     let dict = PyDict::new(py);
     dict.set_item("t", path.hit.t)?;
     // The triangle index of a miss has all bits set and becomes -1.
@@ -81,8 +82,10 @@ fn visits<'py>(
     dict.set_item("leave", column(|visit| visit.span.leave))?;
     let depths: Vec<_> = path.visits.iter().map(|visit| visit.depth as u32).collect();
     dict.set_item("depth", depths.to_pyarray(py))?;
-    let tested: Vec<_> = path.visits.iter().map(|visit| visit.tested).collect();
+    let tested: Vec<_> = path.visits.iter().map(|v| v.tested.is_some()).collect();
     dict.set_item("tested", tested.to_pyarray(py))?;
+    let steps: Vec<_> = path.visits.iter().map(|v| v.tested.unwrap_or(0)).collect();
+    dict.set_item("steps", steps.to_pyarray(py))?;
     dict.set_item("triangles", triangles.to_pyarray(py))?;
     dict.set_item("triangle_offsets", ends.to_pyarray(py))?;
     Ok(dict)

@@ -353,8 +353,8 @@ impl Structure {
     /// The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
     ///
     /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
-    /// Raises NonFiniteError.
-    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f64::INFINITY), text_signature = "($self, origin, direction, t_min=0.0, t_max=...)")]
+    /// any_hit: the path of a ray of occluded(), to the hit that ends it. Raises NonFiniteError.
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f64::INFINITY, *, any_hit=false), text_signature = "($self, origin, direction, t_min=0.0, t_max=..., *, any_hit=False)")]
     fn trace_path<'py>(
         &self,
         py: Python<'py>,
@@ -362,6 +362,7 @@ impl Structure {
         direction: [f64; 3],
         t_min: f64,
         t_max: f64,
+        any_hit: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
         // The arguments are rounded in this mode only from here on.
@@ -382,7 +383,7 @@ impl Structure {
             t_min,
             t_max,
         };
-        ray_path::path(py, &self.0, &ray)
+        ray_path::path(py, &self.0, &ray, any_hit)
     }
 }
 

@@ -2,6 +2,7 @@
 //! Counters, a compile-time parameter of every traversal: one without counters contains no counting code.
 
 use crate::cases::CASES;
+use crate::path::PathLeaf;
 use crate::ray::{Hit, RayCounters};
 use crate::replay::Record;
 use crate::selection::{Gathered, Visible};
@@ -102,8 +103,8 @@ pub enum Log<'a> {
     Nothing,
     /// The best hit of each leaf, for replays.
     Answers(&'a mut Record),
-    /// The leaves with triangles: word offset of the first block, and number of triangles.
-    Leaves(&'a mut Vec<(u32, usize)>),
+    /// The leaves with triangles.
+    Leaves(&'a mut Vec<PathLeaf>),
     /// All hits; the traversal itself finds none.
     Hits(&'a mut Gathered),
     /// Nothing, but only triangles that the ray can see are hit.
@@ -219,7 +220,10 @@ impl Counters for Count<'_> {
         match &mut self.log {
             Log::Answers(record) => record.visit(),
             // Omit empty leaves: they have the same first block as the leaf after them.
-            Log::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
+            Log::Leaves(leaves) if triangles > 0 => leaves.push(PathLeaf {
+                first,
+                steps: self.counters.steps(),
+            }),
             _ => {}
         }
     }

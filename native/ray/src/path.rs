@@ -9,9 +9,17 @@ use crate::ray::RayCounters;
 pub struct Path {
     /// The counters of the traversal.
     pub counters: RayCounters,
-    /// The leaves whose triangles were tested, in the order of the traversal: word offset of the first block, and
-    /// number of triangles.
-    pub leaves: Vec<(u32, usize)>,
+    /// The leaves whose triangles were tested, in the order of the traversal.
+    pub leaves: Vec<PathLeaf>,
+}
+
+/// A leaf whose triangles a traversal tested.
+#[derive(Debug, Clone, Copy)]
+pub struct PathLeaf {
+    /// Word offset of its first block.
+    pub first: u32,
+    /// Number of inner nodes that the traversal had visited when it reached the leaf.
+    pub steps: u32,
 }
 
 impl Path {

@@ -32,13 +32,13 @@ impl Structure {
         }
     }
 
-    /// The nearest hit of one ray, and the leaves on its path.
-    pub fn path(&self, ray: &Ray) -> (Hit, Path) {
+    /// The nearest hit of one ray, or the hit that ends an any-hit ray, and the leaves on its path.
+    pub fn path(&self, ray: &Ray, any: bool) -> (Hit, Path) {
         let built = self.built();
         built
             .plan
             .single
-            .path(&self.one_by_one(built, slice::from_ref(ray)))
+            .path(&self.one_by_one(built, slice::from_ref(ray)), any)
     }
 
     /// Traces rays one by one and records the answer of each leaf, for [`Self::replay`].

@@ -67,11 +67,11 @@ pub trait SingleRays: Kernel<Closest> + Kernel<Any> {
         count: &mut dyn FnMut(usize) -> Count<'c>,
     );
 
-    /// The nearest hit of the only ray of the batch, and the leaves on its path.
+    /// The nearest hit of the only ray of the batch, or its hit as an any-hit ray, and the leaves on its path.
     ///
     /// # Panics
     /// When the batch does not hold exactly one ray.
-    fn path(&self, batch: &Batch<'_>) -> (Hit, Path);
+    fn path(&self, batch: &Batch<'_>, any: bool) -> (Hit, Path);
 
     /// Traces the rays one by one and records the answer of each leaf, for [`Self::replay`].
     ///

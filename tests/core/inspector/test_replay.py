@@ -30,6 +30,8 @@ def test_steps_are_those_that_the_traversal_counts(spec: str) -> None:
         path = cells.follow(structure, origin, direction)
         made = replay.replay(nodes, path)
         assert made.tested(len(made)) == path.tests == costs.tests[index]
+        reached = [step.reached for step in made.steps if step.tests]
+        assert reached == path.reached[path.tested].tolist()
         assert [step.leaf for step in made.steps if step.leaf >= 0] == list(range(len(path.cells)))
         rows = [step.node for step in made.steps]
         assert len(set(rows)) == len(rows)
@@ -66,7 +68,10 @@ def test_a_step_states_its_interval_and_its_tests() -> None:
         assert (np.abs(np.concatenate([point, point]) - nodes.bounds[0]) < 1e-6).any()
     assert replay.words(nodes, first)[0].startswith("Node 0: ")
     full = next(step for step in made.steps if step.tests)
-    assert replay.words(nodes, full)[-1] == f"{full.tests} of {nodes.counts[full.node]} triangles tested"
+    assert replay.words(nodes, full)[-2:] == [
+        f"{full.tests} of {nodes.counts[full.node]} triangles tested",
+        f"The traversal had counted {full.reached} inner nodes by then",
+    ]
 
 
 @pytest.mark.parametrize("spec", ["kd", "bvh-sah"])
@@ -78,7 +83,7 @@ def test_a_hit_on_the_side_of_its_leaf_lies_in_it(spec: str) -> None:
     nodes = table.read(structure, corners, triangles)
     origin = np.array([7.3589, -6.9258, 4.9583], np.float32)
     path = cells.follow(structure, origin.tolist(), (-origin / np.linalg.norm(origin)).tolist())
-    assert np.isnan(path.enter).all(), "the hit is rounded to a parameter before the leaf"
+    assert (path.enter > path.t).all(), "the hit is rounded to a parameter before the leaf"
     step = replay.replay(nodes, path).steps[-1]
     assert step.enter == step.leave == pytest.approx(path.t, rel=1e-6)
     assert replay.words(nodes, step)[1] == f"Ray interval: {path.t:.4g} to {path.t:.4g}"

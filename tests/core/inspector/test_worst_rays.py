@@ -29,10 +29,11 @@ def test_rays_are_counted_one_by_one_and_ordered(spec: str) -> None:
             order = ray_costs.worst(costs, key, 20)
             values = costs.values(key)
             assert values[order].tolist() == sorted(values.tolist(), reverse=True)[:20]
-        if name != "shadow":
-            index = int(ray_costs.worst(costs, "TESTS", 1)[0])
-            path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
-            assert path.tests == costs.tests[index]
+        assert costs.rays.any_hit == (name == "shadow")
+        index = int(ray_costs.worst(costs, "TESTS", 1)[0])
+        ray = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
+        path = cells.follow(structure, *ray, float(costs.rays.t_max[index]), any_hit=costs.rays.any_hit)
+        assert path.tests == costs.tests[index]
 
 
 def test_pixels_are_those_that_the_rays_belong_to() -> None:

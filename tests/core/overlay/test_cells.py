@@ -16,6 +16,9 @@ native = pytest.importorskip("halfspace_native")
 
 RAYS = 40
 
+EARLY = ("bvh-sah", "bih", "brute")
+"""Structures in which rays of this test end at a hit before the nearest is known."""
+
 FAMILY = {row["id"]: row["family"] for row in native.structures()}
 
 
@@ -124,6 +127,47 @@ def test_paths_are_those_of_the_traversal(spec: str) -> None:
             point = origins[i] + t * directions[i].astype(np.float64)
             assert (point >= polygon.min(axis=0) - 1e-5).all()
             assert (point <= polygon.max(axis=0) + 1e-5).all()
+
+
+@pytest.mark.parametrize("spec", FAMILY)
+def test_paths_of_any_hit_rays_end_where_the_traversal_ends(spec: str) -> None:
+    tree = native.build(*soup(), spec)
+    rng = np.random.default_rng(7)
+    origins = (rng.random((RAYS, 3)) * 8 - 2).astype(np.float32)
+    directions = (np.array([2, 1.5, 1]) + 0.5 * rng.standard_normal((RAYS, 3)) - origins).astype(np.float32)
+    occluded = tree.occluded(origins, directions)
+    counted = None if spec == "brute" else tree.record(origins, directions, any_hit=True).counters
+    nearer = 0
+    for i in range(RAYS):
+        found = tree.trace_path(origins[i].tolist(), directions[i].tolist(), any_hit=True)
+        nearest = tree.trace_path(origins[i].tolist(), directions[i].tolist())
+        assert (found["triangle"] >= 0) == occluded[i]
+        assert found["t"] >= nearest["t"]
+        if counted is not None:
+            assert found["counters"] == {name: int(column[i]) for name, column in counted.items()}
+        # Each tested leaf is reached after those before it, and the counts agree with the ray's own.
+        visits = found["visits"]
+        reached = visits["steps"][visits["tested"]].astype(int)
+        assert (np.diff(reached) >= 0).all()
+        assert reached.max(initial=0) <= found["counters"]["steps"]
+        assert not visits["steps"][~visits["tested"]].any()
+        nearer += int(found["counters"]["tests"]) < int(nearest["counters"]["tests"])
+    assert nearer or spec not in EARLY, "no ray ended before its nearest hit was known"
+
+
+def test_leaves_that_were_tested_before_a_nearer_hit_was_known_have_an_interval() -> None:
+    tree = native.build(*soup(), "bvh-sah")
+    rng = np.random.default_rng(8)
+    beyond = 0
+    for _ in range(20 * RAYS):
+        origin = rng.random(3) * 8 - 2
+        found = tree.trace_path(origin.tolist(), (np.array([2, 1.5, 1]) - origin).tolist())
+        visits = found["visits"]
+        after = visits["enter"] > found["t"]
+        assert visits["tested"][after].all()
+        assert (visits["leave"][after] > visits["enter"][after]).all()
+        beyond += int(after.sum())
+    assert beyond
 
 
 def test_a_path_that_misses_the_scene_is_empty() -> None:

@@ -106,18 +106,18 @@ impl<'a> Launch<'a> {
         }
     }
 
-    /// Traces the only ray, with a query for the nearest hit, and returns the path of its traversal.
+    /// Traces the only ray and returns its hit, with the path of its traversal.
     ///
     /// # Panics
     /// When there is not exactly one ray.
     pub fn path<T: SingleTraversal, Q: Query>(&self, traversal: &T) -> (Hit, Path) {
         assert_eq!(self.rays.len(), 1, "one ray");
-        let (mut nearest, mut path) = (Hit::MISS, Path::default());
+        let (mut found, mut path) = (Hit::MISS, Path::default());
         let mut count = Some(path.count());
-        self.counted::<_, Q>(traversal, &mut |_, hit| nearest = hit, &mut |_| {
+        self.counted::<_, Q>(traversal, &mut |_, hit| found = hit, &mut |_| {
             count.take().expect("one ray")
         });
-        (nearest, path)
+        (found, path)
     }
 
     /// Traces the rays one by one; `count` returns the counters of each. It is out of line and its callers differ in

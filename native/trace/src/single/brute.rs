@@ -98,11 +98,11 @@ impl SingleRays for Brute {
         }
     }
 
-    fn path(&self, batch: &Batch<'_>) -> (Hit, Path) {
-        let (mut nearest, mut path) = (Hit::MISS, Path::default());
+    fn path(&self, batch: &Batch<'_>, any: bool) -> (Hit, Path) {
+        let (mut found, mut path) = (Hit::MISS, Path::default());
         let counters = std::slice::from_mut(&mut path.counters);
-        self.cast(batch, false, &mut |_, hit| nearest = hit, Some(counters));
-        (nearest, path)
+        self.cast(batch, any, &mut |_, hit| found = hit, Some(counters));
+        (found, path)
     }
 
     fn record(&self, _: &Batch<'_>, _: bool, _: &mut [RayCounters], _: &mut Record) -> Result<()> {

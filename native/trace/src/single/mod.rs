@@ -135,9 +135,13 @@ impl<T: OwnedTraversal, L: Leaves> SingleRays for Single<T, L> {
         }
     }
 
-    fn path(&self, batch: &Batch<'_>) -> (Hit, Path) {
-        let launch = batch.on(&self.leaves);
-        launch.path::<_, L::Of<Closest>>(&self.traversal.borrowed())
+    fn path(&self, batch: &Batch<'_>, any: bool) -> (Hit, Path) {
+        let (traversal, launch) = (self.traversal.borrowed(), batch.on(&self.leaves));
+        if any {
+            launch.path::<_, L::Of<Any>>(&traversal)
+        } else {
+            launch.path::<_, L::Of<Closest>>(&traversal)
+        }
     }
 
     fn record(
