@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Acceleration structures for ray tracing: build them, trace rays, compare their answers and times.
 
-`build` and all that traces come from the compiled module `halfspace_native`. `load`, `measure` and `table` are what the
+`build` and all that traces come from the compiled module `halfspace_native`, which is loaded when one of its names is
+used; that use raises ImportError, in one sentence, if it cannot be loaded. `load`, `measure` and `table` are what the
 command `halfspace bench` does. No Blender is needed; `register` adds the render engine to one that is running.
 """
 
@@ -9,22 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from halfspace_native import (
-    Hits,
-    Instances,
-    NonFiniteError,
-    ShapeError,
-    SpecError,
-    Structure,
-    build,
-    build_instances,
-    exact_closest,
-    free_memory,
-    level,
-    structures,
-)
-
+from . import compiled
 from .core.base import native
 from .core.measure import benchmark
 from .core.measure.preparation import Options
@@ -33,6 +21,22 @@ from .core.report import tables
 from .core.scene.workload import View, Workload, WorkloadError
 from .core.structures import specs
 from .lab.bench import mesh_files
+
+if TYPE_CHECKING:
+    from halfspace_native import (
+        Hits,
+        Instances,
+        NonFiniteError,
+        ShapeError,
+        SpecError,
+        Structure,
+        build,
+        build_instances,
+        exact_closest,
+        free_memory,
+        level,
+        structures,
+    )
 
 __all__ = [
     "Hits",
@@ -63,21 +67,35 @@ __all__ = [
 
 __version__ = native.VERSION
 
+if not TYPE_CHECKING:  # a type checker would take every name for one of this function's
+
+    def __getattr__(name: str) -> Any:
+        """A name of the compiled module. Raises ImportError if the module cannot be loaded."""
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(compiled.module(), name)
+
+
+def __dir__() -> list[str]:
+    """All names, those of the compiled module too, which need not be loaded for this."""
+    return sorted({*globals(), *__all__})
+
 
 def load(path: str | Path) -> Workload:
     """The triangles and the view of a file: .npz, .ply, .stl or .obj.
 
-    Only .npz has a view of its own; the others are seen entirely. Raises WorkloadError, in one line.
+    Only .npz has a view of its own; the others are seen entirely. Raises WorkloadError, in one line, and ImportError
+    if the compiled module cannot be loaded.
     """
-    return mesh_files.bare(Path(path), free_memory())
+    return mesh_files.bare(Path(path), compiled.module().free_memory())
 
 
 def expand(text: str) -> list[str]:
     """The configurations that a text stands for, such as `kd,bsp-wn:k=3..5` or `all`, each proved by a tiny build.
 
-    Raises ValueError, which names what is not understood.
+    Raises ValueError, which names what is not understood, and ImportError as `load`.
     """
-    module = native.load()
+    module = compiled.module()
     return specs.prove(module, specs.expand(text, module.structures(), {}))
 
 
@@ -92,10 +110,10 @@ def measure(
     configurations: a text as for `expand`, or their list. options: those of `Options` if None. say: called with the
     text of each step before it runs. `agrees` returns whether a row's answers equal brute force's, `errors` of the row
     holds what differs; a configuration that cannot be built has the reason in `error`. Raises ValueError for a
-    configuration that is not understood.
+    configuration that is not understood, and ImportError as `load`.
     """
     chosen = expand(configurations if isinstance(configurations, str) else ",".join(configurations))
-    return list(benchmark.measure(native.load(), scene, chosen, options or Options(), say))
+    return list(benchmark.measure(compiled.module(), scene, chosen, options or Options(), say))
 
 
 def table(rows: Sequence[Row]) -> str:

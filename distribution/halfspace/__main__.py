@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command `halfspace`: `halfspace COMMAND [options]`.
 
-Exit status: that of the command; 2 for an unknown one, 0 for --help and --version.
+Exit status: that of the command; 2 for an unknown one, and if another project has overwritten the package; 0 for --help
+and --version.
 """
 
 from __future__ import annotations
@@ -26,9 +27,18 @@ COMMANDS = {
 
 USAGE = "usage: halfspace COMMAND [options]\n\n" + "".join(f"  {name:<10} {text}\n" for name, text in COMMANDS.items())
 
+OVERWRITTEN = (
+    "halfspace: files of another project named halfspace replace some of the package halfspace-rt: "
+    "uninstall both, then install halfspace-rt again"
+)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command. Returns the exit status."""
+    if not hasattr(sys.modules[__package__], "measure"):
+        # The project `halfspace` of PyPI installs a module of the same name.
+        print(OVERWRITTEN, file=sys.stderr)
+        return 2
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] in ("-h", "--help"):
         print(USAGE + "\n`halfspace COMMAND --help` lists the options of a command.")

@@ -21,9 +21,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-import halfspace_native as native
 import numpy as np
 import numpy.typing as npt
+
+from . import compiled
+
+native = compiled.module()
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]

@@ -16,12 +16,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import halfspace_native as native
 import numpy as np
 import numpy.typing as npt
 
+from . import compiled
+
 if TYPE_CHECKING:
     from halfspace_native import Structure
+
+native = compiled.module()
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]

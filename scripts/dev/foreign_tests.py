@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import importlib.util
+import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -40,14 +40,17 @@ class NoTestsError(RuntimeError):
     """The folder holds no tests of trimesh or Open3D, or Open3D is not installed. The message names it."""
 
 
+def package() -> None:
+    """Let `halfspace` be found in the folders from which scripts/package_python.py makes it, without its own names."""
+    made = ModuleType("halfspace")
+    made.__path__ = [str(CLASSES), str(ROOT / "addon")]
+    sys.modules.setdefault(made.__name__, made)
+
+
 def module(name: str, file: Path = INTERSECTOR) -> ModuleType:
-    """One of our classes under the given name of a module."""
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    sys.modules[name] = made
-    spec.loader.exec_module(made)
+    """The module of one of our classes, found under the given name too."""
+    package()
+    made = sys.modules[name] = importlib.import_module(f"halfspace.{file.stem}")
     return made
 
 

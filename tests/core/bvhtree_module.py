@@ -9,16 +9,17 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
-import environment
+import foreign_tests
 
-FILE = environment.ROOT / "distribution" / "halfspace" / "bvhtree.py"
+FILE = foreign_tests.CLASSES / "bvhtree.py"
 
 Vector = tuple[Fraction, ...]
 
 
 def load() -> Any:
-    """The module."""
-    spec = importlib.util.spec_from_file_location("bvhtree_of_the_package", FILE)
+    """The module, executed anew."""
+    foreign_tests.package()
+    spec = importlib.util.spec_from_file_location("halfspace.bvhtree", FILE)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -7,6 +7,7 @@ import contextlib
 import platform
 import re
 import sys
+import sysconfig
 from pathlib import Path
 
 MODULE = "halfspace_native"
@@ -63,8 +64,22 @@ def why_missing(error: ImportError) -> str:
             )
         return "Blender did not unpack the native module of Halfspace: remove the extension and install it again"
     if is_absent:
-        return "The native module of Halfspace is not installed: in a clone, scripts/demo.py builds it"
+        return (
+            "The native module of Halfspace is not installed: "
+            "install the Python package halfspace-rt again, or run scripts/demo.py in a clone"
+        )
+    if isinstance(error, ModuleNotFoundError) and error.name == f"{MODULE}.{MODULE}":
+        return (
+            f"The native module of Halfspace that is installed is not for {here} with this {_python()}: "
+            "install it again with the pip of this Python"
+        )
     return f"The native module of Halfspace cannot be loaded on {here}: {text}"
+
+
+def _python() -> str:
+    """Name and version of this Python, such as "CPython 3.13", and whether it is the one without the global lock."""
+    free = " (free-threaded)" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""
+    return f"{platform.python_implementation()} {sys.version_info[0]}.{sys.version_info[1]}{free}"
 
 
 def _system() -> str:

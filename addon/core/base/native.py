@@ -62,7 +62,7 @@ def load() -> Native:
     if found != VERSION:
         raise NativeError(
             f"Halfspace {VERSION} found its native module in version {found}: restart Blender, "
-            "or install the extension again"
+            "or install the extension or the Python package again"
         )
     return cast(Native, module)
 

@@ -28,7 +28,10 @@ def test_a_missing_module_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "halfspace_native", None)
     problem = native.problem()
     assert problem is not None
-    assert problem == "The native module of Halfspace is not installed: in a clone, scripts/demo.py builds it"
+    assert problem == (
+        "The native module of Halfspace is not installed: "
+        "install the Python package halfspace-rt again, or run scripts/demo.py in a clone"
+    )
     assert "\n" not in problem
     with pytest.raises(native.NativeError):
         native.load()

@@ -107,5 +107,5 @@ def test_a_folder_without_tests_of_trimesh_is_named(tmp_path: Any, capsys: pytes
 def test_our_module_takes_the_place_of_the_one_for_embree(monkeypatch: pytest.MonkeyPatch) -> None:
     name = "trimesh.ray.ray_pyembree"
     monkeypatch.setitem(sys.modules, name, ModuleType(name))
-    assert foreign_tests.module(name).RayMeshIntersector.__module__ == name
+    assert foreign_tests.module(name).RayMeshIntersector.__module__ == "halfspace.trimesh"
     assert sys.modules[name].__file__ == str(foreign_tests.INTERSECTOR)
