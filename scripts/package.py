@@ -29,7 +29,7 @@ import targets
 import wheel
 
 from addon.core.base import command
-from lab.base.usage import Parser, output
+from lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -100,8 +100,8 @@ def too_new(wheel_file: Path) -> str | None:
 def filled_manifest(text: str, wheels: Sequence[str], website: str | None = None) -> str:
     """The manifest with the platforms and the paths of these wheels inserted before its first table.
 
-    website: the address of the publisher's page, entered if given. Raises PackageError if it is none, or if a wheel's
-    version is not the manifest's: Blender would load a mismatched pair.
+    website: the address of the publisher's page, entered if given. Raises PackageError if a wheel's version is not the
+    manifest's: Blender would load a mismatched pair.
     """
     import tomllib
 
@@ -116,8 +116,6 @@ def filled_manifest(text: str, wheels: Sequence[str], website: str | None = None
     lines = ["platforms = [" + ", ".join(f'"{name}"' for name in platforms) + "]", "wheels = ["]
     lines += [f'  "./wheels/{name}",' for name in sorted(wheels)] + ["]"]
     if website is not None:
-        if not re.fullmatch(r'https?://[^\s"\\]+', website):
-            raise PackageError(f"{website!r}: not the address of a page: it must begin with http:// or https://")
         lines.append(f'website = "{website}"')
     lines += ["", ""]
     # Top-level keys after a table would belong to the table.
@@ -247,7 +245,7 @@ def main(arguments: Sequence[str]) -> int:
         help="build a wheel for this system, or for all; may be repeated",
     )
     parser.add_argument("--split", action="store_true", help="also make one zip per system")
-    parser.add_argument("--website", metavar="URL", help="the publisher's page, which Blender links to")
+    parser.add_argument("--website", type=website, metavar="URL", help="the publisher's page, which Blender links to")
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
     return command.run("package", arguments, parser.parse_args, run, told=REPORTED)
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Python package: `python scripts/package_python.py [--out DIR]`.
+"""The Python package: `python scripts/package_python.py [--website URL] [--out DIR]`.
 
 Makes a wheel and a source archive of what works without a Blender window: `addon/core` and `addon/blender`, the
 laboratory, and the commands of `scripts/`, around the few files of `distribution/`. They are the same modules; only
 the names of the packages in their imports change, since an installed package must not take the names `addon` and
-`lab`. The compiled module is a wheel of its own, which `scripts/package.py` builds.
+`lab`. The compiled module is a wheel of its own, which `scripts/package.py` builds. --website enters the page of the
+publisher into the metadata.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core.base import command
-from lab.base.usage import Parser, output
+from lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -58,10 +59,16 @@ def renamed(text: str) -> str:
     return text
 
 
-def stage(folder: Path) -> None:
-    """Fill an empty folder with the source of the package. Raises DistributionError."""
+def stage(folder: Path, website: str | None = None) -> None:
+    """Fill an empty folder with the source of the package. Raises DistributionError.
+
+    website: the address of the publisher's page, entered if given.
+    """
     shutil.copytree(ROOT / "distribution", folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy2(ROOT / "LICENSE", folder)
+    if website is not None:
+        with (folder / "pyproject.toml").open("a", encoding="utf-8") as file:
+            file.write(f'\n[project.urls]\nHomepage = "{website}"\nDocumentation = "{website}"\n')
     package = folder / PACKAGE
     for source, target in FOLDERS.items():
         shutil.copytree(ROOT / source, package / target, ignore=shutil.ignore_patterns("__pycache__", "*.pyc", ".*"))
@@ -80,8 +87,11 @@ def stage(folder: Path) -> None:
         path.write_text(renamed(path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
-def build(out: Path) -> list[Path]:
-    """Build the wheel and the source archive into the folder `out`. Returns both. Raises DistributionError."""
+def build(out: Path, website: str | None = None) -> list[Path]:
+    """Build the wheel and the source archive into the folder `out`. Returns both. Raises DistributionError.
+
+    website: as for `stage`.
+    """
     try:
         from hatchling import build as backend
     except ImportError as error:
@@ -89,7 +99,7 @@ def build(out: Path) -> list[Path]:
     out = out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="distribution-") as name:
-        stage(Path(name))
+        stage(Path(name), website)
         # A build backend works on the current folder (PEP 517).
         with contextlib.chdir(name):
             return [out / backend.build_wheel(str(out)), out / backend.build_sdist(str(out))]
@@ -98,13 +108,14 @@ def build(out: Path) -> list[Path]:
 def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="package_python", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--website", type=website, metavar="URL", help="the publisher's page, for the metadata")
     parser.add_argument("--out", type=output, default=ROOT / "build" / "python", help="default: build/python")
     return command.run("package_python", arguments, parser.parse_args, run, told=(DistributionError,))
 
 
 def run(asked: argparse.Namespace) -> int:
     """Build with these arguments. Returns the exit status."""
-    for path in build(asked.out):
+    for path in build(asked.out, asked.website):
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import NoReturn
 
@@ -27,3 +28,10 @@ def output(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError(f"expected a name, got {text!r}")
     return Path(text)
+
+
+def website(text: str) -> str:
+    """The `type` of an option with the address of a page, which begins with http:// or https://."""
+    if not re.fullmatch(r'https?://[^\s"\\]+', text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not the address of a page, http://... or https://...")
+    return text

@@ -12,9 +12,11 @@ from typing import Any
 import environment
 import imports
 import package
+import package_python
 import pytest
 import targets
 import wheel
+from one_line import told
 
 
 @pytest.fixture
@@ -84,9 +86,9 @@ def test_the_manifest_gets_the_page_of_its_publisher() -> None:
 
 
 @pytest.mark.parametrize("page", ["", "example.org", "ftp://example.org", 'https://a"b', "https://a b"])
-def test_a_page_that_is_none_is_refused(page: str) -> None:
-    with pytest.raises(package.PackageError, match="not the address of a page"):
-        package.filled_manifest(MANIFEST, [], page)
+@pytest.mark.parametrize("program", [package, package_python])
+def test_a_page_that_is_none_is_refused(program: Any, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is not the address of a page" in told(program, ["--website", page], capsys)
 
 
 def test_a_wheel_of_another_version_is_refused() -> None:

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from email.message import Message
 from email.parser import Parser
@@ -18,18 +19,24 @@ from pathlib import Path
 import numpy as np
 import package_python
 import pytest
+import trove_classifiers
 import uv
 from one_line import told
+from packaging.requirements import Requirement
 
 from addon.core.base import native
 
 ROOT = package_python.ROOT
 
+PAGE = "https://example.org/halfspace"
+
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The wheel and the source archive."""
-    return package_python.build(tmp_path_factory.mktemp("built"))
+    out = tmp_path_factory.mktemp("built")
+    assert package_python.main(["--website", PAGE, "--out", str(out)]) == 0
+    return [*out.glob("*.whl"), *out.glob("*.tar.gz")]
 
 
 @pytest.fixture(scope="module")
@@ -164,13 +171,49 @@ def test_measuring_from_python_compares_the_answers(home: Path) -> None:
 
 def test_the_metadata_is_whole(metadata: Message) -> None:
     assert (metadata["Name"], metadata["Version"]) == ("halfspace-rt", native.VERSION)
-    assert metadata["License-Expression"] == "GPL-3.0-or-later"
-    assert metadata["License-File"] == "LICENSE"
-    assert metadata["Requires-Python"] == "<3.14,>=3.11"
+    assert (metadata["License-Expression"], metadata["License-File"]) == ("GPL-3.0-or-later", "LICENSE")
+    assert metadata["Author"] == "The Halfspace authors"
     assert metadata["Description-Content-Type"] == "text/markdown"
-    assert {"blender", "measure", "cluster"} == set(metadata.get_all("Provides-Extra", []))
+    assert str(metadata.get_payload()) == (ROOT / "distribution" / "README.md").read_text(encoding="utf-8")
+    assert {"ray tracing", "kd-tree", "benchmark"} <= set(metadata["Keywords"].split(","))
     assert f"halfspace-native=={native.VERSION}" in metadata.get_all("Requires-Dist", [])
     assert "Typing :: Typed" in metadata.get_all("Classifier", [])
+
+
+def test_the_page_of_the_publisher_is_entered_only_if_given(metadata: Message, tmp_path: Path) -> None:
+    assert metadata.get_all("Project-URL") == [f"Homepage, {PAGE}", f"Documentation, {PAGE}"]
+    package_python.stage(tmp_path)
+    assert "urls" not in tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+@pytest.mark.parametrize("name", ["pyproject.toml", "distribution/pyproject.toml"])
+def test_both_distributions_describe_themselves(name: str) -> None:
+    project = tomllib.loads((ROOT / name).read_text(encoding="utf-8"))["project"]
+    assert project["requires-python"] == ">=3.11", "the compiled module uses the stable interface of 3.11"
+    assert set(project["classifiers"]) <= trove_classifiers.classifiers
+    assert {"Programming Language :: Python :: 3.11", "Programming Language :: Rust"} <= set(project["classifiers"])
+    assert (project["license"], project["license-files"]) == ("GPL-3.0-or-later", ["LICENSE"])
+    assert all(project[key] for key in ("authors", "description", "keywords", "readme"))
+
+
+@pytest.mark.parametrize(
+    ("python", "blender", "flip"),
+    [("3.11", True, True), ("3.12", False, True), ("3.13", True, True), ("3.14", False, False)],
+)
+def test_extras_leave_out_what_a_python_cannot_have(metadata: Message, python: str, blender: bool, flip: bool) -> None:
+    assert set(metadata.get_all("Provides-Extra", [])) == {"blender", "measure", "cluster"}
+    needed: dict[str, set[str]] = {}
+    for extra in ("", "blender", "measure", "cluster"):
+        here = {"python_version": python, "python_full_version": f"{python}.0", "platform_machine": "x86_64"}
+        lines = map(Requirement, metadata.get_all("Requires-Dist", []))
+        needed[extra] = {one.name for one in lines if not one.marker or one.marker.evaluate({**here, "extra": extra})}
+    base = {"halfspace-native", "numpy"}
+    assert needed[""] == base
+    assert needed["blender"] - base == ({"bpy"} if blender else set())
+    assert needed["measure"] - base == {"embreex", "matplotlib", "openimageio"} | (
+        {"flip-evaluator"} if flip else set()
+    )
+    assert needed["cluster"] - base == {"distributed"}
 
 
 def test_both_archives_hold_the_same_and_nothing_of_this_machine(built: list[Path]) -> None:
