@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--split]
-[--website URL]`.
+"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--index PLACE]
+[--sha256 HASH ...] [--split] [--website URL]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
-machines of its kind on which Blender runs, with --for one for another system. With --split, each system also gets a zip
-of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than Blender itself.
+machines of its kind on which Blender runs, with --for one for another system. --index takes the wheels of --for from a
+package index or a folder instead, unmodified; --sha256 refuses all wheels but those with these hashes. With --split,
+each system also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C
+library than Blender itself.
 """
 
 from __future__ import annotations
@@ -22,13 +24,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "systems"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import environment
+import published
 import targets
 import wheel
 
-from addon.core.base import command
+from addon.core.base import command, native
 from lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,7 +59,7 @@ class PackageError(RuntimeError):
     """The extension cannot be packaged. The message gives the reason."""
 
 
-REPORTED = (PackageError, wheel.BuildError, targets.TargetError, environment.SetupError)
+REPORTED = (PackageError, wheel.BuildError, targets.TargetError, environment.SetupError, published.PublishedError)
 """Errors that the command reports in one line."""
 
 
@@ -173,6 +177,15 @@ def portable_wheel(name: str | None = None) -> Path:
         return wheel.build(ROOT, environment.PORTABLE.python, glibc=BLENDER_GLIBC, target=target)[0]
 
 
+def files(wheels: Sequence[Path]) -> list[Path]:
+    """The wheels, with those of a folder in its place. Raises PackageError if there is no such file."""
+    found = [file for path in wheels for file in (sorted(path.glob("*.whl")) if path.is_dir() else [path])]
+    for path in found:
+        if not path.is_file():
+            raise PackageError(f"{path}: there is no such wheel")
+    return found
+
+
 def package(
     wheels: Sequence[Path],
     out: Path,
@@ -194,13 +207,10 @@ def package(
     chosen = list(dict.fromkeys([*wheels, *built]))
     if not chosen:
         chosen.append(wheel.build(ROOT, Path(sys.executable))[0])
-    # A folder stands for all wheels in it.
-    chosen = [file for path in chosen for file in (sorted(path.glob("*.whl")) if path.is_dir() else [path])]
+    chosen = files(chosen)
     if not chosen:
         raise PackageError("the folders hold no wheels")
     for path in chosen:
-        if not path.is_file():
-            raise PackageError(f"{path}: there is no such wheel")
         warning = too_new(path)
         if warning is not None:
             print(f"package: {warning}", file=sys.stderr)
@@ -244,6 +254,19 @@ def main(arguments: Sequence[str]) -> int:
         choices=[*targets.TARGETS, "all"],
         help="build a wheel for this system, or for all; may be repeated",
     )
+    parser.add_argument(
+        "--index",
+        metavar="PLACE",
+        help="take the wheels from this package index (an address) or folder, with pip, instead of building them; "
+        "those for the systems of --for (default: this one)",
+    )
+    parser.add_argument(
+        "--sha256",
+        action="append",
+        default=[],
+        metavar="HASH",
+        help="the hash of a wheel from --wheel or --index; once given, all of them need theirs",
+    )
     parser.add_argument("--split", action="store_true", help="also make one zip per system")
     parser.add_argument("--website", type=website, metavar="URL", help="the publisher's page, which Blender links to")
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
@@ -253,9 +276,19 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Package with these arguments. Returns the exit status."""
     systems = list(targets.TARGETS) if "all" in asked.systems else asked.systems
-    zips = package(
-        asked.wheel, asked.out, portable=asked.portable, systems=systems, split=asked.split, website=asked.website
-    )
+    with tempfile.TemporaryDirectory(prefix="published-") as folder:
+        wheels = list(asked.wheel)
+        if asked.index is not None:
+            if asked.portable:
+                raise PackageError("--portable builds a wheel, --index takes one: give --for instead")
+            version = native.VERSION
+            wheels += [published.take(asked.index, version, one, Path(folder)) for one in systems or [targets.here()]]
+            systems = []
+        if asked.sha256:
+            published.check(files(wheels), asked.sha256)
+        zips = package(
+            wheels, asked.out, portable=asked.portable, systems=systems, split=asked.split, website=asked.website
+        )
     for path in zips:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0

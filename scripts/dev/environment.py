@@ -55,7 +55,18 @@ CURRENT = Environment(
     "5.2",
     "3.13",
     ROOT / ".venv",
-    ("blender-current", "test", "build", "distribution", "check", "docs", "notebooks", "measure", "cluster"),
+    (
+        "blender-current",
+        "test",
+        "build",
+        "distribution",
+        "check",
+        "docs",
+        "citation",
+        "notebooks",
+        "measure",
+        "cluster",
+    ),
 )
 LTS = Environment("4.5 LTS", "3.11", ROOT / ".venv-4.5", ("blender-lts", "test"))
 PORTABLE = Environment(CURRENT.blender, CURRENT.version, ROOT / ".venv-portable", ("build", "portable"))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import shlex
 import shutil
@@ -19,6 +20,7 @@ import package_python
 import pytest
 import pythons
 import targets
+import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -227,7 +229,8 @@ def test_every_structure_answers_with_the_same_bits(tmp_path: Path, capsys: pyte
 def steps(text: str) -> list[str]:
     """The commands of a workflow with the names of its systems put in, one command a line."""
     found = re.findall(r"^ +(?:- )?run: ((?!\|).+)$", text, re.MULTILINE)
-    return [line.replace("${{ matrix.system }}", "linux-arm64") for line in found]
+    values = {"${{ matrix.system }}": "linux-arm64", "$GITHUB_SERVER_URL": "https://example.org"}
+    return [functools.reduce(lambda text, pair: text.replace(*pair), values.items(), line) for line in found]
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
@@ -248,6 +251,21 @@ def test_a_workflow_calls_scripts_as_they_are(path: Path, monkeypatch: pytest.Mo
             assert main[Path(words[0]).stem](words[1:]) == 0, line
     assert called
     assert set(re.findall(r"system: ([\w-]+),", text)) in (set(), set(targets.TARGETS))
+
+
+def test_distributions_are_published_for_a_tag_alone_after_their_checks() -> None:
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8"))["jobs"]
+    publish = jobs["publish"]
+    assert (publish["if"], publish["needs"], jobs["draft"]["needs"]) == ("github.ref_type == 'tag'", "draft", "answers")
+    # Nothing of the repository runs where the index trusts the job.
+    assert publish["permissions"] == {"id-token": "write"}
+    assert [step["uses"].split("@")[0] for step in publish["steps"]] == [
+        "actions/download-artifact",
+        "pypa/gh-action-pypi-publish",
+    ]
+    uploaded = [step["with"] for step in jobs["draft"]["steps"] if "upload-artifact" in step.get("uses", "")]
+    assert [one["name"] for one in uploaded] == publish["strategy"]["matrix"]["project"]
+    assert [one["path"] for one in uploaded] == ["dist/halfspace_native-*", "dist/halfspace_rt-*"]
 
 
 @pytest.mark.skipif(shutil.which("actionlint") is None, reason="actionlint is not installed")
