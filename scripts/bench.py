@@ -34,7 +34,7 @@ from addon.core.scene import rays, workload
 from addon.core.structures import catalogue, specs, ways
 from lab.base import levels
 from lab.base.usage import Parser, UsageError, output
-from lab.bench import cluster, merging, scenes, sweep
+from lab.bench import cluster, inspecting, merging, scenes, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from lab.export import files
 from lab.motion import animations, motion
@@ -131,6 +131,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"also write figures and tables for papers into DIR/{files.FOLDER}: "
         + ", ".join(f"{name} ({what})" for name, what in files.FORMATS.items()),
     )
+    inspecting.add_option(made)
     add("--published", type=Path, metavar="FILE", help="published results to draw beside the K sweep")
     return made
 
@@ -161,10 +162,10 @@ def run(asked: argparse.Namespace) -> int:
             "builds timed once, no smaller views, pictures, memory and maps only with --out; as many answers compared"
         )
     shard = read_shard(asked)
-    published, formats = read_published(asked), read_export(asked)
+    published, formats, pages = read_published(asked), read_export(asked), inspecting.read(asked, module)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
-    named = asked.scenes or default_scenes(asked.preset)
+    named = asked.scenes or scenes.of_preset(asked.preset, say)
     chosen_scenes = workload.distinct({scene: scenes.find(scene) for scene in named})
     loaders = [scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in chosen_scenes]
     if asked.out is not None:
@@ -199,14 +200,14 @@ def run(asked: argparse.Namespace) -> int:
             for line in workload.left_out(loaded, dropped(own)):
                 say(f"{loaded.name}: {line}")
             if own:
+                pages.add(loaded, options.size, say)
                 print("\n" + tables.text(own) + "\n", flush=True)
     rows = todo.rows()
-    better = report.worth_it(rows)
-    if better:
+    if better := report.worth_it(rows):
         say(f"build and one 1024x1024 picture at 16 spp faster with oblique planes than with kd: {', '.join(better)}")
     if asked.out is not None and not shard.name:
         machines = {} if journal is None else journal.machines
-        save(asked.out, results.document(module, rows, options.as_dict(), machines), published, formats)
+        save(asked.out, results.document(module, rows, options.as_dict(), machines) | pages.links(), published, formats)
     return status(rows)
 
 
@@ -422,20 +423,6 @@ def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
     if len(chosen) > trees:
         say(f"{trees} structures, each one ray at a time and as fast as it goes: {len(chosen)} configurations")
     return chosen
-
-
-def default_scenes(preset: str | None) -> list[str]:
-    """The scenes to measure if none is named: the preset's, the file open in Blender, or the showcase."""
-    if preset is None:
-        return [scenes.OPEN_FILE if scenes.is_file_open() else "showcase"]
-    names = PRESETS[preset]["scenes"].split(",")
-    found = [name for name in names if (workload.SCENES / f"{name}.npz").is_file()]
-    for name in names:
-        if name not in found:
-            say(f"{name} is left out: it is not in {workload.SCENES}")
-    if not found:
-        raise UsageError(f"--preset {preset}: none of its scenes is in {workload.SCENES}")
-    return [str(workload.SCENES / f"{name}.npz") for name in found]
 
 
 def say(text: str) -> None:

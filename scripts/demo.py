@@ -29,7 +29,8 @@ STEPS = {
     f"Measuring {len(STRUCTURES)} structures on the same scene: speed, and errors against brute force": [
         "scripts/bench.py",
         *("--structures", ",".join(STRUCTURES), "--size", "512x512", "--repeats", "3", "--seconds", "5"),
-        *("--check-rays", "4096", "--only-rays", "--curve", "none", "--out", str(OUT / "demo")),
+        *("--check-rays", "4096", "--only-rays", "--curve", "none", "--inspector", "kd,bvh-sah"),
+        *("--out", str(OUT / "demo")),
     ],
 }
 """The line that announces a step, and its script with arguments."""
@@ -63,7 +64,7 @@ def work(_: argparse.Namespace) -> int:
             return done.returncode
     python = CURRENT.python.relative_to(ROOT)
     print(f"\nDone in {time.monotonic() - start:.0f} s. Look at:")
-    print(f"  {OUT / 'showcase.png'}\n  {OUT / 'demo' / 'report.html'}")
+    print(f"  {OUT / 'showcase.png'}\n  {OUT / 'demo' / 'report.html'}, which links the inspector's page")
     print("All structures, with memory, pictures and cost maps:")
     print(f"  {python} scripts/bench.py --structures all --out out/all")
     return 0

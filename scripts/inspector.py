@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The inspector as a page: `python scripts/inspector.py [SCENE] [--structures SPEC[,SPEC...]] [--out FILE]`.
 
-Writes one self-contained page that opens offline: maps of steps, tests, wasted tests, overlap, any-hit cost and leaf
-depth side by side with one cursor and range handles, the worst camera, shadow and bounce rays with their reasons and
-steps, the trees node by node, and the cost of each level. Exit status: 0 written; 2 bad usage or input, and an older
-page stays; 130 stopped.
+Writes one self-contained page that opens offline: maps of steps, time, tests, wasted tests, overlap, any-hit cost and
+leaf depth side by side with one cursor and range handles, the worst camera, shadow and bounce rays with their reasons
+and steps, the trees node by node, and the cost of each level. Exit status: 0 written; 2 bad usage or input, and an
+older page stays; 130 stopped.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ if __name__ == "__main__":
     interrupt.guard("inspector")
 
 from addon.core.base import command, native
-from addon.core.inspector import page
 from addon.core.measure import costmap
 from addon.core.report import results
 from addon.core.scene import workload
-from addon.core.structures import catalogue, specs
+from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
-from lab.bench import scenes
+from lab.bench import inspecting, scenes
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -77,16 +76,10 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
 
 def run(asked: argparse.Namespace) -> int:
     """Measure, and write the page. Returns the exit status. Raises what loading, building and writing raise."""
-    module, scene = native.load(), asked.load()
+    scene = asked.load()
     for note in scene.notes:
         print(f"[inspector] {note}")
-    structures = []
-    for spec in asked.specs:
-        label = catalogue.load()[specs.structure_of(spec)].label
-        built = module.build(scene.vertices, scene.triangles, spec)
-        structures.append((label if spec == specs.structure_of(spec) else f"{label} ({spec})", built))
-    made = page.inspect(module, scene, structures, asked.size)
-    results.write(asked.out, made.html)
+    made = inspecting.write(asked.out, scene, asked.specs, asked.size)
     for line in made.worst:
         print(f"[inspector] {line}")
     print(f"{asked.out} ({asked.out.stat().st_size / 2**20:.1f} MiB)")

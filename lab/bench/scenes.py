@@ -12,6 +12,7 @@ from addon.core.scene import grid, workload
 
 from ..base.usage import UsageError
 from . import mesh_files
+from .bench_presets import PRESETS
 
 # Suffixes of scene files.
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
@@ -49,6 +50,20 @@ def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callab
     if isinstance(found, str):
         return lambda: workloads.current(found, size)
     return lambda: workloads.load(found, size)
+
+
+def of_preset(preset: str | None, say: Callable[[str], None]) -> list[str]:
+    """The scenes to measure if none is named: the preset's, the file open in Blender, or the showcase."""
+    if preset is None:
+        return [OPEN_FILE if is_file_open() else "showcase"]
+    names = PRESETS[preset]["scenes"].split(",")
+    found = [name for name in names if (workload.SCENES / f"{name}.npz").is_file()]
+    for name in names:
+        if name not in found:
+            say(f"{name} is left out: it is not in {workload.SCENES}")
+    if not found:
+        raise UsageError(f"--preset {preset}: none of its scenes is in {workload.SCENES}")
+    return [str(workload.SCENES / f"{name}.npz") for name in found]
 
 
 def is_file_open() -> bool:

@@ -23,7 +23,7 @@ from . import levels, worst
 WHAT = (
     ("NODES", "Nodes", "All nodes of the tree: place, box, share, SAH cost, triangles", 0),
     ("STEPS", "Steps of the Ray", "All steps of the picked ray: node, interval, tests", 1),
-    ("RAYS", "Rays", "All rays of the chosen set: pixel, origin, direction, steps, tests", 2),
+    ("RAYS", "Rays", "All rays of the chosen set, the worst first: rank, pixel, steps, tests, time", 2),
     ("LEVELS", "Levels", "SAH cost, overlap and time of each level", 3),
     ("MAP", "Cost Map, Numbers", "The numbers of each pixel of the last cost map", 4),
     ("PICTURE", "Cost Map, Picture", "The last cost map as PNG, with its histograms", 5),
@@ -55,7 +55,7 @@ def text(scene: Any, what: str) -> str:
     rows: dict[str, Callable[[], Any]] = {
         "NODES": lambda: csv_files.nodes(tree.table()),
         "STEPS": lambda: csv_files.steps(tree.table(), _replay(scene, tree)),
-        "RAYS": lambda: csv_files.rays(worst.find(scene, tree).costs[scene.halfspace.inspector.rays]),
+        "RAYS": lambda: _rays(scene, tree),
     }
     if what == "LEVELS":
         return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).levels.rows())
@@ -75,6 +75,11 @@ def page_of(scene: Any) -> str:
         built = module.build(tree.vertices, tree.triangles, group.second, memory_limit=limit)
         structures.append((second.label, built))
     return page.inspect(module, found.workload, structures, found.size).html
+
+
+def _rays(scene: Any, tree: trees.Tree) -> Any:
+    settings, found = scene.halfspace.inspector, worst.find(scene, tree)
+    return csv_files.rays(found.costs[settings.rays], settings.order, worst.times(found, tree, settings.rays))
 
 
 def _replay(scene: Any, tree: trees.Tree) -> Any:

@@ -17,6 +17,7 @@ from ...core.base.arrays import F64
 from ...core.choose import auto
 from ...core.inspector import ray_costs, reasons
 from ...core.inspector import replay as replays
+from ...core.inspector.csv_files import Times
 from ...core.inspector.ray_costs import RayCosts
 from ...core.measure import costmap
 from ...core.measure.reference import Reference, affordable
@@ -35,8 +36,8 @@ log = logging.getLogger(__name__)
 class Found:
     """The costs of the rays of a view through one tree.
 
-    size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. place: of the ray that
-    is shown in the order. lines: about that ray. answers: how many were compared with brute force, and were wrong.
+    size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. times: by set, once
+    measured. place: of the ray that is shown in the order. lines: about that ray.
     """
 
     tree: int
@@ -45,10 +46,10 @@ class Found:
     workload: Workload
     costs: dict[str, RayCosts]
     orders: dict[tuple[str, str], tuple[NDArray[np.int64], F64]] = field(default_factory=dict)
+    times: dict[str, Times] = field(default_factory=dict)
     shown: tuple[str, str] = ("", "")
     place: int = 0
     lines: tuple[str, ...] = ()
-    answers: str = ""
 
 
 _found: dict[int, Found] = {}
@@ -103,15 +104,22 @@ def order(found: Found, tree: trees.Tree, name: str, key: str) -> tuple[NDArray[
     if (name, key) not in found.orders:
         costs = found.costs[name]
         if key == "TIME":
-            found.orders[name, key] = ray_costs.slowest(tree.structure, costs, MOST)
-            wanted = min(auto.CHECKED, affordable(found.workload))
-            reference = Reference(native.load(), found.workload, [costs.rays], wanted, seed=0)
-            wrong = reference.wrong(tree.structure)
-            found.answers = f"{wrong:,} of {len(reference):,} answers wrong"
+            found.orders[name, key] = ray_costs.slowest(costs, times(found, tree, name).nanoseconds, MOST)
         else:
             indices = ray_costs.worst(costs, key, MOST)
             found.orders[name, key] = indices, costs.values(key)[indices].astype(np.float64)
     return found.orders[name, key]
+
+
+def times(found: Found, tree: trees.Tree, name: str) -> Times:
+    """Measure the times of the rays of a set, with the errors of the structure, or return the known ones."""
+    if name not in found.times:
+        costs = found.costs[name]
+        wanted = min(auto.CHECKED, affordable(found.workload))
+        reference = Reference(native.load(), found.workload, [costs.rays], wanted, seed=0)
+        measured = ray_costs.block_times(tree.structure, costs)
+        found.times[name] = Times(measured, reference.wrong(tree.structure), len(reference))
+    return found.times[name]
 
 
 def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
@@ -133,7 +141,7 @@ def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
     table = tree.table()
     lines = [f"{place + 1:,} of {len(indices):,} by {key.lower()}"]
     if key == "TIME":
-        lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.answers}")
+        lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.times[name].answers}")
     lines += reasons.summary(costs, index)
     lines += reasons.reasons(table, path, replays.replay(table, path), key)
     found.shown, found.place, found.lines = (name, key), place, tuple(lines)

@@ -25,6 +25,7 @@ from ...core.structures.settings import memory_limit
 from ...core.structures.specs import structure_of
 from ..session import trees
 from ..settings import properties, signals
+from ..settings.inspector_settings import range_name
 from . import map_pictures, workloads
 from .map_pictures import Look
 
@@ -40,7 +41,7 @@ class Kept:
     bottom, or None.
     """
 
-    maps: list[tuple[str, F32]]
+    maps: list[tuple[str, F64]]
     what: costmap.Quantity
     scene_uid: int
     view: View
@@ -48,9 +49,23 @@ class Kept:
     cursor: tuple[int, int] | None = None
 
     def picture(self, scene: Any) -> F32:
-        """The maps with the range of the scene's settings and the cursor."""
-        settings = scene.halfspace.inspector
-        return map_pictures.compose(self.maps, self.what, Look(settings.low / 100, settings.high / 100, self.cursor))
+        """The maps with their ranges of the scene's settings and the cursor."""
+        looks = [
+            Look(cursor=self.cursor) if own is None else Look(own.low / 100, own.high / 100, self.cursor)
+            for own in self.ranges(scene)
+        ]
+        return map_pictures.compose(self.maps, self.what, looks)
+
+    def ranges(self, scene: Any) -> list[Any]:
+        """The range of each map in the scene's settings; None after an undo beyond the first map of its quantity."""
+        known = scene.halfspace.inspector.ranges
+        return [known.get(range_name(self.what.key, place)) for place in range(len(self.maps))]
+
+    def add_ranges(self, scene: Any) -> None:
+        """Add the ranges that the scene's settings lack."""
+        for place, own in enumerate(self.ranges(scene)):
+            if own is None:
+                scene.halfspace.inspector.ranges.add().name = range_name(self.what.key, place)
 
     def ray(self, pixel: tuple[int, int]) -> tuple[F64, F64]:
         """Origin in world space and direction of the camera ray of a pixel."""
@@ -132,6 +147,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
             label += f", {choice.Line(spec, wrong=reference.wrong(structure), checked=len(reference)).answers}"
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
     kept = Kept(maps, costmap.quantity(group.cost), scene.session_uid, workload.view, _origin(workload, tree))
+    kept.add_ranges(scene)
     return kept.picture(scene)
 
 

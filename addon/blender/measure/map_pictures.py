@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.base.arrays import F32
+from ...core.base.arrays import F32, F64
 from ...core.inspector import histogram
 from ...core.measure import costmap
 from . import lettering
@@ -41,9 +41,11 @@ class Look:
         return self.low <= 0 and self.high >= 1
 
 
-def compose(maps: Sequence[tuple[str, F32]], what: costmap.Quantity, look: Look | None = None) -> F32:
-    """Maps under their titles and histograms, above one colour bar with numbers: (h, w, 3) display values."""
-    look = look or Look()
+def compose(maps: Sequence[tuple[str, F64]], what: costmap.Quantity, looks: Sequence[Look] = ()) -> F32:
+    """Maps under their titles and histograms, above one colour bar with numbers: (h, w, 3) display values.
+
+    looks: one for each map; none for whole ranges without a cursor.
+    """
     height, width = maps[0][1].shape
     end = costmap.scale_end([values for _, values in maps])
     line = int(TEXT * 1.4)
@@ -52,7 +54,7 @@ def compose(maps: Sequence[tuple[str, F32]], what: costmap.Quantity, look: Look 
     picture = np.tile(np.array(BACK, np.float32), (top + 2 * MARGIN + HISTOGRAM + LINES * line, across, 1))
     words = []
     # Place the maps with their histograms and titles.
-    for i, (title, values) in enumerate(maps):
+    for i, ((title, values), look) in enumerate(zip(maps, looks or [Look()] * len(maps), strict=True)):
         x = left(i, width)
         low, high = look.low * end, look.high * end
         picture[foot() : top, x : x + width] = histogram.ranged(values, low, high, end)
@@ -64,7 +66,7 @@ def compose(maps: Sequence[tuple[str, F32]], what: costmap.Quantity, look: Look 
         words += [(text, x, baseline + (LINES - 1 - k) * line + 5.0) for k, text in enumerate(lines) if text]
     # Draw the colour bar and its numbers.
     bar = across - 2 * MARGIN
-    scale = np.linspace(0, end, bar, dtype=np.float32)
+    scale = np.linspace(0, end, bar)
     picture[MARGIN + line : MARGIN + line + BAR, MARGIN : MARGIN + bar] = costmap.coloured(scale, end)
     words += _numbers(end, what.unit, bar)
     lettering.write(picture, words, TEXT)
@@ -108,7 +110,7 @@ def pixel_at(x: float, y: float, count: int, size: tuple[int, int]) -> tuple[int
     return None
 
 
-def _range_text(values: F32, what: costmap.Quantity, look: Look, end: float) -> str:
+def _range_text(values: F64, what: costmap.Quantity, look: Look, end: float) -> str:
     """The number under the cursor, or the share of the range; "" for the whole range."""
     if look.cursor is not None:
         column, row = look.cursor
@@ -116,14 +118,14 @@ def _range_text(values: F32, what: costmap.Quantity, look: Look, end: float) -> 
     return "" if look.is_whole else histogram.sentence(values, look.low * end, look.high * end, end)
 
 
-def _draw_histogram(strip: F32, values: F32, look: Look, end: float) -> None:
+def _draw_histogram(strip: F32, values: F64, look: Look, end: float) -> None:
     """Draw the histogram of a map with the ends of the range, in place. Heights are square roots of numbers."""
     height, width = strip.shape[:2]
     found = histogram.histogram(values, end)
     tall = np.sqrt(found.counts / max(int(found.counts.max()), 1)) * (height - GRIP)
     place = (np.arange(width) + 0.5) / width
     bins = np.minimum((place * histogram.BINS).astype(int), histogram.BINS - 1)
-    rgb = costmap.coloured((place * end).astype(np.float32), end)
+    rgb = costmap.coloured(place * end, end)
     rgb[(place < look.low) | (place > look.high)] = OUTSIDE_RGB
     filled = np.arange(height)[:, None] < np.ceil(tall[bins])[None]
     strip[filled] = np.broadcast_to(np.maximum(rgb, 0.22), strip.shape)[filled]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scene.halfspace.inspector`: the selected node, the step of the picked ray, the order of the worst rays."""
+"""`scene.halfspace.inspector`: the selected node, the step of the picked ray, the order of the worst rays, ranges."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty
 
 from . import signals
 
@@ -20,6 +20,29 @@ def _redraw(group: Any, _context: Any) -> None:
 
 def _range_changed(group: Any, _context: Any) -> None:
     signals.range_changed.fire(group.id_data)
+
+
+class HalfspaceMapRange(bpy.types.PropertyGroup):
+    """The range of one cost map, named by `range_name`."""
+
+    low: FloatProperty(  # type: ignore[valid-type]
+        name="From",
+        description="Pixels of this map below this share of its scale lose their colour",
+        default=0.0,
+        min=0.0,
+        max=100.0,
+        subtype="PERCENTAGE",
+        update=_range_changed,
+    )
+    high: FloatProperty(  # type: ignore[valid-type]
+        name="To",
+        description="Pixels of this map above this share of its scale lose their colour",
+        default=100.0,
+        min=0.0,
+        max=100.0,
+        subtype="PERCENTAGE",
+        update=_range_changed,
+    )
 
 
 class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
@@ -79,31 +102,21 @@ class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
         min=8,
         max=2048,
     )
-    low: FloatProperty(  # type: ignore[valid-type]
-        name="Range From",
-        description="Pixels of the cost map below this share of its scale lose their colour",
-        default=0.0,
-        min=0.0,
-        max=100.0,
-        subtype="PERCENTAGE",
-        update=_range_changed,
-    )
-    high: FloatProperty(  # type: ignore[valid-type]
-        name="To",
-        description="Pixels of the cost map above this share of its scale lose their colour",
-        default=100.0,
-        min=0.0,
-        max=100.0,
-        subtype="PERCENTAGE",
-        update=_range_changed,
-    )
+    ranges: CollectionProperty(type=HalfspaceMapRange)  # type: ignore[valid-type]
+
+
+def range_name(quantity: str, place: int) -> str:
+    """The name of the range of a map: of the key of its quantity, and its place among the maps side by side, from 0."""
+    return f"{quantity} {place}"
 
 
 def register() -> None:
-    """Register the group; `properties` makes it part of `scene.halfspace`."""
+    """Register the groups; `properties` makes them part of `scene.halfspace`."""
+    bpy.utils.register_class(HalfspaceMapRange)
     bpy.utils.register_class(HalfspaceInspectorSettings)
 
 
 def unregister() -> None:
     """Undo `register`."""
     bpy.utils.unregister_class(HalfspaceInspectorSettings)
+    bpy.utils.unregister_class(HalfspaceMapRange)

@@ -146,7 +146,7 @@ def _map_properties(known: Catalogue) -> dict[str, Any]:
         "cost": EnumProperty(
             name="Cost",
             description="The quantity that the colours of the map show",
-            items=[(q.key, q.label, q.doc, number) for number, q in enumerate(costmap.QUANTITIES)],
+            items=[(q.key, q.label, q.doc, q.code) for q in costmap.QUANTITIES],
             default="STEPS",
         ),
         "second": EnumProperty(

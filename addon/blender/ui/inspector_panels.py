@@ -61,7 +61,7 @@ class HALFSPACE_PT_view_tree(_InspectorPanel, bpy.types.Panel):
         row.prop(settings, "alone", text="", icon="HIDE_ON" if settings.alone else "HIDE_OFF")
         if tree.known_table is not None:
             _node(layout, tree, settings.node)
-        _export(layout, "NODES")
+        export(layout, "NODES")
 
 
 def _node(layout: Any, tree: trees.Tree, node: int) -> None:
@@ -107,7 +107,7 @@ class HALFSPACE_PT_view_worst(_InspectorPanel, bpy.types.Panel):
         found = worst.known(scene)
         for line in found.lines if found is not None else ():
             wrapped(layout, line)
-        _export(layout, "RAYS")
+        export(layout, "RAYS")
 
 
 class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
@@ -135,8 +135,8 @@ class HALFSPACE_PT_view_levels(_InspectorPanel, bpy.types.Panel):
             grid.label(text=f"{level.sah_share:.1%}" if level.sah_share < 0.9995 else "100%")
             grid.label(text=f"{level.overlap:.3g}")
             grid.label(text=f"{level.nanoseconds:.1f}")
-        _export(layout, "LEVELS")
-        _export(layout, "PAGE")
+        export(layout, "LEVELS")
+        export(layout, "PAGE")
 
 
 class HALFSPACE_PT_image_maps(_InspectorPanel, bpy.types.Panel):
@@ -152,25 +152,31 @@ class HALFSPACE_PT_image_maps(_InspectorPanel, bpy.types.Panel):
 
 
 def range_and_cursor(layout: Any, scene: Any) -> None:
-    """The ends of the range of colours, the numbers under the cursor, and the files of the last cost map."""
+    """The ends of each map's range of colours, the numbers under the cursor, and the files of the last cost map."""
     kept = cost_maps.kept
     if kept is None or kept.scene_uid != scene.session_uid:
         layout.label(text="No cost map yet", icon="INFO")
         return
-    settings = scene.halfspace.inspector
-    row = layout.row(align=True)
-    row.prop(settings, "low", text="From", slider=True)
-    row.prop(settings, "high", text="To", slider=True)
+    # Each map has a range of its own.
+    for (title, _), own in zip(kept.maps, kept.ranges(scene), strict=True):
+        if own is None:
+            continue
+        column = layout.column(align=True)
+        if len(kept.maps) > 1:
+            column.label(text=title)
+        row = column.row(align=True)
+        row.prop(own, "low", text="From", slider=True)
+        row.prop(own, "high", text="To", slider=True)
     layout.operator("halfspace.map_cursor", icon="EYEDROPPER")
     if kept.cursor is not None:
         column, row_number = kept.cursor
         for title, values in kept.maps:
             layout.label(text=f"{title}: {values[row_number, column]:,.4g}")
-    _export(layout, "MAP")
-    _export(layout, "PICTURE")
+    export(layout, "MAP")
+    export(layout, "PICTURE")
 
 
-def _export(layout: Any, what: str) -> None:
+def export(layout: Any, what: str) -> None:
     """A button that writes a file."""
     label = next(name for key, name, *_ in exporting.WHAT if key == what)
     layout.operator("halfspace.export_inspector", text=f"Export {label}", icon="EXPORT").what = what

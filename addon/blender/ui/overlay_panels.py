@@ -207,6 +207,7 @@ def _replay(layout: Any, scene: Any) -> None:
     if found.hidden:
         column.label(text=f"{found.hidden:,} more nodes before the hit was known")
     column.operator("halfspace.go_to_node", text="Select This Node", icon="OUTLINER_OB_MESH").to = "STEP"
+    inspector_panels.export(column, "STEPS")
 
 
 class HALFSPACE_PT_view_costs(panels.SidebarPanel, bpy.types.Panel):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import colours
-from ..base.arrays import F32
+from ..base.arrays import F32, F64
 
 BINS = 64
 """Number of bins of a histogram."""
@@ -26,19 +26,19 @@ class Histogram:
     end: float
 
 
-def histogram(values: F32, end: float) -> Histogram:
+def histogram(values: F64, end: float) -> Histogram:
     """The histogram of a map on a scale from 0 to `end`."""
     place = np.clip((values.ravel() / end * BINS).astype(np.int64), 0, BINS - 1)
     return Histogram(np.bincount(place, minlength=BINS), end)
 
 
-def within(values: F32, low: float, high: float, end: float) -> NDArray[np.bool_]:
+def within(values: F64, low: float, high: float, end: float) -> NDArray[np.bool_]:
     """Whether each value is in [low, high]; a range that reaches the end of the scale includes all larger values."""
     inside: NDArray[np.bool_] = (values >= low) & ((values <= high) | (high >= end))
     return inside
 
 
-def ranged(values: F32, low: float, high: float, end: float) -> F32:
+def ranged(values: F64, low: float, high: float, end: float) -> F32:
     """(h, w, 3) false colours of a map; pixels outside of [low, high] are dark and grey."""
     made = colours.false_colour(values / end)
     outside = ~within(values, low, high, end)
@@ -46,7 +46,7 @@ def ranged(values: F32, low: float, high: float, end: float) -> F32:
     return made
 
 
-def sentence(values: F32, low: float, high: float, end: float) -> str:
+def sentence(values: F64, low: float, high: float, end: float) -> str:
     """The share of pixels in a range, and of the map's sum that they make up."""
     inside = within(values, low, high, end)
     whole = float(values.sum(dtype=np.float64))

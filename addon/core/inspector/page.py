@@ -5,38 +5,39 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base import colours
-from ..base.arrays import F32
+from ..base.arrays import F64
 from ..measure import costmap
 from ..measure.reference import Reference
 from ..overlay import cells
 from ..scene.workload import Workload
 from ..tree import table as tables
 from ..tree.table import KIND_LABELS, Table
-from . import levels, node_view, ray_costs, reasons
+from . import csv_files, levels, node_view, ray_costs, reasons
 from . import replay as replays
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
-TEMPLATE = "inspector.html"
+TEMPLATE, SCRIPT = "inspector.html", "inspector.js"
 
-MAPS = tuple(quantity for quantity in costmap.QUANTITIES if quantity.key != "TIME")
-"""The quantities of the page's maps; times of single tiles are too noisy for a file that is kept."""
+STEPS = replace(
+    costmap.quantity("STEPS"),
+    label="Traversal steps, single rays",
+    doc="Nodes that the ray of each pixel visits where it is traced alone, leaves included",
+)
+"""The steps of the page's maps are those of the worst rays."""
 
-ALONE = {
-    "STEPS": "Nodes that the ray of each pixel visits, leaves included",
-    "TESTS": "Triangles that the ray of each pixel is tested against",
-    "WASTED": "Triangles tested on visits of leaves that found no nearer hit than the one known",
-}
-"""The quantities whose maps hold the counts of the worst rays: of each ray traced alone."""
+MAPS = (STEPS, *(one for one in costmap.QUANTITIES if one.key not in ("STEPS", "TESTS")))
+"""The quantities of the page's maps; tests are those of single rays only."""
 
 MOST_NODES, MOST_RAYS, CHECKED = 4000, 10, 1024
 """Largest numbers of shallow nodes and of rays of each order on a page, and of answers that are compared."""
@@ -51,10 +52,14 @@ class Page:
 
 
 def inspect(
-    native: Native, workload: Workload, structures: Sequence[tuple[str, Structure]], size: tuple[int, int]
+    native: Native,
+    workload: Workload,
+    structures: Sequence[tuple[str, Structure]],
+    size: tuple[int, int],
+    report: str = "",
 ) -> Page:
     """The page of structures over the workload's triangles. structures: label and structure. size: pixels of the view,
-    multiples of a tile.
+    multiples of a tile. report: relative address of a report that the page links.
 
     Raises table.TreeError.
     """
@@ -75,9 +80,7 @@ def inspect(
                 "key": one.key,
                 "label": one.label,
                 "unit": one.unit,
-                "meaning": f"{ALONE[one.key]}; each ray is traced alone, as in the lists below"
-                if one.key in ALONE
-                else one.doc,
+                "meaning": one.doc,
                 "end": costmap.scale_end([own[one.key] for own in maps]),
             }
             for one in MAPS
@@ -87,15 +90,25 @@ def inspect(
         "orders": [[key, f"by {key.lower()}"] for key in ray_costs.KEYS],
         "most": MOST_RAYS,
     }
-    text = resources.files(__package__ or "").joinpath(TEMPLATE).read_text(encoding="utf-8")
     facts = f"{len(workload.triangles):,} triangles, {size[0]} × {size[1]} camera rays, SIMD level {native.level()}"
-    parts = {"TITLE": workload.name, "FACTS": facts}
-    for name, value in parts.items():
-        text = text.replace(f"%{name}%", html.escape(value))
-    # A script element ends at the first "</", whatever it contains.
-    text = text.replace("%DATA%", json.dumps(data, separators=(",", ":")).replace("</", "<\\/"))
     worst = (_sentence(label, own["primary"]) for (label, _), own in zip(structures, costs, strict=True))
-    return Page(text, tuple(line for line in worst if line))
+    return Page(_filled(workload.name, facts, report, data), tuple(line for line in worst if line))
+
+
+def _filled(title: str, facts: str, report: str, data: dict[str, Any]) -> str:
+    """The template with these texts, the data and the script."""
+    files = resources.files(__package__ or "")
+    template, script = (files.joinpath(name).read_text(encoding="utf-8") for name in (TEMPLATE, SCRIPT))
+    parts = {
+        "TITLE": html.escape(title),
+        "FACTS": html.escape(facts),
+        "COLOURS": ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255 * colours.ANCHORS),
+        "REPORT": f'<a href="{html.escape(report)}">Report of speed and errors</a>' if report else "",
+        # A script element ends at the first "</", whatever it contains.
+        "DATA": json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
+        "SCRIPT": script,
+    }
+    return re.sub(r"%([A-Z]+)%", lambda found: parts[found[1]], template)
 
 
 def _sentence(label: str, primary: ray_costs.RayCosts) -> str:
@@ -106,13 +119,13 @@ def _sentence(label: str, primary: ray_costs.RayCosts) -> str:
     return ""
 
 
-def _map(structure: Structure, workload: Workload, primary: ray_costs.RayCosts, size: tuple[int, int], key: str) -> F32:
-    """(height, width) float32 of a quantity at each pixel, rows from the bottom."""
-    if key not in ALONE:
+def _map(structure: Structure, workload: Workload, primary: ray_costs.RayCosts, size: tuple[int, int], key: str) -> F64:
+    """(height, width) float64 of a quantity at each pixel, rows from the bottom."""
+    counts = {"STEPS": primary.steps, "SINGLE_TESTS": primary.tests, "WASTED": primary.wasted}
+    if key not in counts:
         return costmap.measure(structure, workload, size, key)
-    picture = np.zeros((size[1], size[0]), np.float32)
-    counts = {"STEPS": primary.steps, "TESTS": primary.tests, "WASTED": primary.wasted}[key]
-    picture[size[1] - 1 - primary.pixels[:, 1], primary.pixels[:, 0]] = counts
+    picture = np.zeros((size[1], size[0]))
+    picture[size[1] - 1 - primary.pixels[:, 1], primary.pixels[:, 0]] = counts[key]
     return picture
 
 
@@ -124,9 +137,12 @@ def _entry(
     reference = Reference(native, workload, [one.rays for one in costs.values() if len(one)], CHECKED, seed=0)
     wrong = reference.wrong(structure)
     found = levels.measure(structure, table, workload, costs["primary"])
-    answers = f"{wrong:,} of {len(reference):,} answers wrong"
+    times = {
+        name: csv_files.Times(ray_costs.block_times(structure, one), wrong, len(reference))
+        for name, one in costs.items()
+    }
     rays = {
-        f"{name} {key}": _rays(structure, table, one, key, answers)
+        f"{name} {key}": _rays(structure, table, one, key, times[name])
         for name, one in costs.items()
         for key in ray_costs.KEYS
     }
@@ -135,6 +151,8 @@ def _entry(
     return {
         "label": label,
         "spec": structure.spec,
+        "answers": times["primary"].answers,
+        "columns": list(csv_files.node(table, 0)),
         "nodes": nodes,
         "hidden": f"{hidden:,} deeper nodes that none of these rays meets are left out" if hidden else "",
         "rays": rays,
@@ -143,13 +161,14 @@ def _entry(
     }
 
 
-def _parameter(value: float) -> str:
-    """A ray parameter; a dash where only the error bound led the ray into the node."""
-    return f"{value:.4g}" if np.isfinite(value) else "–"
+def _parameter(value: float) -> float | None:
+    """A ray parameter with nine digits; None where only the error bound led the ray into the node."""
+    return float(f"{value:.9g}") if np.isfinite(value) else None
 
 
 def _nodes(table: Table, met: Iterable[int]) -> list[dict[str, Any]]:
-    """The shallowest nodes, and the visited ones with their siblings, parents first. up: place of the parent.
+    """The shallowest nodes, and the visited ones with their siblings, parents first. up: place of the parent. row: the
+    values of `csv_files.node`.
 
     met: rows of visited nodes, whose ancestors are visited too.
     """
@@ -163,27 +182,22 @@ def _nodes(table: Table, met: Iterable[int]) -> list[dict[str, Any]]:
     return [
         {
             "up": place.get(int(table.parent[node]), -1),
-            "row": int(node),
-            "kind": KIND_LABELS[table.kind[node]],
-            "triangles": int(table.references[node]),
-            "children": len(table.children_of(node)),
-            "sah": node_view.percent(table.costs_below[node] / whole),
+            "share": node_view.percent(table.costs_below[node] / whole),
             "lines": [f"Node {node:,}", *node_view.words(table, node)],
+            "row": list(csv_files.node(table, node).values()),
         }
         for node in chosen
     ]
 
 
 def _rays(
-    structure: Structure, table: Table, costs: ray_costs.RayCosts, key: str, answers: str
+    structure: Structure, table: Table, costs: ray_costs.RayCosts, key: str, times: csv_files.Times
 ) -> list[dict[str, Any]]:
-    """The worst rays of a set, with their reasons and steps."""
-    nanoseconds: F32 | None = None
+    """The worst rays of a set, with their reasons and steps. row: as in files."""
     if key == "TIME":
-        indices, times = ray_costs.slowest(structure, costs, MOST_RAYS)
-        nanoseconds = times.astype(np.float32)
+        indices, nanoseconds = ray_costs.slowest(costs, times.nanoseconds, MOST_RAYS)
     else:
-        indices = ray_costs.worst(costs, key, min(MOST_RAYS, len(costs)))
+        indices, nanoseconds = ray_costs.worst(costs, key, MOST_RAYS), np.zeros(0)
     found = []
     for place, index in enumerate(indices.tolist()):
         origin, direction = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
@@ -191,10 +205,11 @@ def _rays(
         path = cells.follow(structure, origin, direction, float(rays.t_max[index]), any_hit=rays.any_hit)
         made = replays.replay(table, path)
         lines = [*reasons.summary(costs, index), *reasons.reasons(table, path, made, key)]
-        if nanoseconds is not None:
-            lines.insert(0, f"{nanoseconds[place]:,.0f} ns per ray of 64 neighbours; {answers}")
+        if len(nanoseconds):
+            lines.insert(0, f"{nanoseconds[place]:,.0f} ns per ray of 64 neighbours; {times.answers}")
         steps = [
             {
+                "step": number,
                 "node": step.node,
                 "level": step.depth,
                 "kind": KIND_LABELS[table.kind[step.node]],
@@ -203,8 +218,9 @@ def _rays(
                 "tests": step.tests,
                 "reached": step.reached,
             }
-            for step in made.steps
+            for number, step in enumerate(made.steps, 1)
         ]
         note = replays.against(made, int(costs.steps[index]))
-        found.append({"lines": lines, "steps": steps, "note": note, "pixel": costs.pixels[index].tolist()})
+        row = csv_files.ray(costs, index, place + 1, times)
+        found.append({"lines": lines, "steps": steps, "note": note, "row": row})
     return found

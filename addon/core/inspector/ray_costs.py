@@ -72,18 +72,10 @@ def gather(structure: Structure, workload: Workload, size: tuple[int, int]) -> d
         places = pixels[some.name]
         if len(places) != len(some):
             raise ValueError(f"{some.name}: expected {len(places)} rays, got {len(some)}")
-        counters = _counters(structure, some)
+        counters = counting.alone(structure, some)
         columns = [counters[name].astype(np.int64) for name in ("visits", "tests", "tests_wasted")]
         found[some.name] = RayCosts(some, np.stack([places % width, places // width], axis=1), *columns)
     return found
-
-
-def _counters(structure: Structure, some: rays.RaySet) -> dict[str, NDArray[np.uint32]]:
-    """The counters of the rays traced one by one; brute force has one way to trace them, and no recordings."""
-    if structure.spec.partition(":")[0] == "brute":
-        return counting.counters(structure, some, 0)
-    recorded = structure.record(some.origins, some.directions, None, some.t_max, any_hit=some.any_hit)
-    return recorded.counters
 
 
 def worst(costs: RayCosts, key: str, count: int) -> NDArray[np.int64]:
@@ -91,18 +83,33 @@ def worst(costs: RayCosts, key: str, count: int) -> NDArray[np.int64]:
     return np.argsort(-costs.values(key), kind="stable")[:count]
 
 
-def slowest(structure: Structure, costs: RayCosts, count: int) -> tuple[NDArray[np.int64], F64]:
-    """The rays with most steps and tests of the slowest blocks, one of each block and the slowest block first, and the
-    nanoseconds per ray of these blocks.
-    """
+def block_times(structure: Structure, costs: RayCosts) -> F64:
+    """(b,), the nanoseconds per ray of each block of BLOCK consecutive rays, the last of which may have fewer."""
     starts = range(0, len(costs), BLOCK)
     blocks = [np.arange(start, min(start + BLOCK, len(costs))) for start in starts]
-    if not blocks:
-        return np.zeros(0, np.int64), np.zeros(0)
-    nanoseconds = _timed(structure, [costs.rays.take(np.tile(block, REPEATS)) for block in blocks])
-    order = np.argsort(-nanoseconds, kind="stable")[:count]
-    work = costs.steps + costs.tests
-    return np.array([blocks[i][np.argmax(work[blocks[i]])] for i in order]), nanoseconds[order]
+    return _timed(structure, [costs.rays.take(np.tile(block, REPEATS)) for block in blocks]) if blocks else np.zeros(0)
+
+
+def ranked(costs: RayCosts, key: str, nanoseconds: F64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(n,) the indices of all rays from the worst on, and (n,) the rank of each, from 1.
+
+    nanoseconds: from `block_times`. By TIME the rays of a block share its rank; the one with most steps and tests is
+    the first of them.
+    """
+    if key != "TIME":
+        return worst(costs, key, len(costs)), np.arange(1, len(costs) + 1)
+    place = np.empty(len(nanoseconds), np.int64)
+    place[np.argsort(-nanoseconds, kind="stable")] = np.arange(1, len(nanoseconds) + 1)
+    ranks = place[np.arange(len(costs)) // BLOCK]
+    order = np.lexsort((-(costs.steps + costs.tests), ranks))
+    return order, ranks[order]
+
+
+def slowest(costs: RayCosts, nanoseconds: F64, count: int) -> tuple[NDArray[np.int64], F64]:
+    """The first ray of each of the `count` first ranks by TIME, and the nanoseconds per ray of their blocks."""
+    order, ranks = ranked(costs, "TIME", nanoseconds)
+    found = order[np.unique(ranks, return_index=True)[1]][:count]
+    return found, nanoseconds[found // BLOCK]
 
 
 def _timed(structure: Structure, parts: list[rays.RaySet]) -> F64:

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import colours
-from ..base.arrays import F32
+from ..base.arrays import F32, F64
 from ..scene import rays
 from ..scene.workload import Workload
 from . import counting, pixel_costs
@@ -28,15 +29,21 @@ TIMINGS = 3
 CALLS = 64
 """Number of empty calls timed to find the cost of a call, which is subtracted."""
 
+TYPES = ("<u2", "<u4", "<f4", "<f8")
+"""NumPy's names of the types in which maps are packed, the smallest first; the last holds every number."""
+
 HIGHEST = 4
 """Largest ratio of height to width; taller views are made narrower."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A measurable quantity. key: in settings. label: on pictures. unit: of the numbers. doc: for tooltips."""
+    """A measurable quantity. key: in settings. code: of the key in `.blend` files, never reused. label: on pictures.
+    unit: of the numbers. doc: for tooltips.
+    """
 
     key: str
+    code: int
     label: str
     unit: str
     doc: str
@@ -45,29 +52,41 @@ class Quantity:
 QUANTITIES = (
     Quantity(
         "STEPS",
+        0,
         "Traversal steps",
         "per ray",
         "Nodes that the ray of each pixel visits, alone or together with others, leaves included",
     ),
     Quantity(
         "TESTS",
+        1,
         "Triangle tests",
         "per ray",
         "Triangles that the ray of each pixel is tested against; rays of a tile that is traced as a whole share its "
         "tests",
     ),
     Quantity(
-        "TIME", "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
+        "TIME", 2, "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
+    ),
+    Quantity(
+        "SINGLE_TESTS",
+        7,
+        "Triangle tests, single rays",
+        "per ray",
+        "Triangles that the ray of each pixel is tested against where it is traced alone; the wasted tests are a part "
+        "of these",
     ),
     Quantity(
         "WASTED",
-        "Wasted tests",
+        3,
+        "Wasted tests, single rays",
         "per ray",
         "Triangles tested on visits of leaves that found no nearer hit than the one known: leaves that hold what lies "
-        "elsewhere, or that are visited too early",
+        "elsewhere, or that are visited too early. Each ray is traced alone: the rays of a tile share their visits",
     ),
     Quantity(
         "OVERLAP",
+        4,
         "End-point overlap",
         "axis steps",
         "Cost of the nodes around the hit whose leaves do not hold the triangle hit, 80 for a test: work that any "
@@ -75,11 +94,12 @@ QUANTITIES = (
     ),
     Quantity(
         "ANY_HIT",
+        5,
         "Any-hit cost",
         "per shadow ray",
         "Nodes visited and triangles tested by the shadow ray from the hit of each pixel to one light",
     ),
-    Quantity("DEPTH", "Leaf depth", "levels", "Depth of the leaf that holds the hit; the root has depth 0"),
+    Quantity("DEPTH", 6, "Leaf depth", "levels", "Depth of the leaf that holds the hit; the root has depth 0"),
 )
 
 
@@ -108,8 +128,8 @@ def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
     return wide, max(min(high, most), rays.TILE)
 
 
-def measure(structure: Structure, workload: Workload, size: tuple[int, int], key: str) -> F32:
-    """(height, width) float32 of a quantity at each pixel of the workload's view, rows from the bottom.
+def measure(structure: Structure, workload: Workload, size: tuple[int, int], key: str) -> F64:
+    """(height, width) float64 of a quantity at each pixel of the workload's view, rows from the bottom.
 
     structure: native, over the workload's triangles. size: width and height, multiples of 8. key: of QUANTITIES.
     Raises table.TreeError for quantities that need the nodes of a tree.
@@ -117,25 +137,24 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
     width, height = size
     (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
     tiles = rays.tile_order(width, height)
-    values: dict[str, Callable[[], F32]] = {
-        "STEPS": lambda: counting.counters(structure, primary, 0)["visits"].astype(np.float32),
+    values: dict[str, Callable[[], NDArray[Any]]] = {
+        "STEPS": lambda: counting.counters(structure, primary, 0)["visits"],
         "TESTS": lambda: pixel_costs.shared(structure, primary, "tests"),
         "TIME": lambda: np.repeat(nanoseconds(structure, primary), rays.TILE**2),
-        # Tiles count all their tests as wasted.
-        "WASTED": lambda: counting.counters(structure, replace(primary, order="none"), 0)["tests_wasted"].astype(
-            np.float32
-        ),
+        # Tiles cannot count which of their tests are wasted.
+        "SINGLE_TESTS": lambda: counting.alone(structure, primary)["tests"],
+        "WASTED": lambda: counting.alone(structure, primary)["tests_wasted"],
         "OVERLAP": lambda: pixel_costs.overlap(structure, workload, primary),
         "ANY_HIT": lambda: pixel_costs.any_hit(structure, workload, size),
         "DEPTH": lambda: pixel_costs.leaf_depths(structure, workload, primary),
     }
-    picture = np.empty(width * height, np.float32)
+    picture = np.empty(width * height)
     picture[tiles] = values[key]()
     return picture.reshape(height, width)[::-1].copy()
 
 
-def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
-    """(height, width) float32, nodes visited plus triangles tested by the ray of each pixel, rows from the bottom.
+def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F64:
+    """(height, width) float64, nodes visited plus triangles tested by the ray of each pixel, rows from the bottom.
 
     view: the primary rays of `size` pixels in tiles. If a tile is traversed as a whole, its rays share the sum evenly.
     """
@@ -145,31 +164,33 @@ def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
     if not np.array_equal(counted, alone):
         side = rays.TILE**2
         counted = np.repeat(counted.reshape(-1, side).mean(axis=1), side)
-    picture = np.empty(width * height, np.float32)
+    picture = np.empty(width * height)
     picture[rays.tile_order(width, height)] = counted
     return picture.reshape(height, width)[::-1].copy()
 
 
-def _steps_and_tests(structure: Structure, view: rays.RaySet) -> F32:
+def _steps_and_tests(structure: Structure, view: rays.RaySet) -> F64:
     """(n,) nodes visited and triangles tested by each ray together."""
     counters = counting.counters(structure, view, 0)
-    return counters["steps"].astype(np.float32) + counters["tests"].astype(np.float32)
+    return counters["steps"].astype(np.float64) + counters["tests"]
 
 
-def packed(values: F32) -> dict[str, Any]:
-    """A map as a JSON object of integers below 65,536, compressed, rows from the bottom."""
-    whole = np.minimum(np.rint(values), 65535).astype("<u2")
+def packed(values: F64) -> dict[str, Any]:
+    """A map as a JSON object, compressed, rows from the bottom. type: the first of TYPES that holds all its numbers."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        kind = next(kind for kind in TYPES if np.array_equal(values.astype(kind), values, equal_nan=True))
     height, width = values.shape
-    return {"width": width, "height": height, "data": base64.b64encode(zlib.compress(whole.tobytes(), 9)).decode()}
+    data = base64.b64encode(zlib.compress(values.astype(kind).tobytes(), 9)).decode()
+    return {"width": width, "height": height, "type": kind, "data": data}
 
 
-def unpacked(stored: Mapping[str, Any]) -> F32:
-    """The inverse of `packed`."""
-    whole = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), "<u2")
-    return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
+def unpacked(stored: Mapping[str, Any]) -> F64:
+    """The inverse of `packed`; maps of earlier versions, which state no type, have whole numbers below 65,536."""
+    flat = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), stored.get("type", TYPES[0]))
+    return flat.reshape(stored["height"], stored["width"]).astype(np.float64)
 
 
-def nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
+def nanoseconds(structure: Structure, primary: rays.RaySet) -> F64:
     """(tiles,) mean nanoseconds per ray of each 64 consecutive rays, on one thread."""
     side = rays.TILE**2
     count = len(primary) // side
@@ -189,10 +210,11 @@ def nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
             start = time.perf_counter_ns()
             structure.closest(origins, directions, order=primary.order, threads=1)
             best[i] = min(best[i], time.perf_counter_ns() - start)
-    return (np.maximum(best - call, 0) / side).astype(np.float32)
+    measured: F64 = np.maximum(best - call, 0) / side
+    return measured
 
 
-def scale_end(maps: Sequence[F32]) -> float:
+def scale_end(maps: Sequence[F64]) -> float:
     """Upper end of a common scale for several maps: a round number that only the brightest 0.1 % of the
     pixels exceed.
     """
@@ -213,11 +235,11 @@ def number(value: float) -> str:
     return f"{value:,.0f}" if value >= 10 or value == int(value) else f"{value:.3g}"
 
 
-def coloured(values: F32, end: float) -> F32:
+def coloured(values: F64, end: float) -> F32:
     """(h, w, 3) false colours of (h, w) numbers on a scale from 0 to `end`."""
     return colours.false_colour(values / end)
 
 
-def summary(values: F32) -> str:
+def summary(values: F64) -> str:
     """Mean and largest value as text."""
     return f"mean {number(float(values.mean()))}, most {number(float(values.max()))}"

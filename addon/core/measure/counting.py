@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,16 @@ def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDAr
     found = structure.closest(some.origins, some.directions, counters=True, **options).counters
     assert found is not None, "they were requested"
     return found
+
+
+def alone(structure: Structure, some: RaySet) -> dict[str, NDArray[np.uint32]]:
+    """Counters by name, (n,) each, of these rays traced one by one, as paths show them.
+
+    Brute force has one way to trace rays, and no recordings.
+    """
+    if structure.spec.partition(":")[0] == "brute":
+        return counters(structure, replace(some, order="none"), 0)
+    return structure.record(some.origins, some.directions, None, some.t_max, any_hit=some.any_hit).counters
 
 
 def mark(columns: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: Structure) -> None:

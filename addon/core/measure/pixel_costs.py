@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F32, F64
+from ..base.arrays import F64
 from ..scene import rays
 from ..scene.workload import Workload
 from ..tree import location, table
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 
-def shared(structure: Structure, primary: rays.RaySet, name: str) -> F32:
+def shared(structure: Structure, primary: rays.RaySet, name: str) -> F64:
     """(n,), a counter of tests; the rays of a tile that is traced as a whole share its number evenly.
 
     Such a tile counts its tests for one of its rays. primary: in tiles.
     """
     counted, alone = (
-        counting.counters(structure, one, 0)[name].astype(np.float32)
+        counting.counters(structure, one, 0)[name].astype(np.float64)
         for one in (primary, replace(primary, order="none"))
     )
     if np.array_equal(counted, alone):
@@ -34,28 +34,28 @@ def shared(structure: Structure, primary: rays.RaySet, name: str) -> F32:
     return np.repeat(counted.reshape(-1, side).mean(axis=1), side)
 
 
-def overlap(structure: Structure, workload: Workload, primary: rays.RaySet) -> F32:
+def overlap(structure: Structure, workload: Workload, primary: rays.RaySet) -> F64:
     """(n,), cost of nodes around the hit that do not hold the triangle hit, in axis steps; 0 for a miss.
 
     Raises table.TreeError.
     """
-    made = np.zeros(len(primary), np.float32)
+    made = np.zeros(len(primary))
     hit, points, triangles = ends(structure, primary)
     nodes = table.read(structure, workload.vertices, workload.triangles)
     made[hit] = location.overlap(nodes, points, triangles).sum(axis=0)
     return made
 
 
-def leaf_depths(structure: Structure, workload: Workload, primary: rays.RaySet) -> F32:
+def leaf_depths(structure: Structure, workload: Workload, primary: rays.RaySet) -> F64:
     """(n,), depth of the leaf that holds the hit; 0 for a miss. Raises table.TreeError."""
-    made = np.zeros(len(primary), np.float32)
+    made = np.zeros(len(primary))
     hit, points, triangles = ends(structure, primary)
     nodes = table.read(structure, workload.vertices, workload.triangles)
     made[hit] = np.maximum(location.leaf_depths(nodes, points, triangles), 0)
     return made
 
 
-def any_hit(structure: Structure, workload: Workload, size: tuple[int, int]) -> F32:
+def any_hit(structure: Structure, workload: Workload, size: tuple[int, int]) -> F64:
     """(n,), nodes visited and triangles tested by the shadow ray of each camera ray; 0 for a miss.
 
     Camera rays are those of `size` pixels, in tile order.
@@ -65,8 +65,8 @@ def any_hit(structure: Structure, workload: Workload, size: tuple[int, int]) -> 
     if len(hit) != len(shadow):
         raise ValueError(f"shadow rays: expected one for each of {len(hit)} hits, got {len(shadow)}")
     counters = counting.counters(structure, shadow, 0)
-    made = np.zeros(len(primary), np.float32)
-    made[hit] = counters["visits"].astype(np.float32) + counters["tests"]
+    made = np.zeros(len(primary))
+    made[hit] = counters["visits"].astype(np.float64) + counters["tests"]
     return made
 
 

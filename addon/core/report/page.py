@@ -71,6 +71,7 @@ def as_html(document: dict[str, Any], published: Published | None = None, answer
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
         pictures = plots.scene_figures(own, published)
         parts += _lead(own, pictures, answer)
+        parts.append(_inspector((document.get("inspectors") or {}).get(scene, "")))
         parts += [introduction, f"<p>{_safe(heading(scene, own))}.</p>"]
         introduction = ""  # once, below the first answer
         sentences = "".join(f"<li>{_safe(sentence)}</li>" for sentence in findings(own))
@@ -105,6 +106,12 @@ def _lead(rows: Sequence[Row], pictures: Sequence[plots.Picture], told: str) -> 
         shown.insert(0, f"<figure class=portrait>{image}<figcaption>{scene}, by Halfspace</figcaption></figure>")
     if shown:
         yield f'<div class="lead">{"".join(shown)}</div>'
+
+
+def _inspector(address: str) -> str:
+    """The link to the inspector's page of a scene; "" without one."""
+    told = "maps of the cost of each pixel, the worst rays step by step, trees and levels"
+    return f'<p><a href="{_safe(address)}">Inspector</a>: {told}</p>' if address else ""
 
 
 def _figure(picture: plots.Picture) -> str:

@@ -13,7 +13,7 @@ import gpu
 import numpy as np
 import pytest
 from drawn import boxes, build, tilted
-from layouts import draw
+from layouts import draw, draw_all
 from mathutils import Matrix
 
 from addon.blender.inspector import levels, map_cursor, worst
@@ -253,6 +253,29 @@ def test_everything_is_written(seen: Any, tmp_path: Path, what: str) -> None:
         "MAP": lambda: 64 * 32,
     }
     assert len(rows) == lengths[what]()
+    if what == "RAYS":
+        # The ray that the panel shows first is the first of the file, with its time and the errors of the structure.
+        found = worst.known(seen)
+        assert found is not None
+        index = int(worst.order(found, tree, "primary", "STEPS")[0][0])
+        measured = worst.times(found, tree, "primary")
+        assert (rows[0]["rank"], rows[0]["ray"], rows[0]["kind"]) == ("1", str(index), "camera")
+        assert float(rows[0]["nanoseconds"]) == pytest.approx(measured.nanoseconds[index // 64], rel=1e-8)
+        assert (rows[0]["wrong_answers"], rows[0]["compared_answers"]) == ("0", str(measured.compared))
+
+
+def test_the_steps_have_a_button_that_writes_them(seen: Any, canvas: Any) -> None:
+    build(seen, "kd")
+    bpy.ops.halfspace.worst_ray()
+
+    def files() -> list[str]:
+        drawn = draw_all(overlay_panels.HALFSPACE_PT_view_ray, scene=seen).operators
+        return [one.what for one in drawn if one.id == "halfspace.export_inspector"]
+
+    assert files() == []
+    seen.halfspace.inspector.replaying = True
+    paint(canvas, seen)
+    assert files() == ["STEPS"]
 
 
 def test_the_page_holds_both_structures(seen: Any, tmp_path: Path) -> None:
@@ -316,7 +339,8 @@ def test_a_range_takes_colour_from_the_other_pixels(seen: Any) -> None:
     assert kept is not None
     before = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(before)
-    seen.halfspace.inspector.low = 50.0
+    (own,) = kept.ranges(seen)
+    own.low = 50.0
     drawn = kept.picture(seen)
     assert tuple(image.size) == drawn.shape[1::-1]
     values = kept.maps[0][1]
@@ -324,10 +348,46 @@ def test_a_range_takes_colour_from_the_other_pixels(seen: Any) -> None:
     coloured = np.ptp(part, axis=2) > 0.01
     end = cost_maps.costmap.scale_end([values])
     assert (coloured == (values >= end / 2)).mean() > 0.99
-    seen.halfspace.inspector.low = 0.0
+    own.low = 0.0
     after = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(after)
     assert np.array_equal(before, after)
+
+
+def test_each_map_keeps_a_range_of_its_own(seen: Any) -> None:
+    group = seen.halfspace
+    group.structure, group.second, group.cost = "kd", "bvh-sah", "TESTS"
+    build(seen, "kd")
+
+    def show(cost: str) -> list[Any]:
+        group.cost = cost
+        bpy.ops.halfspace.cost_map(width=64)
+        assert cost_maps.kept is not None
+        return cost_maps.kept.ranges(seen)
+
+    def grey(place: int) -> float:
+        """The share of a map's pixels without colour."""
+        assert cost_maps.kept is not None
+        x = map_pictures.left(place, 64)
+        drawn = cost_maps.kept.picture(seen)[map_pictures.foot() :][:32, x : x + 64]
+        return float((np.ptp(drawn, axis=2) < 0.01).mean())
+
+    first, second = show("TESTS")
+    first.low, second.high = 100.0, 0.0
+    assert grey(0) > 0.9
+    values = cost_maps.kept.maps[1][1] if cost_maps.kept is not None else np.zeros(0)
+    assert grey(1) == pytest.approx(float((values > 0).mean()))
+    # Maps of another quantity have whole ranges, and these stay as they were.
+    assert [(one.low, one.high) for one in show("STEPS")] == [(0, 100), (0, 100)]
+    assert grey(0) == grey(1) == 0
+    assert [(one.low, one.high) for one in show("TESTS")] == [(100, 100), (0, 0)]
+    # The panel has one pair of ends for each map; undone beyond the first map there are none, and no pixel is grey.
+    panel = inspector_panels.HALFSPACE_PT_image_maps
+    labels = [title for title, _ in cost_maps.kept.maps] if cost_maps.kept is not None else []
+    assert set(labels) <= set(draw(panel, scene=seen))
+    group.inspector.ranges.clear()
+    assert grey(0) == grey(1) == 0
+    assert not set(labels) & set(draw(panel, scene=seen))
 
 
 def test_undo_draws_the_range_again(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -339,7 +399,8 @@ def test_undo_draws_the_range_again(seen: Any, monkeypatch: pytest.MonkeyPatch) 
     # Undo changes a setting without its callback.
     with monkeypatch.context() as patch:
         patch.setattr(signals.range_changed, "_listeners", [])
-        seen.halfspace.inspector.low = 50.0
+        assert cost_maps.kept is not None
+        cost_maps.kept.ranges(seen)[0].low = 50.0
     for handler in bpy.app.handlers.undo_post:
         handler(seen)
     image.pixels.foreach_get(after)

@@ -28,15 +28,22 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
     assert text.count("</script>") == 2
     assert "&lt;/script&gt;&lt;b&gt;" in text
     assert not re.search(r"(src|href)=\"http", text)
+    assert "report" not in re.sub(r"<script.*</script>", "", text, flags=re.DOTALL)
     found = re.search(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)
     assert found is not None
     data = json.loads(found[1])
     for entry, (spec, (structure, table)) in zip(data["structures"], pairs.items(), strict=True):
         assert entry["spec"] == spec
         assert set(entry["maps"]) == {one["key"] for one in data["quantities"]}
+        # Rays of tiles are on no map: those of the page are traced one by one.
+        assert set(entry["maps"]) == {one.key for one in costmap.QUANTITIES} - {"TESTS"}
+        wasted, tests = (costmap.unpacked(entry["maps"][key]) for key in ("WASTED", "SINGLE_TESTS"))
+        assert (wasted <= tests).all()
+        assert np.array_equal(tests, costmap.measure(structure, WORKLOAD, size, "SINGLE_TESTS"))
         values = costmap.measure(structure, WORKLOAD, size, "DEPTH")
         assert np.array_equal(costmap.unpacked(entry["maps"]["DEPTH"]), values)
-        rows = [node["row"] for node in entry["nodes"]]
+        assert entry["columns"][0] == "node"
+        rows = [node["row"][0] for node in entry["nodes"]]
         met = {step["node"] for rays in entry["rays"].values() for ray in rays for step in ray["steps"]}
         assert met | set(np.argsort(table.depth, kind="stable")[:20].tolist()) <= set(rows)
         assert len(rows) == len(set(rows)) <= len(table)
@@ -47,10 +54,11 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
         assert bool(entry["hidden"]) == (len(table) > len(rows))
         assert set(entry["rays"]) == {f"{name} {key}" for name, _ in data["sets"] for key, _ in data["orders"]}
         # The maps agree with the list of rays.
-        for key, place in (("STEPS", 1), ("TESTS", 2)):
+        for key, quantity, place in (("STEPS", "STEPS", 1), ("TESTS", "SINGLE_TESTS", 2)):
             worst = entry["rays"][f"primary {key}"][0]
-            x, y = worst["pixel"]
-            values = costmap.unpacked(entry["maps"][key])
+            x, y = worst["row"]["column"], worst["row"]["row"]
+            assert worst["row"]["rank"] == 1
+            values = costmap.unpacked(entry["maps"][quantity])
             assert worst["lines"][place].startswith(f"{int(values[size[1] - 1 - y, x]):,} {key.lower()}")
             assert values.max() == values[size[1] - 1 - y, x]
         assert any(line.startswith(f"worst camera ray of </script>{spec}: pixel ") for line in made.worst)
@@ -59,3 +67,9 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
         )
         assert " of 64 neighbours; 0 of " in entry["rays"]["diffuse TIME"][0]["lines"][0]
         assert len(entry["levels"]) == int(table.depth.max()) + 1
+
+
+def test_a_page_links_the_report_beside_it() -> None:
+    structures = [("kd", built("kd")[0])]
+    text = page.inspect(native.load(), WORKLOAD, structures, (16, 8), report='"&.html').html
+    assert '<a href="&quot;&amp;.html">Report of speed and errors</a></nav>' in text

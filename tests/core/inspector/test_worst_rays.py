@@ -54,11 +54,32 @@ def test_the_slowest_rays_come_one_from_each_block(monkeypatch: pytest.MonkeyPat
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
     count = len(costs) // ray_costs.BLOCK
     monkeypatch.setattr(ray_costs, "_timed", lambda _structure, parts: np.arange(len(parts), dtype=np.float64))
-    indices, nanoseconds = ray_costs.slowest(structure, costs, 5)
+    times = ray_costs.block_times(structure, costs)
+    indices, nanoseconds = ray_costs.slowest(costs, times, 5)
     assert (indices // ray_costs.BLOCK).tolist() == [count - 1 - i for i in range(5)]
     assert nanoseconds.tolist() == [float(count - 1 - i) for i in range(5)]
     work = (costs.steps + costs.tests).reshape(count, -1)
     assert (costs.steps + costs.tests)[indices].tolist() == work.max(axis=1)[::-1][:5].tolist()
+
+
+def test_every_ray_has_a_rank() -> None:
+    structure, _ = built("kd")
+    costs = ray_costs.gather(structure, WORKLOAD, SIZE)["diffuse"]
+    times = np.random.default_rng(3).permutation(-(-len(costs) // ray_costs.BLOCK)).astype(np.float64)
+    for key in ray_costs.KEYS:
+        order, ranks = ray_costs.ranked(costs, key, times)
+        assert sorted(order.tolist()) == list(range(len(costs)))
+        assert ranks[0] == 1
+        if key != "TIME":
+            assert ranks.tolist() == list(range(1, len(costs) + 1))
+            assert (np.diff(costs.values(key)[order]) <= 0).all()
+            continue
+        # The rays of a block share its rank; the first of them is the one that is shown.
+        assert (np.diff(times[order // ray_costs.BLOCK]) <= 0).all()
+        assert (np.diff(ranks) >= 0).all()
+        assert ranks[-1] == len(times)
+        shown, _ = ray_costs.slowest(costs, times, len(times))
+        assert [int(order[np.argmax(ranks == place + 1)]) for place in range(len(times))] == shown.tolist()
 
 
 def test_times_are_the_shortest_less_that_of_the_call(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,7 +89,7 @@ def test_times_are_the_shortest_less_that_of_the_call(monkeypatch: pytest.Monkey
     # Seconds of an empty call and of the passes of each round, which is slower than the one before.
     seconds = iter([call for slow in range(ray_costs.ROUNDS) for call in (1.0, *(slow + 11.0 + np.arange(blocks)))])
     monkeypatch.setattr(ray_costs, "_seconds", lambda _work: next(seconds))
-    indices, nanoseconds = ray_costs.slowest(structure, costs, 3)
+    indices, nanoseconds = ray_costs.slowest(costs, ray_costs.block_times(structure, costs), 3)
     rays = ray_costs.BLOCK * ray_costs.REPEATS
     assert (indices // ray_costs.BLOCK).tolist() == [blocks - 1, blocks - 2, blocks - 3]
     assert nanoseconds == pytest.approx([1e9 * (blocks + 9 - place) / rays for place in range(3)])
@@ -153,12 +174,21 @@ def test_tables_hold_every_node_ray_step_and_pixel() -> None:
     assert len(made) == len(nodes)
     assert sum(float(row["sah"]) for row in made) == pytest.approx(nodes.costs.sum())
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["shadow"]
-    made = rows(csv_files.text(csv_files.rays(costs)))
-    assert [int(row["tests"]) for row in made] == costs.tests.tolist()
+    times = csv_files.Times(np.arange(-(-len(costs) // ray_costs.BLOCK)) + 0.5, 2, 9)
+    made = rows(csv_files.text(csv_files.rays(costs, "TESTS", times)))
+    assert [int(row["tests"]) for row in made] == sorted(costs.tests.tolist(), reverse=True)
+    assert [int(row["rank"]) for row in made] == list(range(1, len(costs) + 1))
+    for row in made:
+        index = int(row["ray"])
+        assert row["kind"] == "shadow"
+        assert (int(row["column"]), int(row["row"])) == tuple(costs.pixels[index])
+        assert (int(row["steps"]), int(row["tests"])) == (costs.steps[index], costs.tests[index])
+        assert float(row["nanoseconds"]) == index // ray_costs.BLOCK + 0.5
+        assert (row["wrong_answers"], row["compared_answers"]) == ("2", "9")
     path = cells.follow(structure, [-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])
     found = replay.replay(nodes, path)
     made = rows(csv_files.text(csv_files.steps(nodes, found)))
     assert sum(int(row["tests"]) for row in made) == path.tests
-    made = rows(csv_files.text(csv_files.pixels({"a": np.arange(6, dtype=np.float32).reshape(2, 3)})))
-    assert [float(row["a"]) for row in made] == [3, 4, 5, 0, 1, 2]  # from the top
+    made = rows(csv_files.text(csv_files.pixels({"a": np.array([[0.0, 1.0, 2.0**32], [3.0, 0.1, 1 / 3]])})))
+    assert [row["a"] for row in made] == ["3", "0.1", "0.3333333333333333", "0", "1", "4294967296"]  # from the top
     assert csv_files.text([]) == ""

@@ -36,7 +36,7 @@ def built(spec: str) -> Any:
 def in_rows(values: Any) -> Any:
     """Values of rays in tiles as a map, rows from the bottom."""
     width, height = SIZE
-    picture = np.empty(width * height, np.float32)
+    picture = np.empty(width * height)
     picture[rays.tile_order(width, height)] = values
     return picture.reshape(height, width)[::-1]
 
@@ -55,9 +55,6 @@ def test_maps_agree_with_single_rays(spec: str) -> None:
     wanted = np.repeat(tiles.mean(axis=1), 64) if together else found.counters["tests"]
     assert costmap.measure(structure, WORKLOAD, SIZE, "TESTS") == pytest.approx(in_rows(wanted))
     assert together or spec == "octree-net"
-    # Wasted tests are those of rays that go without a tile.
-    assert (costmap.measure(structure, WORKLOAD, SIZE, "WASTED") == in_rows(alone["tests_wasted"])).all()
-    assert 0 < alone["tests_wasted"].sum() < alone["tests"].sum()
     # A shadow ray for each hit, in the same order.
     _, counters = structure.occluded(
         shadow.origins, shadow.directions, counters=True, t_max=shadow.t_max, order=shadow.order
@@ -78,6 +75,39 @@ def test_maps_agree_with_single_rays(spec: str) -> None:
     assert len(equal) > 10
     assert all(equal)
     assert (measured[~hit] == 0).all()
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "bih", "obb", "grid", "octree-beam", "bsp-wn-plus-kd", "brute"])
+def test_wasted_tests_are_a_part_of_the_tests_of_the_same_rays(spec: str) -> None:
+    structure = built(spec)
+    wasted, tests = (costmap.measure(structure, WORKLOAD, SIZE, key) for key in ("WASTED", "SINGLE_TESTS"))
+    assert (wasted <= tests).all()
+    assert 0 < wasted.sum() < tests.sum()
+    # They are those of rays that are followed one by one.
+    (primary,) = rays.make(WORKLOAD, structure, size=SIZE, seed=0, names=("primary",))
+    at = tests[::-1].reshape(-1)[rays.tile_order(*SIZE)]
+    for i in range(0, len(primary), 37):
+        path = structure.trace_path(primary.origins[i].tolist(), primary.directions[i].tolist())
+        visits = path["visits"]
+        assert at[i] == (np.diff(visits["triangle_offsets"].astype(int)) * visits["tested"]).sum()
+
+
+def test_a_map_that_is_packed_keeps_every_number() -> None:
+    for kind, most in (("<u2", 65535.0), ("<u4", 2.0**32 - 1), ("<f4", 0.25), ("<f8", 2.0**32 + 0.1), ("<f8", 0.1)):
+        values = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, most]])
+        stored = costmap.packed(values)
+        assert stored["type"] == kind
+        assert np.array_equal(costmap.unpacked(stored), values)
+    # Maps of earlier versions state no type.
+    stored = costmap.packed(np.array([[7.0, 65535.0]]))
+    del stored["type"]
+    assert costmap.unpacked(stored).tolist() == [[7.0, 65535.0]]
+
+
+def test_codes_of_quantities_are_kept_in_files() -> None:
+    codes = {one.code: one.key for one in costmap.QUANTITIES}
+    names = ["STEPS", "TESTS", "TIME", "WASTED", "OVERLAP", "ANY_HIT", "DEPTH", "SINGLE_TESTS"]
+    assert codes == dict(enumerate(names))
 
 
 def test_only_trees_that_divide_objects_overlap() -> None:
