@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -22,7 +23,7 @@ from addon.core.measure import benchmark, thesis, yardstick
 from addon.core.report import plots, results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
-from lab.bench import bench_presets, scenes
+from lab.bench import bench_presets, inspecting, scenes
 from lab.export import files
 
 BENCH = Path(bench.__file__)
@@ -69,6 +70,40 @@ def expanded(tree: str) -> list[str]:
 
 def document(folder: Path) -> Any:
     return json.loads((folder / "bench.json").read_text(encoding="utf-8"))
+
+
+def test_the_report_and_the_pages_of_the_inspector_link_each_other(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inspecting, "WIDTH", 32)
+    out, second = tmp_path / "out", tmp_path / "other.npz"
+    second.write_bytes(scene.read_bytes())
+    asked = [str(scene), str(second), *QUICK, "--inspector", "kd,bih", "--out", str(out)]
+    assert bench.main(asked) == 0
+    names = {"soup": "inspector.html", "other": "inspector-2.html"}
+    assert document(out)["inspectors"] == names
+    report = (out / "report.html").read_text(encoding="utf-8")
+    sections = report.split("<section")[1:3]
+    for section, (own, name) in zip(sections, names.items(), strict=True):
+        assert f"<h2>{own}</h2>" in section
+        assert re.findall(r'<a href="(inspector[^"]*)">', section) == [name]
+        page = (out / name).read_text(encoding="utf-8")
+        assert f"<h1>{own}</h1>" in page
+        # The structures of the page are its own; its view has the shape of the benchmark's.
+        assert re.findall(r'"spec":"([^"]*)"', page) == ["kd", "bih"]
+        assert "32 × 32 camera rays" in page
+        assert '<a href="report.html">' in page
+    # A page that cannot be made does not end the benchmark.
+    capsys.readouterr()
+    monkeypatch.setattr(inspecting.page, "inspect", fail)
+    assert bench.main(asked) == 0
+    assert "soup: the inspector's page is left out: no room" in capsys.readouterr().out
+    assert "inspectors" not in document(out)
+    assert "inspector.html" not in (out / "report.html").read_text(encoding="utf-8")
+
+
+def fail(*_: Any) -> None:
+    raise MemoryError("no room")
 
 
 def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, capsys: Any) -> None:
@@ -197,6 +232,9 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--published", "nowhere.json"], "--published: nowhere.json"),
         (["--export", "pdf,docx"], "--export: unknown format 'docx'; there are pdf, pgf, latex"),
         (["--export", "pgf", "--shard", "1/2"], "--export: expected --out, and no --shard"),
+        (["--inspector", "kd", "--shard", "1/2"], "--inspector: expected --out, and no --shard"),
+        (["--inspector", "kd,tree"], "unknown structure 'tree'"),
+        (["--merge", "--inspector", "kd"], "--inspector: expected no --merge"),
         (["--wrong"], "unrecognized arguments"),
         (["missing.npz"], "missing.npz: cannot be read: No such file"),
         (["scene.xyz"], "expected grid, showcase or a file ending in"),

@@ -24,7 +24,8 @@ def test_the_picture_comes_first_and_every_step_is_a_valid_command() -> None:
     asked = bench.parser().parse_args(table[1:])
     assert [picture[0], table[0]] == ["scripts/render.py", "scripts/bench.py"]
     known = catalogue.load()
-    assert all(known.get(name) is not None for name in asked.structures.split(","))
+    named = [*asked.structures.split(","), *asked.inspector.split(",")]
+    assert all(known.get(name) is not None for name in named)
 
 
 @pytest.fixture
