@@ -64,6 +64,7 @@ CURRENT = Environment(
         "docs",
         "citation",
         "notebooks",
+        "browser",
         "measure",
         "cluster",
     ),

@@ -69,7 +69,7 @@ function table(parent, rows, pick) {
 
 // Maps.
 
-const BINS = 64, GREY = 0.35, DARK = "#17181c", OUTSIDE = "#6b6e75", CURSOR = "rgb(90, 255, 140)";
+const BINS = 64, GREY = 0.35, DARK = "#17181c", OUTSIDE = "#6b6e75", HANDLE = "#8fd0ff", CURSOR = "rgb(90, 255, 140)";
 const TYPES = { "<u2": Uint16Array, "<u4": Uint32Array, "<f4": Float32Array, "<f8": Float64Array };
 
 // Red, green and blue, 0 to 255, of a share of the scale.
@@ -254,7 +254,7 @@ function paintBars(context, width, height, map) {
     context.fillStyle = share < map.range[0] || share > map.range[1] ? OUTSIDE : css(colour(Math.max(share, 0.3)));
     context.fillRect(k * step, height - tall, step - 1, tall);
   });
-  context.fillStyle = "#fff";
+  context.fillStyle = HANDLE;
   for (const share of map.range) {
     const x = Math.min(share * width, width - 2);
     context.fillRect(x, 0, 2, height);
