@@ -85,7 +85,9 @@ def unreached(known: dict[str, Path], start: str) -> list[str]:
             tree = ast.parse(path.read_text(encoding="utf-8"))
             words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
             files = [
-                path.with_name(word) for word in words if isinstance(word, str) and word.endswith((".py", ".html"))
+                path.with_name(word)
+                for word in words
+                if isinstance(word, str) and word.endswith((".py", ".html", ".js"))
             ]
             waiting += [at[file] for file in files if file in at]
     return sorted(set(known) - reached)
