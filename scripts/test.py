@@ -276,6 +276,7 @@ PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),
+    "workflows": gate(str(CURRENT.python), "scripts/dev/workflows.py"),
     "core": pytest_tier(CURRENT, "tests/core"),
     "blender": pytest_tier(CURRENT, "tests/blender"),
     "blender-lts": pytest_tier(LTS, "tests/blender"),
@@ -284,7 +285,7 @@ PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
 
 NEED_WHEEL = {"core", "blender", "blender-lts"}
 
-TOOLS = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "deny": "cargo-deny"}
+TOOLS = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "deny": "cargo-deny", "workflows": "go"}
 """The program without which a check is skipped."""
 
 
