@@ -138,7 +138,11 @@ def _measure(
     try:
         yield from _hand_out(client, workload, wanted, anchor, options, say)
     except OSError as error:
-        raise ClusterError(f"the cluster is gone, rows of {workload.name} are missing: {first_line(error)}") from error
+        raise ClusterError(f"{_gone(workload)} ({first_line(error)})") from error
+
+
+def _gone(workload: Workload) -> str:
+    return f"the scheduler is gone, rows of {workload.name} are missing: start a cluster and run this command again"
 
 
 def _hand_out(
@@ -183,6 +187,9 @@ def _hand_out(
         with contextlib.suppress(TimeoutError, CancelledError):
             tasks = [task for _, task in running.values()]
             distributed.wait(tasks, timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        # Without a scheduler all rows are lost at once, which is no fault of theirs.
+        if client.status != "running":
+            raise ClusterError(_gone(workload))
         # Collect finished rows, and requeue those lost with their worker.
         for address, (spec, task) in list(running.items()):
             lost = address not in alive or task.status in ("lost", "cancelled")
