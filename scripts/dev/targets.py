@@ -60,7 +60,7 @@ TARGETS = {
             "x86_64-pc-windows-gnu",
             "x86_64-w64-mingw32-gcc",
             ("wine",),
-            "gcc-mingw-w64-x86-64 wine64 wine",
+            "gcc-mingw-w64-x86-64 wine64 wine osslsigncode",
             {"WINEDEBUG": "-all"},
         ),
         Target("macos-arm64", "aarch64-apple-darwin"),
