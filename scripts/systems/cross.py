@@ -2,7 +2,7 @@
 """The crates for another system, on this one: `python scripts/systems/cross.py COMMAND ...`.
 
 `prepare SYSTEM` installs what the others need, from Debian's packages and with rustup. `wheel SYSTEM` builds the wheel
-into the folder after --out. `test SYSTEM` runs the tests of all crates for that system, under Wine or QEMU.
+into the folder after --out. `test SYSTEM` runs the tests of all crates, or those after --crate, under Wine or QEMU.
 `answers SYSTEM` runs `native/examples/answers.rs` for that system and for this one, and compares what the two print.
 `module SYSTEM` does the same with the wheel: a Python of that system imports it and runs `answers.py`, and so does the
 Python that runs this script. `agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction
@@ -85,17 +85,18 @@ def prepare(target: Target) -> None:
     run(["rustup", "target", "add", target.triple], {})
 
 
-def test(target: Target, filters: Sequence[str]) -> None:
-    """Run the tests of all crates for a system, those whose names contain a filter. Raises CrossError, TargetError.
+def test(target: Target, filters: Sequence[str], crates: Sequence[str]) -> None:
+    """Run tests for a system, those whose names contain a filter. Raises CrossError, TargetError.
 
+    crates: the packages whose tests run; empty for all that have tests.
     Prints the share of rays that tests of hard scenes trace there: the variable's, else the system's.
     """
     share = os.environ.get(SHARE, str(target.share))
     if share != "1":
         print(f"{SHARE}={share}: one ray of {share} on hard scenes", flush=True)
-    words = ["cargo", "test", *CARGO, "--release", "--workspace", "--target", target.triple, "--tests"]
-    words += ["--no-fail-fast"]
-    words += [word for name in NOT_TESTED for word in ("--exclude", name)]
+    words = ["cargo", "test", *CARGO, "--release", "--target", target.triple, "--tests", "--no-fail-fast"]
+    words += [word for name in crates for word in ("--package", name)]
+    words += [] if crates else ["--workspace", *(word for name in NOT_TESTED for word in ("--exclude", name))]
     run([*words, "--", *filters], {**targets.variables(target, run=True), SHARE: share})
 
 
@@ -169,6 +170,7 @@ def main(arguments: Sequence[str]) -> int:
             one.add_argument("--out", type=output, default=ROOT / "build" / "wheels", help="default: build/wheels")
         if name == "test":
             one.add_argument("filters", nargs="*", help="run only tests whose names contain one of these")
+            one.add_argument("--crate", action="append", default=[], help="only this crate; may be repeated")
         if name in ("answers", "module"):
             one.add_argument("--rays", type=int, default=1_000_000, help="number of rays (default: 1000000)")
     files = commands.add_parser("agree", help="compare files")
@@ -189,7 +191,7 @@ def chosen(asked: argparse.Namespace) -> int:
         asked.out.mkdir(parents=True, exist_ok=True)
         print(shutil.copy2(package.portable_wheel(target.name), asked.out))
     elif asked.command == "test":
-        test(target, asked.filters)
+        test(target, asked.filters, asked.crate)
     elif asked.command == "module":
         return agree(module(target, asked.rays))
     else:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import functools
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -64,8 +65,11 @@ def test_tests_of_another_system_run_in_its_runner(
     assert variables[cross.SHARE] == share
     assert (f"{cross.SHARE}={share}" in capsys.readouterr().out) == (share != "1")
     monkeypatch.setenv(cross.SHARE, "3")
-    assert cross.main(["test", name]) == 0
+    assert cross.main(["test", name, "--crate", "halfspace_base"]) == 0
     assert ran[-1][1][cross.SHARE] == "3"
+    assert "--workspace" in words
+    assert ran[-1][0][-3:-1] == ["--package", "halfspace_base"]
+    assert "--workspace" not in ran[-1][0]
     triple = targets.TARGETS[name].triple
     assert words[:2] == ["cargo", "test"]
     assert words[-2:] == ["--", "contract"]
@@ -73,6 +77,28 @@ def test_tests_of_another_system_run_in_its_runner(
     prefix = "CARGO_TARGET_" + triple.upper().replace("-", "_")
     assert variables[f"{prefix}_LINKER"] == linker
     assert variables[f"{prefix}_RUNNER"] == runner
+
+
+LACKS = next((name for name in ("cargo", "qemu-aarch64", "aarch64-linux-gnu-gcc") if shutil.which(name) is None), "")
+"""The first program without which nothing is compiled for ARM and run here."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(LACKS), reason=f"{LACKS} is not installed")
+def test_a_crate_for_arm_is_compiled_and_its_tests_run(capfd: pytest.CaptureFixture[str]) -> None:
+    target = targets.TARGETS["linux-arm64"]
+    try:
+        targets.library(target)
+    except targets.TargetError as error:
+        pytest.skip(str(error))
+    assert cross.main(["test", target.name, "--crate", "halfspace_base"]) == 0
+    ((passed, failed),) = re.findall(
+        r"^test result: ok\. (\d+) passed; (\d+) failed;", capfd.readouterr().out, re.MULTILINE
+    )
+    assert int(passed) > 0 == int(failed)
+    # A crate that does not exist is a failure, not a success without tests.
+    assert cross.main(["test", target.name, "--crate", "halfspace_nothing"]) == 2
+    assert capfd.readouterr().err.endswith("ended with status 101\n")
 
 
 def test_this_system_is_compared_with_the_other(
