@@ -6,8 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ...core.base.arrays import F64
 from ...core.inspector import node_view, replay_view
-from ...core.overlay import beams, cells, legend, planes
+from ...core.overlay import beams, cells, layers, legend, planes
+from ...core.overlay.depths import First
 from ...core.overlay.legend import Entry
 from ...core.tree.table import TreeError
 from ..session import trees
@@ -28,13 +30,13 @@ def parts(scene: Any) -> list[str]:
     return [part for part in PARTS if part in wanted]
 
 
-def depth_range(settings: Any, tree: trees.Tree) -> tuple[int, int]:
-    """The levels whose planes are shown."""
-    return tree.survey().first() if settings.depth_auto else (settings.depth_min, settings.depth_max)
+def first(settings: Any, tree: trees.Tree, eye: F64) -> First:
+    """What of the planes is shown to a viewer at `eye`, (3,) in the tree's frame."""
+    return tree.survey().first(eye) if settings.depth_auto else First(settings.depth_min, settings.depth_max)
 
 
-def chosen_by(scene: Any, tree: trees.Tree, part: str) -> tuple[Any, ...]:
-    """The settings that select a part's data."""
+def chosen_by(scene: Any, tree: trees.Tree, part: str, eye: F64) -> tuple[Any, ...]:
+    """The settings that select a part's data, for a viewer at `eye`, (3,) in the tree's frame."""
     settings = scene.halfspace.overlay
     if part == "CELLS":
         return (settings.least, settings.max_count)
@@ -45,7 +47,7 @@ def chosen_by(scene: Any, tree: trees.Tree, part: str) -> tuple[Any, ...]:
     if part == "BEAM":
         return picking.last(scene), settings.beam_spacing
     kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
-    return (depth_range(settings, tree), kinds, settings.max_count)
+    return (first(settings, tree, eye), kinds, settings.max_count)
 
 
 def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
@@ -63,11 +65,19 @@ def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
     if part == "BEAM":
         ray, spacing = by
         return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
-    return planes.choose(tree.structure, *by)
+    shown, kinds, most = by
+    grid = tree.survey().grid if shown.layer is not None else None
+    if grid is not None:
+        return layers.cut(grid, shown.layer, kinds)
+    return planes.choose(tree.structure, (shown.low, shown.high), kinds, most)
 
 
-def levels(scene: Any, part: str, chosen: Any, tints: Any, opacity: float) -> list[planes.Level]:
-    """The levels of a part's data with the scene's line width; a ray that is replayed ends at its step."""
+def levels(
+    scene: Any, part: str, chosen: Any, tints: Any, opacity: float, seen: planes.Panes | None = None
+) -> list[planes.Level]:
+    """The levels of a part's data with the scene's line width; a ray that is replayed ends at its step. seen: the
+    surfaces of planes.
+    """
     width = scene.halfspace.overlay.line_width
     if part == "CELLS":
         return cells.levels(chosen, opacity, width)
@@ -83,14 +93,14 @@ def levels(scene: Any, part: str, chosen: Any, tints: Any, opacity: float) -> li
         until = replay_view.upto(tree.table(), chosen, found, step)
         made = cells.path_levels(until, tints, opacity, width)
         return made + replay_view.highlight(tree.table(), found, step, opacity, width)
-    return planes.levels(chosen, tints, opacity, width)
+    return planes.levels(chosen, tints, opacity, width, seen)
 
 
 def legend_of_planes(shown: planes.Planes, tints: Any) -> list[Entry]:
     """The kinds and levels of the planes that are shown."""
     kinds = [name for number, name in enumerate(planes.KINDS) if (shown.kind == number).any()]
     ends = (shown.levels.start, shown.levels.stop - 1) if len(shown) else (0, 0)
-    return legend.of_planes(kinds, ends, tints)
+    return legend.of_planes(kinds, ends, tints, shown.across)
 
 
 def legend_entries(part: str, shown: Any, tints: Any) -> list[Entry]:

@@ -8,10 +8,12 @@ from typing import Any
 
 import bpy
 import gpu
+import numpy as np
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
-from ...core.overlay import planes
+from ...core.base.arrays import F64
+from ...core.overlay import planes, sight
 from ...core.overlay.legend import Entry
 from ..measure import comparing, cost_maps
 from ..session import building, trees
@@ -49,8 +51,11 @@ class _Drawing:
     passes: tuple[tuple[str, list[_Batches]], ...]
 
 
-_drawings: dict[tuple[int, str], _Drawing] = {}
-"""By the scene's `session_uid` and the part."""
+MOST_VIEWS = 8
+"""Number of 3D views whose batches are kept."""
+
+_drawings: dict[tuple[int, str, int], _Drawing] = {}
+"""By the scene's `session_uid`, the part and the view, the last made at the end."""
 
 _handles: list[Any] = []
 
@@ -62,19 +67,24 @@ def colours() -> dict[str, tuple[float, float, float]]:
     return {**{kind: (axis[0], axis[1], axis[2]) for kind, axis in axes.items()}, **OWN_COLOURS}
 
 
-def shown(scene: Any, part: str = "PLANES") -> Any:
-    """The last drawn data of a part of this scene, for the panel's numbers: Planes, Cells, Path, Beam, or None."""
-    drawing = _drawings.get((scene.original.session_uid, part))
-    tree = trees.last(scene)
+def shown(scene: Any, part: str = "PLANES", view: int | None = None) -> Any:
+    """The last drawn data of a part of this scene in a view, for the panel's numbers: Planes, Cells, Path, Beam, or
+    None. view: as for `paint`; None for any.
+    """
+    uid, tree = scene.original.session_uid, trees.last(scene)
+    keys = [key for key in _drawings if key[:2] == (uid, part) and view in (None, key[2])]
+    drawing = _drawings[keys[-1]] if keys else None
     return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
 
 
-def paint(scene: Any, size: tuple[int, int]) -> None:
-    """Draw the scene's structure with the current matrices into a view of `size` pixels."""
+def paint(scene: Any, size: tuple[int, int], view: int = 0) -> None:
+    """Draw the scene's structure with the current matrices into a view of `size` pixels. view: a number of its own for
+    each view, whose viewers may be at different places.
+    """
     tree = trees.last(scene)
     if tree is None or not scene.halfspace.overlay.show:
         return
-    drawings = [_drawing(scene, tree, part) for part in choosing.parts(scene)]
+    drawings = [_drawing(scene, tree, part, view) for part in choosing.parts(scene)]
     with gpu.matrix.push_pop():
         # The matrix contains the world position, so that vertices keep their precision far from the world's origin.
         gpu.matrix.translate(tree.origin.tolist())
@@ -105,33 +115,53 @@ def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
             level.lines.draw(line)
 
 
-def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
-    """The batches of a part, rebuilt only if the tree, the ray or a setting has changed."""
-    uid = scene.original.session_uid
+def _viewer(tree: trees.Tree) -> F64:
+    """The place of the viewer of the current matrices, (3,) in the tree's frame, in steps of the structure."""
+    box = tree.survey().box
+    back = np.array(gpu.matrix.get_model_view_matrix().inverted(), np.float64)
+    parallel = gpu.matrix.get_projection_matrix()[3][3] != 0
+    eye = sight.parallel(-back[:3, 2], box) if parallel else back[:3, 3] - tree.origin
+    return np.array(sight.rounded(eye, box))
+
+
+def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | None:
+    """The batches of a part, rebuilt only if the tree, the ray, a setting or the place of the viewer has changed."""
+    key = scene.original.session_uid, part, view
     settings, tints = scene.halfspace.overlay, colours()
-    chosen_by = choosing.chosen_by(scene, tree, part)
+    eye = _viewer(tree) if part == "PLANES" else np.zeros(3)
+    chosen_by = choosing.chosen_by(scene, tree, part, eye)
     step = replaying.step(scene) if part == "RAY" else None
-    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()), step)
-    known = _drawings.get((uid, part))
-    if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
-        return known
+    known = _drawings.get(key)
+    known = known if known is not None and known.tree == tree.number else None
     # Reuse the data if only the look has changed.
-    if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
-        chosen = known.chosen
-    else:
-        chosen = choosing.choose(tree, part, chosen_by)
+    chosen = known.chosen if known is not None and known.key[0] == chosen_by else choosing.choose(tree, part, chosen_by)
     if chosen is None:
-        _drawings.pop((uid, part), None)
+        _drawings.pop(key, None)
         return None
+    # Surfaces that would veil the view are left out, unless nothing but surfaces is to be shown.
+    seen = planes.panes(chosen, eye) if part == "PLANES" and settings.style != "FILL" else None
+    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()), step)
+    look = (*look, None if seen is None else seen.key())
+    if known is not None and known.key == (chosen_by, look):
+        return known
     # Convert the data to batches for each depth test with visible opacity.
     style = "BOTH" if part in choosing.WHOLE else settings.style
     passes = tuple(
-        (test, [_batches(level, style) for level in choosing.levels(scene, part, chosen, tints, opacity)])
+        (test, [_batches(level, style) for level in choosing.levels(scene, part, chosen, tints, opacity, seen)])
         for test, opacity in _tests(settings, part)
         if opacity > 0
     )
-    _drawings[uid, part] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
-    return _drawings[uid, part]
+    made = _Drawing(tree.number, (chosen_by, look), chosen, passes)
+    _keep(key, made)
+    return made
+
+
+def _keep(key: tuple[int, str, int], made: _Drawing) -> None:
+    """Keep the batches of the last views only: a view may have been closed."""
+    _drawings.pop(key, None)
+    _drawings[key] = made
+    for former in [other for other in _drawings if other[:2] == key[:2]][:-MOST_VIEWS]:
+        del _drawings[former]
 
 
 def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
@@ -157,15 +187,15 @@ def _draw_view() -> None:
     """Blender's callback for each 3D view."""
     context = bpy.context
     if context.space_data.overlay.show_overlays:
-        paint(context.scene, (context.region.width, context.region.height))
+        paint(context.scene, (context.region.width, context.region.height), context.area.as_pointer())
 
 
-def legend_of(scene: Any) -> list[Entry]:
-    """The lines of the legend for what is drawn of this scene; none if it is switched off."""
+def legend_of(scene: Any, view: int | None = None) -> list[Entry]:
+    """The lines of the legend for what is drawn of this scene in a view; none if it is switched off."""
     overlay = scene.halfspace.overlay
     if not (overlay.show and overlay.legend):
         return []
-    return choosing.legend_of(scene, {part: shown(scene, part) for part in choosing.parts(scene)}, colours())
+    return choosing.legend_of(scene, {part: shown(scene, part, view) for part in choosing.parts(scene)}, colours())
 
 
 def _draw_legend() -> None:
@@ -174,7 +204,7 @@ def _draw_legend() -> None:
     if context.space_data.overlay.show_overlays:
         tools = next((region for region in context.area.regions if region.type == "TOOLS"), None)
         left = tools.width if tools is not None and context.preferences.system.use_region_overlap else 0
-        legend.draw(legend_of(context.scene), left, context.preferences.system.ui_scale)
+        legend.draw(legend_of(context.scene, context.area.as_pointer()), left, context.preferences.system.ui_scale)
 
 
 @persistent

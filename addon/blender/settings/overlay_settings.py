@@ -109,8 +109,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     depth_auto: BoolProperty(  # type: ignore[valid-type]
         name="Depth Automatic",
-        description="Show the levels from the root on that a line of sight can pass: about five surfaces behind each "
-        "other. Moving an end of the depth turns this off",
+        description="Show the levels from the root on that a line of sight from the view's place can pass: four or "
+        "five surfaces behind each other; of a grid one layer of cells. Moving an end of the depth turns this off",
         default=True,
         update=_redraw,
     )

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which kinds of planes a structure has, and the levels that can be seen through when it is shown at first."""
+"""Which kinds of planes a structure has, and what of it can be seen through when it is shown at first."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F64
-from . import planes
+from ..base.arrays import F32, F64, I32
+from . import layers, planes, sight
+from .layers import Grid
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
@@ -18,29 +19,57 @@ if TYPE_CHECKING:
 FETCHED, DEEPEST = 60_000, 60
 """Number of polygons, shallowest first, and depth, by which a structure is judged."""
 
-MOST_SHOWN = 1500
+MOST_SHOWN = 500
 """Number of polygons up to which levels are shown at first."""
+
+
+@dataclass(frozen=True)
+class First:
+    """What is shown at first: levels low to high, or, of a grid, the layer (axis, place) of its cells."""
+
+    low: int
+    high: int
+    layer: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """kinds: names of planes that occur, in the order of KINDS. counts, crossings: (depths,), number of polygons of
-    each depth, and of those that a random line crosses.
+    """kinds: names of planes that occur, in the order of KINDS. counts: (depths,), number of polygons of each depth.
+
+    vertices, offsets, depth: polygons of the levels that may be shown at first. box: (2, 3), lower and upper corner of
+    all polygons. grid: its walls, if the first level alone would hide the scene.
     """
 
     kinds: tuple[str, ...]
     counts: NDArray[np.int64]
-    crossings: F64
+    vertices: F32
+    offsets: I32
+    depth: NDArray[np.int64]
+    box: F64
+    grid: Grid | None = None
 
-    def first(self) -> tuple[int, int]:
-        """The range of depths to show at first: from the root to the last one that keeps the view clear, but at least
-        to the first one that has polygons.
+    def first(self, eye: F64) -> First:
+        """What a viewer at `eye`, (3,) in the scene frame, sees at first: the levels from the root on of which a line
+        of sight crosses up to CLEAR surfaces in the mean, but at least the first level that has polygons.
         """
         if not len(self.counts):
-            return 0, 0
-        clear = (np.cumsum(self.crossings) <= planes.CLEAR) & (np.cumsum(self.counts) <= MOST_SHOWN)
+            return First(0, 0)
+        if self.grid is not None:
+            layer = layers.choose(self.grid, eye)
+            return First(0, len(self.counts) - 1, layer)
+        faces = np.cumsum(self.faces(eye))
+        clear = (faces <= planes.CLEAR) & (np.cumsum(self.counts[: len(faces)]) <= MOST_SHOWN)
         last = len(clear) - 1 if clear.all() else int(np.argmin(clear)) - 1
-        return 0, max(last, int(np.argmax(self.counts > 0)))
+        return First(0, max(last, int(np.argmax(self.counts > 0))))
+
+    def faces(self, eye: F64) -> F64:
+        """(levels,), number of surfaces of each level that a line of sight from `eye` crosses, in the mean over all
+        lines that meet the structure. Polygons too near for a surface do not count.
+        """
+        angles = sight.solid_angles(self.vertices, self.offsets, eye)
+        angles[angles > sight.NEAR] = 0.0
+        found: F64 = np.bincount(self.depth, angles) / sight.whole(self.box, eye)
+        return found
 
 
 def survey(structure: Structure) -> Survey:
@@ -48,10 +77,33 @@ def survey(structure: Structure) -> Survey:
     found = structure.split_polygons(DEEPEST, FETCHED)
     kinds, depths = found["kind"], found["depth"].astype(np.int64)
     if not len(kinds):
-        return Survey((), np.zeros(0, np.int64), np.zeros(0))
-    each = planes.crossings(found["vertices"], found["offsets"])
+        nothing = np.zeros(0, np.int64)
+        return Survey((), nothing, np.zeros((0, 3), np.float32), np.zeros(1, np.int32), nothing, np.zeros((2, 3)))
     occurring = {int(kind) for kind in np.unique(kinds)}
     if found["hidden"] and structure.statistics["nodes_oblique"]:
         occurring.add(planes.KINDS.index("OBLIQUE"))
     names = tuple(planes.KINDS[kind] for kind in sorted(occurring))
-    return Survey(names, np.bincount(depths), np.bincount(depths, each))
+    counts = np.bincount(depths)
+    # Keep the levels that may be shown at first, whose polygons come first.
+    occupied = int(np.argmax(counts > 0))
+    kept = int(counts[: occupied + 1].sum())
+    kept = max(kept, int(counts[np.cumsum(counts) <= MOST_SHOWN].sum()))
+    offsets = found["offsets"][: kept + 1].astype(np.int32)
+    vertices = found["vertices"]
+    box = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
+    return Survey(
+        names,
+        counts,
+        np.ascontiguousarray(vertices[: offsets[-1]], np.float32),
+        offsets,
+        depths[:kept],
+        box,
+        _grid(found, occupied),
+    )
+
+
+def _grid(found: Any, occupied: int) -> Grid | None:
+    """The grid of these polygons, if the walls of its first level hide each other from everywhere."""
+    level = found["depth"] == occupied
+    each = planes.crossings(found["vertices"], found["offsets"])
+    return layers.find(found) if float(each[level].sum()) > planes.CLEAR else None

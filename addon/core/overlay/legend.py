@@ -36,12 +36,16 @@ class Entry:
     text: str
 
 
-def of_planes(kinds: Sequence[str], depths: tuple[int, int], tints: Mapping[str, Sequence[float]]) -> list[Entry]:
-    """The kinds that are shown, and the levels."""
+def of_planes(
+    kinds: Sequence[str], depths: tuple[int, int], tints: Mapping[str, Sequence[float]], across: int = -1
+) -> list[Entry]:
+    """The kinds that are shown, and the levels, or the axis across which one layer of cells is shown."""
     entries = [Entry((tuple(tints[kind]),), LABELS[kind]) for kind in kinds]
     levels = (
         f"level {depths[0]}" if depths[0] == depths[1] else f"levels {depths[0]} to {depths[1]}, deeper ones fainter"
     )
+    if across >= 0:
+        levels = f"one layer of cells across {planes.KINDS[across]}"
     return [*entries, Entry((), levels)] if entries else []
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32
 from ..tree.regions import areas
+from . import sight
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
@@ -36,10 +37,16 @@ CROWD, CROWD_FADE = 150, 0.5
 merge into one area.
 """
 
-CLEAR, FOG = 5.0, 2.0
+SHEET = 40
+"""Number of walls of a grid's layer from which its lines are thinner, and somewhat fainter."""
+
+CLEAR, FOG = 4.5, 1.2
 """Numbers of surfaces behind each other: up to which levels are shown at first, and from which all surfaces are fainter
 (chosen by looking at pictures).
 """
+
+INSIDE = 0.6
+"""Factor on FOG for a viewer inside the structure, who has nothing but surfaces around."""
 
 PANE = (0.0, 0.11)
 """Opacity of a surface at its centre and at its rim, relative to that of its lines: the rims stay visible, and dozens
@@ -53,6 +60,7 @@ class Planes:
 
     vertices: (v, 3) float32, scene frame. offsets: (p + 1,) int32, first vertex of each polygon. depth, kind: (p,)
     int32. hidden: number of matching polygons beyond the limit. complete: False if there may be more than `hidden`.
+    across: the axis across which they are one layer of a grid's cells, or -1.
     """
 
     vertices: F32
@@ -61,6 +69,7 @@ class Planes:
     kind: I32
     hidden: int
     complete: bool
+    across: int = -1
 
     def __len__(self) -> int:
         return len(self.depth)
@@ -110,14 +119,60 @@ class Level:
     fill_colours: F32
 
 
-def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: float, width: float) -> list[Level]:
+@dataclass(frozen=True, eq=False)
+class Panes:
+    """How the surfaces of planes are drawn. bare: (p,) bool, polygons without a surface. strength: of the others, 0 to
+    1.
+    """
+
+    bare: NDArray[np.bool_]
+    strength: float
+
+    def key(self) -> tuple[bytes, float]:
+        """Equal for panes that look the same."""
+        return self.bare.tobytes(), self.strength
+
+
+def panes(planes: Planes, eye: F64 | None = None) -> Panes:
+    """The surfaces as a viewer at `eye`, (3,) in the scene frame, sees them: none of boxes around the viewer and none
+    so near that it would veil the view, none of a grid's layer, and the others fainter the more of them lie behind each
+    other.
+
+    Without a viewer, as random lines through the structure meet them.
+    """
+    if eye is None or not len(planes):
+        behind, bare = float(crossings(planes.vertices, planes.offsets).sum()), np.zeros(len(planes), bool)
+        return Panes(bare, _step(min(1.0, FOG / behind)) if behind > 0 else 1.0)
+    angles = sight.solid_angles(planes.vertices, planes.offsets, eye)
+    bare = (angles > sight.NEAR) | (planes.across >= 0)
+    bare |= sight.around(planes.vertices, planes.offsets, planes.kind == KINDS.index("BOXES"), eye)
+    box = np.stack([planes.vertices.min(axis=0), planes.vertices.max(axis=0)]).astype(np.float64)
+    directions = sight.whole(box, eye)
+    behind = float(angles[~bare].sum()) / directions
+    limit = FOG * INSIDE if directions == 4 * np.pi else FOG
+    return Panes(bare, _step(min(1.0, limit / behind)) if behind > 0 else 1.0)
+
+
+def _step(strength: float) -> float:
+    """A strength rounded down to a sixteenth of an octave, so that small moves of the viewer change nothing."""
+    return float(2.0 ** (np.floor(16 * np.log2(strength)) / 16))
+
+
+def levels(
+    planes: Planes,
+    colours: Mapping[str, Sequence[float]],
+    opacity: float,
+    width: float,
+    seen: Panes | None = None,
+) -> list[Level]:
     """The polygons by depth, deepest first, so that fainter levels are drawn before stronger ones.
 
-    colours: red, green and blue of each kind. opacity, width: of the shallowest level's lines; width in pixels.
+    colours: red, green and blue of each kind. opacity, width: of the shallowest level's lines; width in pixels. seen:
+    their surfaces, by default as from no certain place.
     """
     table = np.array([colours[kind] for kind in KINDS], np.float32)
-    behind = float(crossings(planes.vertices, planes.offsets).sum())
-    pane = (PANE[0], PANE[1] * min(1.0, FOG / behind if behind > 0 else 1.0))
+    seen = panes(planes) if seen is None else seen
+    pane = (PANE[0], PANE[1] * seen.strength)
     made = []
     for depth in reversed(planes.levels):
         polygons = np.flatnonzero(planes.depth == depth)
@@ -125,22 +180,27 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
             continue
         step = depth - planes.levels.start
         strength = opacity * max(FADE**step, FAINTEST) * min(1.0, CROWD / len(polygons)) ** CROWD_FADE
+        wide = width * THINNING**step
+        if planes.across >= 0:
+            sheet = min(1.0, SHEET / len(planes))
+            strength, wide = opacity * sheet ** (CROWD_FADE / 2), width * sheet
         strengths = np.full(len(planes), strength, np.float32)
-        shape = Shape(planes.vertices, planes.offsets, table[planes.kind], strengths)
-        made.append(level(shape, polygons, depth, max(width * THINNING**step, 1.0), pane))
+        shape = Shape(planes.vertices, planes.offsets, table[planes.kind], strengths, ~seen.bare)
+        made.append(level(shape, polygons, depth, max(wide, 1.0), pane))
     return made
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
     """Coloured polygons. vertices, offsets: as in Planes. rgb: (p, 3) float32. strength: (p,) float32, opacity of the
-    lines.
+    lines. filled: (p,) bool, whether each has a surface; by default all have one.
     """
 
     vertices: F32
     offsets: I32
     rgb: F32
     strength: F32
+    filled: NDArray[np.bool_] | None = None
 
 
 def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: tuple[float, float]) -> Level:
@@ -150,18 +210,19 @@ def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: 
     # Look up the ends and the polygon of each edge.
     ends, owners = _edges(shape.offsets, polygons)
     lines, rgb, strength = shape.vertices[ends], shape.rgb[owners], shape.strength[owners]
-    # Triangulate each polygon as a fan around its centre.
+    # Triangulate each polygon that has a surface as a fan around its centre.
     fans = np.empty((len(owners), 3, 3), np.float32)
     fans[:, 0], fans[:, 1:] = _centres(shape, polygons)[owners - polygons[0]], lines.reshape(-1, 2, 3)
     centre, rim = fill
     alpha = strength[:, None] * np.array([centre, rim, rim], np.float32)
+    filled = np.full(len(owners), True) if shape.filled is None else shape.filled[owners]
     return Level(
         depth,
         width,
         lines,
         _with_alpha(np.repeat(rgb, 2, axis=0), np.repeat(strength, 2)),
-        fans.reshape(-1, 3),
-        _with_alpha(np.repeat(rgb, 3, axis=0), alpha.reshape(-1)),
+        fans[filled].reshape(-1, 3),
+        _with_alpha(np.repeat(rgb[filled], 3, axis=0), alpha[filled].reshape(-1)),
     )
 
 

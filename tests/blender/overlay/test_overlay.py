@@ -84,7 +84,7 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
 def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
     _, _, *view = show(canvas, scene, "kd")
-    uid = scene.session_uid, "PLANES"
+    uid = scene.session_uid, "PLANES", 0
     first = overlay._drawings[uid]
     picture(canvas, scene, *view)
     assert overlay._drawings[uid] is first

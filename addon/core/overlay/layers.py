@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One layer of the cells of a grid, because the walls of all its cells hide each other and the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F32, F64
+from . import planes, sight
+from .planes import Planes
+
+PLACES = (0.25, 0.5, 0.75)
+"""Shares of the grid's extent at which a layer may lie."""
+
+ASIDE = 0.125
+"""Smallest distance of the layer from the viewer, as a share of the grid's extent: within it, it would be fog."""
+
+LEVEL = 2.0
+"""Factor by which a level layer, across Z, is preferred: it lies in the scene like a floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Walls of a grid. walls: ascending positions along each axis, the ends of the box included, scene frame.
+
+    depths: of the levels that divide along each axis. box: (2, 3), lower and upper corner.
+    """
+
+    walls: tuple[F64, F64, F64]
+    depths: tuple[int, int, int]
+    box: F64
+
+
+def find(found: Any) -> Grid | None:
+    """The grid whose walls are the first polygons of each axis; None if they are no walls through the whole box.
+
+    found: as `Structure.split_polygons` returns it.
+    """
+    kinds, depths, vertices = found["kind"], found["depth"].astype(int), found["vertices"].astype(np.float64)
+    firsts = vertices[found["offsets"][:-1].astype(np.int64)]
+    box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+    walls: list[F64] = []
+    levels: list[int] = []
+    for axis in range(3):
+        rows = np.flatnonzero(kinds == axis)
+        level = int(depths[rows].min()) if len(rows) else 0
+        inner = np.unique(firsts[rows[depths[rows] == level], axis])
+        walls.append(np.unique(np.concatenate([box[:, axis], inner])))
+        levels.append(level)
+    used = {level for level, own in zip(levels, walls, strict=True) if len(own) > 2}
+    # In a grid each axis has a level of its own; other trees of planes divide cells of one level along several axes.
+    if len(used) != sum(len(own) > 2 for own in walls) or not used:
+        return None
+    return Grid((walls[0], walls[1], walls[2]), (levels[0], levels[1], levels[2]), box)
+
+
+def choose(grid: Grid, eye: F64) -> tuple[int, int]:
+    """The axis across which the layer lies that a viewer at `eye` (3,) sees best, and its place along that axis."""
+    found: list[tuple[float, int, int]] = []
+    size = grid.box[1] - grid.box[0]
+    for axis in range(3):
+        walls = grid.walls[axis]
+        for share in PLACES:
+            place = min(int(share * (len(walls) - 1)), len(walls) - 2)
+            middle = (walls[place] + walls[place + 1]) / 2
+            seen = _seen(grid, axis, middle, eye) * (LEVEL if axis == 2 else 1.0)
+            far = abs(eye[axis] - middle) >= ASIDE * size[axis]
+            found.append((seen if far else 0.0, axis, place))
+    _, axis, place = max(found)
+    return axis, place
+
+
+def _seen(grid: Grid, axis: int, middle: float, eye: F64) -> float:
+    """Steradians that a plane through the whole grid covers."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    ring = np.tile(grid.box[0], (4, 1))
+    ring[1:3, first], ring[2:, second], ring[:, axis] = grid.box[1, first], grid.box[1, second], middle
+    return float(sight.solid_angles(ring, np.array([0, 4]), eye)[0])
+
+
+def cut(grid: Grid, layer: tuple[int, int], kinds: Sequence[str]) -> Planes:
+    """The walls of these kinds between the cells of a layer, as from `choose`: strips as high as the layer."""
+    across, place = layer
+    rings: list[F32] = []
+    owners: list[int] = []
+    low, high = grid.walls[across][place : place + 2]
+    for axis in range(3):
+        if axis == across or planes.KINDS[axis] not in kinds:
+            continue
+        along = 3 - across - axis
+        ring = np.zeros((len(grid.walls[axis]), 4, 3))
+        ring[:, :, axis] = grid.walls[axis][:, None]
+        ring[:, :, along] = grid.box[[0, 1, 1, 0], along]
+        ring[:, :, across] = [low, low, high, high]
+        rings.append(ring.astype(np.float32))
+        owners += [axis] * len(ring)
+    order = np.argsort([grid.depths[axis] for axis in owners], kind="stable")
+    corners = np.concatenate(rings)[order] if rings else np.zeros((0, 4, 3), np.float32)
+    kind = np.array(owners, np.int32)[order]
+    depth = np.array(grid.depths, np.int32)[kind] if len(kind) else np.zeros(0, np.int32)
+    offsets = np.arange(0, 4 * len(corners) + 1, 4, dtype=np.int32)
+    return Planes(corners.reshape(-1, 3), offsets, depth, kind, hidden=0, complete=True, across=across)
