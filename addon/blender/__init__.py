@@ -3,7 +3,7 @@
 
 import bpy
 
-from .inspector import browsing, exporting, levels, map_cursor, worst
+from .inspector import browsing, exporting, isolating, levels, map_cursor, second, worst
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
@@ -16,6 +16,7 @@ from .ui import (
     compare_panels,
     compat,
     data_panels,
+    histogram_icons,
     inspector_panels,
     manual,
     overlay_panels,
@@ -40,7 +41,7 @@ def register() -> None:
     picking.register()
     cost_maps.register()
     compare_operators.register()
-    for operators_of in (browsing, worst, levels, map_cursor, exporting):
+    for operators_of in (browsing, isolating, second, worst, levels, map_cursor, exporting):
         operators_of.register()
     structure.register()
     panels.register()
@@ -48,6 +49,7 @@ def register() -> None:
     pass_panels.register()
     bake_panels.register()
     overlay_panels.register()
+    histogram_icons.register()
     inspector_panels.register()
     compare_panels.register()
     drawing.register()
@@ -65,13 +67,14 @@ def unregister() -> None:
     drawing.unregister()
     compare_panels.unregister()
     inspector_panels.unregister()
+    histogram_icons.unregister()
     overlay_panels.unregister()
     bake_panels.unregister()
     pass_panels.unregister()
     data_panels.unregister()
     panels.unregister()
     structure.unregister()
-    for operators_of in (exporting, map_cursor, levels, worst, browsing):
+    for operators_of in (exporting, map_cursor, levels, worst, second, isolating, browsing):
         operators_of.unregister()
     compare_operators.unregister()
     cost_maps.unregister()

@@ -24,7 +24,7 @@ WHAT = (
     ("NODES", "Nodes", "All nodes of the tree: place, box, share, SAH cost, triangles", 0),
     ("STEPS", "Steps of the Ray", "All steps of the picked ray: node, interval, tests", 1),
     ("RAYS", "Rays", "All rays of the chosen set, the worst first: rank, pixel, steps, tests, time", 2),
-    ("LEVELS", "Levels", "SAH cost, overlap and time of each level", 3),
+    ("LEVELS", "Levels", "SAH cost, overlap and fitted time of each level", 3),
     ("MAP", "Cost Map, Numbers", "The numbers of each pixel of the last cost map", 4),
     ("PICTURE", "Cost Map, Picture", "The last cost map as PNG, with its histograms", 5),
     (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SAH cost, overlap and measured time of each level of the last structure."""
+"""SAH cost, overlap and fitted time of each level of the last structure, and of the second one."""
 
 from __future__ import annotations
 
@@ -16,18 +16,22 @@ from ...core.inspector import levels as measuring
 from ...core.inspector.levels import Levels
 from ...core.measure.reference import Reference, affordable
 from ..session import trees
-from . import worst
+from . import second, worst
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The levels of a tree for the rays of a view, and sentences about their sums."""
+    """The levels of a tree for the rays of a view, and sentences about their sums. beside: those of the second
+    structure, if there is one.
+    """
 
     rays: worst.Found
+    spec: str
     levels: Levels
     lines: tuple[str, ...]
+    beside: Measured | None = None
 
 
 _measured: dict[int, Measured] = {}
@@ -41,8 +45,19 @@ def known(scene: Any) -> Measured | None:
 
 
 def measure(scene: Any, tree: trees.Tree) -> Measured:
-    """Measure the levels of the scene's tree. Raises WorkloadError, TreeError."""
+    """Measure the levels of the scene's tree, and of the second structure. Raises WorkloadError, TreeError, and what
+    builds raise.
+    """
     found = worst.find(scene, tree)
+    other = second.find(scene, tree)
+    beside = None if other is None else _measure(found, other, None)
+    measured = _measure(found, tree, beside)
+    _measured[scene.original.session_uid] = measured
+    return measured
+
+
+def _measure(found: worst.Found, tree: trees.Tree, beside: Measured | None) -> Measured:
+    """The levels of a structure for these rays."""
     primary = found.costs["primary"]
     made = measuring.measure(tree.structure, tree.table(), found.workload, primary)
     # Every time is shown with the errors of the same structure.
@@ -50,9 +65,7 @@ def measure(scene: Any, tree: trees.Tree) -> Measured:
         native.load(), found.workload, [primary.rays], min(auto.CHECKED, affordable(found.workload)), seed=0
     )
     lines = measuring.sentences(made, reference.wrong(tree.structure), len(reference))
-    measured = Measured(found, made, tuple(lines))
-    _measured[scene.original.session_uid] = measured
-    return measured
+    return Measured(found, tree.spec, made, tuple(lines), beside)
 
 
 class HALFSPACE_OT_measure_levels(bpy.types.Operator):
@@ -61,8 +74,8 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
     bl_idname = "halfspace.measure_levels"
     bl_label = "Measure Levels"
     bl_description = (
-        "Expected cost, end-point overlap and measured time of each level of the tree, for the rays of the camera's "
-        "view: at which depth is the time spent?"
+        "Expected cost, end-point overlap and fitted time of each level of the tree, for the rays of the camera's "
+        "view: at which depth is the time spent? With a second structure, of both for the same rays"
     )
 
     @classmethod

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ...core.base import native
 from ...core.base.arrays import F64
 from ...core.choose import auto
-from ...core.inspector import ray_costs, reasons
+from ...core.inspector import beside, ray_costs, reasons
 from ...core.inspector import replay as replays
+from ...core.inspector.beside import Row
 from ...core.inspector.csv_files import Times
 from ...core.inspector.ray_costs import RayCosts
 from ...core.measure import costmap
@@ -25,6 +26,7 @@ from ...core.scene.workload import Workload
 from ..measure import workloads
 from ..overlay import picking
 from ..session import trees
+from . import second
 
 MOST = 1000
 """Number of rays of an order that can be visited."""
@@ -37,7 +39,8 @@ class Found:
     """The costs of the rays of a view through one tree.
 
     size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. times: by set, once
-    measured. place: of the ray that is shown in the order. lines: about that ray.
+    measured. place: of the ray that is shown in the order. lines: about that ray. beside: about that ray in the second
+    structure, or None. again: costs in second structures, by tree and set.
     """
 
     tree: int
@@ -50,6 +53,19 @@ class Found:
     shown: tuple[str, str] = ("", "")
     place: int = 0
     lines: tuple[str, ...] = ()
+    beside: Beside | None = None
+    again: dict[tuple[int, str], RayCosts] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A ray in a second structure. spec: of that structure. rows: its numbers beside those of the first. lines: why it
+    costs what it costs there.
+    """
+
+    spec: str
+    rows: tuple[Row, ...]
+    lines: tuple[str, ...]
 
 
 _found: dict[int, Found] = {}
@@ -145,7 +161,27 @@ def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
     lines += reasons.summary(costs, index)
     lines += reasons.reasons(table, path, replays.replay(table, path), key)
     found.shown, found.place, found.lines = (name, key), place, tuple(lines)
+    found.beside = _beside(scene, tree, found, index)
     _draw_ray(scene.halfspace.overlay)
+
+
+def _beside(scene: Any, tree: trees.Tree, found: Found, index: int) -> Beside | None:
+    """The shown ray in the second structure, if one is chosen. Raises what builds raise."""
+    other, ray, (name, key) = second.find(scene, tree), picking.last(scene), found.shown
+    if other is None or ray is None:
+        return None
+    costs = found.costs[name]
+    if (other.number, name) not in found.again:
+        found.again[other.number, name] = ray_costs.again(other.structure, costs)
+    again = found.again[other.number, name]
+    rows = beside.of_rays(costs, again, index)
+    if key == "TIME":
+        times = [f"{ray_costs.block_time(each.structure, costs, index):,.0f}" for each in (tree, other)]
+        rows.append(("ns, 64 neighbours", times[0], times[1]))
+    path = ray.path(other)
+    table = other.table()
+    lines = reasons.reasons(table, path, replays.replay(table, path), key)
+    return Beside(other.spec, tuple(rows), tuple(lines))
 
 
 def _draw_ray(overlay: Any) -> None:

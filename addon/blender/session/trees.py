@@ -15,7 +15,7 @@ import bpy
 from ...core.base.arrays import F32, F64, I32
 from ...core.overlay import depths
 from ...core.overlay.depths import Survey
-from ...core.scene.scene import Geometry
+from ...core.scene.scene import Geometry, Source, owners
 from ...core.tree import table
 from ...core.tree.table import Table
 
@@ -23,14 +23,19 @@ IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
 
 
+NUMBERS = itertools.count(1)
+"""The numbers of trees."""
+
+
 @dataclass(eq=False)
 class Tree:
     """A native structure in the scene frame whose origin is at `origin` (3,) in world space.
 
     vertices, triangles: (n, 3) float32 and (m, 3) int32, its input. They are needed to check its answers: the native
-    structure does not return them, and the scene may have changed or differ between render and viewport. read: the
-    scene's `moment` when the triangles were read. number: a unique id, which outlives the structure. known_table,
-    known_survey: results of `table` and `survey` once they were called; panels show only what is known.
+    structure does not return them, and the scene may have changed or differ between render and viewport. sources: the
+    objects of the triangles. read: the scene's `moment` when the triangles were read. number: a unique id, which
+    outlives the structure. known_table, known_survey: results of `table` and `survey` once they were called; panels
+    show only what is known.
     """
 
     structure: Any
@@ -41,7 +46,8 @@ class Tree:
     label: str
     scene_uid: int
     read: int
-    number: int = field(default_factory=itertools.count(1).__next__)
+    number: int = field(default_factory=NUMBERS.__next__)
+    sources: tuple[Source, ...] = ()
     known_table: Table | None = None
     known_survey: Survey | None = None
 
@@ -58,6 +64,10 @@ class Tree:
             self.known_survey = depths.survey(self.structure)
             _redraw_panels_soon()
         return self.known_survey
+
+    def owners(self, triangles: I32) -> set[str]:
+        """Full names of the objects that triangles, (t,) indices, belong to."""
+        return owners(self.sources, triangles)
 
     @property
     def count(self) -> int:
@@ -98,7 +108,8 @@ def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: st
     """
     global _tree  # noqa: PLW0603 (one per Blender, see the module's docstring)
     uid, origin = scene.original.session_uid, geometry.origin.copy()
-    _tree = Tree(structure, origin, geometry.vertices, geometry.triangles, spec, label, uid, read)
+    arrays = geometry.vertices, geometry.triangles
+    _tree = Tree(structure, origin, *arrays, spec, label, uid, read, sources=geometry.sources)
     if not bpy.app.background:
         # Renders run on their own thread; timers run where redrawing is allowed.
         bpy.app.timers.register(redraw)

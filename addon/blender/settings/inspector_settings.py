@@ -18,6 +18,17 @@ def _redraw(group: Any, _context: Any) -> None:
     signals.look_changed.fire(group.id_data)
 
 
+def _node_changed(group: Any, context: Any) -> None:
+    """Another node was selected: its list of children begins at the first."""
+    group.page = 1
+    signals.node_changed.fire(group.id_data)
+    _redraw(group, context)
+
+
+def _isolation_changed(group: Any, _context: Any) -> None:
+    signals.node_changed.fire(group.id_data)
+
+
 def _range_changed(group: Any, _context: Any) -> None:
     signals.range_changed.fire(group.id_data)
 
@@ -53,13 +64,27 @@ class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
         description="The selected node, counted in preorder; 0 is the root",
         default=0,
         min=0,
-        update=_redraw,
+        update=_node_changed,
+    )
+    page: IntProperty(  # type: ignore[valid-type]
+        name="Page",
+        description="Which children of the node are listed, eight to a page",
+        default=1,
+        min=1,
     )
     alone: BoolProperty(  # type: ignore[valid-type]
-        name="Hide Others",
-        description="Show the selected node, its children and its triangles alone, without planes, leaves and rays",
+        name="Hide Other Parts",
+        description="Of the overlay, show the selected node, its children and its triangles alone, without planes, "
+        "leaves and rays. Objects stay",
         default=False,
         update=_redraw,
+    )
+    isolated: BoolProperty(  # type: ignore[valid-type]
+        name="Isolate Objects",
+        description="Show only the objects that triangles of the selected node belong to, in Blender's local view. "
+        "Off shows all objects again",
+        default=False,
+        update=_isolation_changed,
     )
     replaying: BoolProperty(  # type: ignore[valid-type]
         name="Step by Step",
@@ -103,6 +128,17 @@ class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
         max=2048,
     )
     ranges: CollectionProperty(type=HalfspaceMapRange)  # type: ignore[valid-type]
+    column: EnumProperty(  # type: ignore[valid-type]
+        name="Column",
+        description="Which numbers of the levels stand side by side",
+        items=[
+            ("NODES", "Nodes", "Nodes and leaves", 0),
+            ("SAH", "SAH", "Share of the expected SAH cost", 1),
+            ("OVERLAP", "EPO", "End-point overlap", 2),
+            ("TIME", "Time", "Nanoseconds of a camera ray, fitted", 3),
+        ],
+        default="SAH",
+    )
 
 
 def range_name(quantity: str, place: int) -> str:

@@ -36,5 +36,8 @@ visibility_changed = Signal()
 look_changed = Signal()
 """How the structure is drawn: parts, depths, style, colours."""
 
+node_changed = Signal()
+"""The selected node, or whether the objects of its triangles are shown alone."""
+
 range_changed = Signal()
 """The range of a cost map whose pixels keep their colour."""

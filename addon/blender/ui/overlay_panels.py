@@ -8,8 +8,10 @@ from typing import Any
 import bpy
 
 from ...core.base import native
+from ...core.inspector import beside
 from ...core.inspector import replay as replays
 from ...core.overlay import planes
+from ..inspector import second
 from ..measure import checking, cost_maps
 from ..overlay import choosing, drawing, picking, replaying
 from ..session import building, trees
@@ -108,7 +110,9 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
             parts.prop_enum(settings, "parts", part)
         # Show the settings of the selected parts only.
         if "PLANES" in settings.parts:
-            _depth_and_kinds(layout, settings, trees.last(context.scene))
+            area = getattr(context, "area", None)
+            shown = drawing.shown(context.scene, "PLANES", None if area is None else area.as_pointer())
+            _depth_and_kinds(layout, settings, trees.last(context.scene), shown)
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
         if "BEAM" in settings.parts:
@@ -131,13 +135,15 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
         column.prop(settings, "auto_update")
 
 
-def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None) -> None:
-    """Both ends of the depth, or the levels that are chosen automatically; buttons of the kinds that the tree has."""
+def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None, shown: Any = None) -> None:
+    """Both ends of the depth, or what is chosen automatically; buttons of the kinds that the tree has. shown: the
+    planes in this view, or None.
+    """
     survey = tree.known_survey if tree is not None else None
     column = layout.column(align=True)
     column.prop(settings, "depth_auto")
-    if settings.depth_auto and survey is not None:
-        column.label(text=f"Levels {survey.first()[0]} to {survey.first()[1]} of {max(len(survey.counts) - 1, 0)}")
+    if settings.depth_auto and survey is not None and shown is not None:
+        column.label(text=_chosen(shown, len(survey.counts) - 1))
     row = column.row(align=True)
     row.use_property_split = False
     row.prop(settings, "depth_min", text="From", slider=True)
@@ -146,6 +152,13 @@ def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None) -> Non
     flow.use_property_split = False
     for kind in planes.KINDS if survey is None else survey.kinds:
         flow.prop_enum(settings, "kinds", kind)
+
+
+def _chosen(shown: planes.Planes, deepest: int) -> str:
+    """What is chosen automatically of a structure with levels 0 to `deepest`."""
+    if shown.across >= 0:
+        return f"One layer of cells across {planes.KINDS[shown.across]}"
+    return f"Levels up to {max(shown.levels.stop - 1, 0)} of {max(deepest, 0)}"
 
 
 def _planes(layout: Any, shown: Any) -> None:
@@ -184,6 +197,20 @@ class HALFSPACE_PT_view_ray(panels.SidebarPanel, bpy.types.Panel):
             found = drawing.shown(context.scene, part) if part in context.scene.halfspace.overlay.parts else None
             for line in found.lines() if found is not None else ():
                 layout.label(text=line)
+        _ray_beside(layout, context.scene)
+
+
+def _ray_beside(layout: Any, scene: Any) -> None:
+    """The picked ray in the last structure and in the second one, side by side."""
+    layout.prop(scene.halfspace, "second")
+    tree, first = trees.last(scene), drawing.shown(scene, "RAY")
+    if tree is None or first is None or picking.last(scene) is None or not second.chosen(scene):
+        return
+    path = second.path(scene)
+    if path is None:
+        layout.operator(second.HALFSPACE_OT_build_second.bl_idname, icon="MOD_BUILD")
+    else:
+        inspector_panels.beside_rows(layout, (tree.spec, second.chosen(scene)), beside.of_paths(first, path))
 
 
 def _replay(layout: Any, scene: Any) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Expected cost, end-point overlap and measured time of each level of a tree.
+"""Expected cost, end-point overlap and fitted time of each level of a tree.
 
 Time is measured for blocks of 64 camera rays, which need not be tiles, and fitted as a sum over visited nodes
 and triangle tests (Hoobergs 2019, eq. 3.1). Levels share the mean time of a ray by the steps and tests that a sample of
-rays has on each of them.
+rays has on each of them: no clock runs on a level.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 CERTAIN = 0.8
 """R² from which the two prices are taken for those of nodes and of tests (chosen)."""
 
+LEAST_EXPLAINED = 0.5
+"""R² below which the fit explains too little for times of levels (chosen)."""
+
 SAMPLE, SEED = 192, 7
 """Number of camera rays whose steps are counted by level, and the seed of their choice."""
 
@@ -37,7 +40,8 @@ SAMPLE, SEED = 192, 7
 @dataclass(frozen=True)
 class Level:
     """One level. sah: expected cost, and sah_share of the whole tree's. overlap: end-point overlap. steps, tests: of a
-    camera ray, mean over the sample. nanoseconds: of a camera ray, 0 if nothing was timed.
+    camera ray, mean over the sample. fitted_nanoseconds: of a camera ray, by the fitted prices; None if the fit
+    explains less than LEAST_EXPLAINED.
     """
 
     level: int
@@ -49,7 +53,7 @@ class Level:
     overlap: float
     steps: float
     tests: float
-    nanoseconds: float
+    fitted_nanoseconds: float | None
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class Levels:
     prices: Prices
     overlap_error: float
 
-    def rows(self) -> Iterator[dict[str, float]]:
+    def rows(self) -> Iterator[dict[str, float | None]]:
         """The levels as dictionaries, for files."""
         for level in self.levels:
             yield asdict(level)
@@ -85,7 +89,8 @@ def measure(structure: Structure, table: Table, workload: Workload, primary: Ray
     prices = _prices(structure, replace(primary.rays, order="none"))
     # Share the measured time by the fitted prices.
     weights = prices.step * steps + prices.test * tests
-    shared = prices.measured * weights / weights.sum() if weights.sum() else np.zeros(depth)
+    fits = weights.sum() > 0 and prices.explained >= LEAST_EXPLAINED
+    shared = prices.measured * weights / weights.sum() if fits else None
     costs, triangles = (np.bincount(table.depth, weights, depth) for weights in (table.costs, table.counts))
     leaves = np.bincount(table.depth[table.kind == LEAF], minlength=depth)
     nodes = np.bincount(table.depth, minlength=depth)
@@ -102,7 +107,7 @@ def measure(structure: Structure, table: Table, workload: Workload, primary: Ray
             float(means[level]),
             float(steps[level]),
             float(tests[level]),
-            float(shared[level]),
+            None if shared is None else float(shared[level]),
         )
         for level in range(depth)
     )
@@ -162,7 +167,9 @@ def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequ
     answers = "" if wrong is None else f"; {wrong:,} of {checked:,} answers wrong"
     total = sum(level.overlap for level in found.levels)
     fitted = f"Fitted: {prices.step:.1f} ns a node, {prices.test:.1f} ns a test (R² = {prices.explained:.2f})"
-    if prices.explained < CERTAIN:
+    if prices.explained < LEAST_EXPLAINED:
+        fitted = f"No time per level: nodes and tests explain too little of it (R² = {prices.explained:.2f})"
+    elif prices.explained < CERTAIN:
         fitted += ": the fit cannot separate nodes from tests"
     return (
         f"A camera ray takes {prices.measured:,.0f} ns{answers}",

@@ -78,6 +78,13 @@ def gather(structure: Structure, workload: Workload, size: tuple[int, int]) -> d
     return found
 
 
+def again(structure: Structure, costs: RayCosts) -> RayCosts:
+    """The costs of the same rays in another structure over the same triangles."""
+    counters = counting.alone(structure, costs.rays)
+    steps, tests, wasted = (counters[name].astype(np.int64) for name in ("visits", "tests", "tests_wasted"))
+    return RayCosts(costs.rays, costs.pixels, steps, tests, wasted)
+
+
 def worst(costs: RayCosts, key: str, count: int) -> NDArray[np.int64]:
     """Indices of the rays with the largest steps or tests, the largest first; of equal ones the first."""
     return np.argsort(-costs.values(key), kind="stable")[:count]
@@ -110,6 +117,13 @@ def slowest(costs: RayCosts, nanoseconds: F64, count: int) -> tuple[NDArray[np.i
     order, ranks = ranked(costs, "TIME", nanoseconds)
     found = order[np.unique(ranks, return_index=True)[1]][:count]
     return found, nanoseconds[found // BLOCK]
+
+
+def block_time(structure: Structure, costs: RayCosts, index: int) -> float:
+    """Nanoseconds per ray of the block of neighbours that the ray at `index` belongs to."""
+    start = index // BLOCK * BLOCK
+    block = np.arange(start, min(start + BLOCK, len(costs)))
+    return float(_timed(structure, [costs.rays.take(np.tile(block, REPEATS))])[0])
 
 
 def _timed(structure: Structure, parts: list[rays.RaySet]) -> F64:
