@@ -39,6 +39,9 @@ LONG = {"RENDER", "OUTPUT"}
 PREVIEWED, PREVIEW_SECONDS = {"MATERIAL", "DATA", "WORLD"}, 4.0
 """Tabs with a preview, and the seconds in which Blender renders it."""
 
+PAGES = 3
+"""Pictures of the sidebar below its first page."""
+
 SECONDS = 0.8
 """Seconds in which Blender draws a tab."""
 
@@ -181,6 +184,7 @@ def sidebar() -> Iterator[Any]:
     yield "sidebar-empty"
     settings.overlay.show, settings.overlay.parts = True, {"PLANES", "CELLS"}
     yield 3.0  # the overlay builds a structure, which would replace that of the operators
+    settings.second = "bvh-sah"
     for operator in ("build_structure", "check", "worst_ray", "measure_levels"):
         with within(area):
             getattr(bpy.ops.halfspace, operator)()
@@ -190,11 +194,15 @@ def sidebar() -> Iterator[Any]:
     area.tag_redraw()
     yield SECONDS
     yield "sidebar-full"
-    # Show the end of the sidebar.
-    with bpy.context.temp_override(window=window(), area=area, region=sidebar_of(area)):
-        to_the_end()
-    yield SECONDS
-    yield "sidebar-end"
+    # Show the rest of the sidebar, page by page.
+    for page in range(1, PAGES + 1):
+        with bpy.context.temp_override(window=window(), area=area, region=sidebar_of(area)):
+            if page == PAGES:
+                to_the_end()
+            elif bpy.ops.view2d.scroll_down.poll():
+                bpy.ops.view2d.scroll_down(page=True)
+        yield SECONDS
+        yield f"sidebar-{page}" if page < PAGES else "sidebar-end"
 
 
 def steps() -> Iterator[Any]:

@@ -82,3 +82,20 @@ def test_a_render_begins_with_a_whole_picture_and_cost_maps_share_a_window(archi
     assert found["map 0"] == found["map 1"] == ["FINISHED"]
     assert found["windows 0"] == found["windows 1"] == 2
     assert all(pictures.load(shot).std() > 0.05 for shot in shots)
+
+
+def test_the_overlay_follows_each_view_and_isolation_ends_as_it_began(archive: Path, tmp_path: Path) -> None:
+    found, shots = opened("overlay_steps", archive, tmp_path, "1600x900")
+    assert isinstance(found, dict)
+    for view in ("inside", "outside"):
+        assert found[f"grid {view}"][3] >= 0
+        assert all(0 < found[f"{structure} {view}"][0] <= 1000 for structure in ("octree-net", "bvh-sah", "kd"))
+    assert (
+        found["bvh-sah inside"] != found["bvh-sah outside"] or found["octree-net inside"] != found["octree-net outside"]
+    )
+    assert set(found["isolated"]) < set(found["before"])
+    assert found["isolated"] == found["redo"]
+    assert found["before"] == found["undo"] == found["after"]
+    assert not found["local"]
+    assert found["selected"] == ["Cube"]
+    assert len(shots) >= 11
