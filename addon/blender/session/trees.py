@@ -15,7 +15,8 @@ import bpy
 from ...core.base.arrays import F32, F64, I32
 from ...core.overlay import depths
 from ...core.overlay.depths import Survey
-from ...core.scene.scene import Geometry, Source, owners
+from ...core.scene.owners import owners
+from ...core.scene.scene import Geometry, Source
 from ...core.tree import table
 from ...core.tree.table import Table
 

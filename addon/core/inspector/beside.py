@@ -20,7 +20,7 @@ COLUMNS = {"NODES": "Nodes", "SAH": "SAH", "OVERLAP": "EPO", "TIME": "ns, fitted
 
 
 def of_paths(first: Path, second: Path) -> list[Row]:
-    """The counts of one ray that two structures were traced with."""
+    """The counts of one ray in two structures: nodes, planes crossed, leaves tested and passed, triangles tested."""
     counts = [
         (
             path.steps,
@@ -31,7 +31,7 @@ def of_paths(first: Path, second: Path) -> list[Row]:
         )
         for path in (first, second)
     ]
-    names = ("Inner nodes", "Planes crossed", "Leaves tested", "Leaves passed", "Triangles tested")
+    names = ("Inner nodes", "Planes", "Leaves", "Passed", "Tests")
     return [(name, f"{a:,}", f"{b:,}") for name, a, b in zip(names, *counts, strict=True)]
 
 
@@ -45,7 +45,7 @@ def of_rays(first: RayCosts, second: RayCosts, index: int) -> list[Row]:
     for name in ("steps", "tests", "wasted"):
         a, b = getattr(first, name), getattr(second, name)
         rows.append((name.capitalize(), f"{a[index]:,}", f"{b[index]:,}"))
-        rows.append((f"{name.capitalize()}, mean", f"{a.mean():,.1f}", f"{b.mean():,.1f}"))
+        rows.append(("… mean", f"{a.mean():,.1f}", f"{b.mean():,.1f}"))
     return rows
 
 

@@ -54,15 +54,6 @@ class Source:
     names: tuple[str, ...]
 
 
-def owners(sources: tuple[Source, ...], triangles: I32) -> set[str]:
-    """Names of the objects that triangles, (t,) indices, belong to. sources: as in Geometry."""
-    runs = [(source.count, name) for source in sources for name in source.names]
-    ends = np.cumsum([count for count, _ in runs])
-    return {
-        runs[run][1] for run in np.unique(np.searchsorted(ends, triangles, side="right")).tolist() if run < len(runs)
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class Voxels:
     """A grid. values: (x, y, z, 1 or 3) float32. to_index: (3, 4), object space to whole indices of voxels."""

@@ -39,9 +39,6 @@ LONG = {"RENDER", "OUTPUT"}
 PREVIEWED, PREVIEW_SECONDS = {"MATERIAL", "DATA", "WORLD"}, 4.0
 """Tabs with a preview, and the seconds in which Blender renders it."""
 
-PAGES = 3
-"""Pictures of the sidebar below its first page."""
-
 SECONDS = 0.8
 """Seconds in which Blender draws a tab."""
 
@@ -194,15 +191,11 @@ def sidebar() -> Iterator[Any]:
     area.tag_redraw()
     yield SECONDS
     yield "sidebar-full"
-    # Show the rest of the sidebar, page by page.
-    for page in range(1, PAGES + 1):
-        with bpy.context.temp_override(window=window(), area=area, region=sidebar_of(area)):
-            if page == PAGES:
-                to_the_end()
-            elif bpy.ops.view2d.scroll_down.poll():
-                bpy.ops.view2d.scroll_down(page=True)
-        yield SECONDS
-        yield f"sidebar-{page}" if page < PAGES else "sidebar-end"
+    # Show the end of the sidebar.
+    with bpy.context.temp_override(window=window(), area=area, region=sidebar_of(area)):
+        to_the_end()
+    yield SECONDS
+    yield "sidebar-end"
 
 
 def steps() -> Iterator[Any]:

@@ -86,7 +86,7 @@ def test_a_picked_ray_is_followed_through_both(seen: Any, canvas: Any) -> None:
     assert ray is not None
     path = cells.follow(other.structure, *ray.within(other.origin))
     texts = draw(panel, scene=seen)
-    assert after(texts, "Triangles tested") == [f"{drawing.shown(seen, 'RAY').tests:,}", f"{path.tests:,}"]
+    assert after(texts, "Tests") == [f"{drawing.shown(seen, 'RAY').tests:,}", f"{path.tests:,}"]
     # Both answer the same.
     assert path.triangle == drawing.shown(seen, "RAY").triangle
     # A new first structure needs a new second one.
