@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -42,12 +42,15 @@ class _Batches:
 class _Drawing:
     """The batches of one part of the picture, for the tree with this number and certain settings.
 
-    chosen: the shown data. passes: depth test and levels, drawn in order: behind objects first, then in front of them.
+    chosen: the shown data. place: of the viewer for whom `seen` describes the surfaces; empty if all planes have one.
+    passes: depth test and levels, drawn in order: behind objects first, then in front of them.
     """
 
     tree: int
     key: tuple[Any, ...]
     chosen: Any
+    place: tuple[float, ...]
+    seen: planes.Panes | None
     passes: tuple[tuple[str, list[_Batches]], ...]
 
 
@@ -139,10 +142,16 @@ def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | N
         _drawings.pop(key, None)
         return None
     # Surfaces that would veil the view are left out, unless nothing but surfaces is to be shown.
-    seen = planes.panes(chosen, eye) if part == "PLANES" and settings.style != "FILL" else None
+    place = tuple(eye.tolist()) if part == "PLANES" and settings.style != "FILL" else ()
+    if known is not None and known.chosen is chosen and known.place == place:
+        seen = known.seen
+    else:
+        seen = planes.panes(chosen, eye) if place else None
     look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()), step)
     look = (*look, None if seen is None else seen.key())
     if known is not None and known.key == (chosen_by, look):
+        if known.place != place:
+            _drawings[key] = known = replace(known, place=place)
         return known
     # Convert the data to batches for each depth test with visible opacity.
     style = "BOTH" if part in choosing.WHOLE else settings.style
@@ -151,7 +160,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | N
         for test, opacity in _tests(settings, part)
         if opacity > 0
     )
-    made = _Drawing(tree.number, (chosen_by, look), chosen, passes)
+    made = _Drawing(tree.number, (chosen_by, look), chosen, place, seen, passes)
     _keep(key, made)
     return made
 
