@@ -307,7 +307,12 @@ class Lab:
 
     def error(self, workload: Workload, specs: Iterable[str]) -> str:
         """The number of checked rays of these structures on this scene that differ from brute force, as text."""
-        own = [v for (scene, spec, _), v in self._errors.items() if scene == workload.name and spec in set(specs)]
+        return self.errors([workload], specs)
+
+    def errors(self, workloads: Iterable[Workload], specs: Iterable[str]) -> str:
+        """The same over several scenes."""
+        scenes, chosen = {workload.name for workload in workloads}, set(specs)
+        own = [errors for (scene, spec, _), errors in self._errors.items() if scene in scenes and spec in chosen]
         wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
         return f"{wrong:,} of {of:,} answers differ from brute force"
 

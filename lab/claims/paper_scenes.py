@@ -35,6 +35,21 @@ def concentrated() -> Workload:
     return _objects("60 concentrated objects", np.concatenate([middle, corners]), 0.0245, rng)
 
 
+def many(count: int) -> Workload:
+    """Objects at random places in a cube; their areas together do not depend on their number."""
+    rng = np.random.default_rng(3)
+    return _objects(f"{count} objects", rng.uniform(-1.0, 1.0, (count, 3)), 0.03 * (400 / count) ** 0.5, rng)
+
+
+def needles() -> Workload:
+    """2,000 long and thin objects, all nearly along one diagonal of a cube."""
+    rng = np.random.default_rng(4)
+    made = _objects("2000 needles along a diagonal", rng.uniform(-1.0, 1.0, (2000, 3)), 0.004, rng)
+    corners = made.vertices.reshape(-1, 3, 3)
+    corners[:, 2] += rng.normal(np.array([0.3, 0.25, 0.35]), 0.01, (2000, 3)).astype(np.float32)
+    return made
+
+
 def camera_rays(workload: Workload, size: tuple[int, int]) -> RaySet:
     """Rays through all pixel centres in tiles of 8×8; the window is the same at every resolution."""
     view = workload.view

@@ -3,10 +3,40 @@
 
 from __future__ import annotations
 
-from . import any_hits, beams, interval_forms, intervals, kd, mirrors, moving, polygons, rbsp, shadows, thesis
+from . import (
+    any_hits,
+    beams,
+    interval_forms,
+    intervals,
+    kd,
+    medians,
+    mirrors,
+    moving,
+    oriented,
+    polygons,
+    rbsp,
+    shadows,
+    thesis,
+    voxels,
+)
 from .claims import Claim
 
-PAPERS = (kd, intervals, interval_forms, moving, beams, polygons, shadows, any_hits, mirrors, thesis, rbsp)
+PAPERS = (
+    kd,
+    intervals,
+    interval_forms,
+    moving,
+    beams,
+    polygons,
+    shadows,
+    any_hits,
+    mirrors,
+    thesis,
+    rbsp,
+    medians,
+    voxels,
+    oriented,
+)
 """The papers' modules, in the order of the report."""
 
 CLAIMS: tuple[Claim, ...] = tuple(claim for paper in PAPERS for claim in paper.CLAIMS)

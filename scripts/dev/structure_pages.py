@@ -48,9 +48,19 @@ CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "one-normal": ("bsp-trees-along-normals", ("bsp-wn-plus-kd",)),
     "long-builds": ("bsp-trees-along-normals", ("bsp-ize*", "bsp-random*", "bsp-wn*", "bsp-cn*")),
     "rbsp-*": ("planes-of-few-directions", ("rbsp", "rbsp-kd")),
+    "halved-cells-constant": ("medians-cells-and-oriented-boxes", ("kd-median",)),
+    "medians-*": ("medians-cells-and-oriented-boxes", ("kd-median", "kd-object", "kd-sah")),
+    "voxel-step": ("medians-cells-and-oriented-boxes", ("grid",)),
+    "oriented-boxes-fit": ("medians-cells-and-oriented-boxes", ("obb",)),
     "fixed-directions": ("bsp-trees-along-normals", ("rbsp", "rbsp-kd")),
 }
 """Claims, by their beginnings, to the heading of docs/papers.md about them and to the structures they are about."""
+
+STATED: Mapping[str, str] = {
+    "brute": "It is the reference: every other structure must return its answers, bit for bit. Its own are compared "
+    "with integer and rational arithmetic: see [correctness](../correctness.md#how-it-is-tested).",
+}
+"""What is stated of structures without published claims."""
 
 Row = Mapping[str, Any]
 
@@ -112,9 +122,10 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
 
 
 def _claims(name: str) -> list[str]:
+    """The claims, or the statement. Raises KeyError for a structure with neither."""
     found = list(claims_of(name))
     if not found:
-        return []
+        return ["## Claims", "", STATED[name], ""]
     lines = ["## Claims", "", "What its authors claim; the links lead to what was measured.", ""]
     return [*lines, *(f"- {text}: [measured](../papers.md#{heading})" for text, heading in found), ""]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,16 @@ from lab.claims import (
     kd as claims_kd,
 )
 from lab.claims import (
+    medians as claims_medians,
+)
+from lab.claims import (
     mirrors as claims_mirrors,
 )
 from lab.claims import (
     moving as claims_moving,
+)
+from lab.claims import (
+    oriented as claims_oriented,
 )
 from lab.claims import (
     paper_scenes as claims_scenes,
@@ -56,7 +63,10 @@ from lab.claims import (
 from lab.claims import (
     thesis as claims_thesis,
 )
-from lab.claims.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
+from lab.claims import (
+    voxels as claims_voxels,
+)
+from lab.claims.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome, Timing
 
 THESIS_SCENES = claims_thesis.scenes
 
@@ -346,3 +356,71 @@ def test_a_claim_fails_where_it_fails() -> None:
     (result,) = claims.measure(lab, [Claim("id", "paper", "says", lambda _: outcomes)])
     assert FAILS.upper() in claims_report.as_text(result)
     assert claims_report.summary([result]) == "1 holds, 1 does not hold, 0 cannot be tested here"
+
+
+def test_the_best_plane_lies_where_the_cost_is_least() -> None:
+    """Against the cost at each plane, counted one by one."""
+    rng = np.random.default_rng(5)
+    low, high = np.zeros(3), np.array([4.0, 2.0, 1.0])
+    for _ in range(20):
+        ends = np.sort(rng.uniform(0, 4, (30, 2)), axis=1)
+        planes = np.unique(ends)
+        surfaces = [2 * (2.0 + 2.0 * x + x) / 2 for x in planes]
+        whole = 2.0 + 3.0 * 4.0
+        left = np.array([(ends[:, 0] < x).sum() for x in planes])
+        right = np.array([(ends[:, 1] > x).sum() for x in planes])
+        cost = [s * a + (2.0 + whole - s) * b for s, a, b in zip(surfaces, left, right, strict=True)]
+        best = planes[int(np.argmin(cost))] / 4.0
+        even = planes[np.abs(left - right) == np.abs(left - right).min()] / 4.0
+        expected = max(min(0.5, *even) - best, best - max(0.5, *even), 0.0)
+        found = claims_medians.beyond(low, high, ends, 0)
+        assert found == (pytest.approx(expected) if min(cost) < whole * 30 and 0 < best < 1 else None)
+
+
+def test_the_best_plane_of_points_lies_between_the_medians() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        points = np.repeat(rng.beta(*rng.uniform(0.3, 3.0, 2), (40, 1)), 2, axis=1)
+        assert claims_medians.beyond(np.zeros(3), np.ones(3), points, 2) in (0.0, None)
+    assert claims_medians.beyond(np.zeros(3), np.array([1.0, 1.0, 0.0]), np.zeros((3, 2)), 2) is None, "a flat cell"
+
+
+def test_the_cells_of_a_tree_are_its_nodes_with_their_triangles() -> None:
+    made = claims_scenes.scattered()
+    tree = halfspace_native.build(made.vertices, made.triangles, "kd-object").export()
+    low, high, boxes = next(claims_medians.cells(tree, made))
+    assert len(boxes) == len(made.triangles), "the first node is the root"
+    assert np.all(boxes >= low - 1e-6)
+    assert np.all(boxes <= high + 1e-6)
+    assert boxes[:, 0].min(0) == pytest.approx(made.vertices.min(0))
+    assert all(len(found) >= claims_medians.LEAST for _, _, found in claims_medians.cells(tree, made))
+
+
+def test_the_claims_of_medians_cells_and_boxes_depend_on_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each holds with times or planes as its authors have them, and fails with others."""
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+
+    def verdicts(measure: Any, seconds: Callable[[str, int], float]) -> set[str]:
+        def times(_: Lab, made: workload.Workload, specs: list[str], *, alone: bool) -> dict[str, Timing]:
+            counters = {"steps": 1.0, "tests": 1.0}
+            fewer = {name: 0.5 * value for name, value in counters.items()}
+            own = claims_oriented.TURNED
+            return {
+                spec: Timing(1000, seconds(spec, len(made.triangles)), fewer if spec == own else counters)
+                for spec in specs
+            }
+
+        monkeypatch.setattr(claims_kd, "times", times)
+        return {one.verdict for one in measure(lab)}
+
+    for measure, well, badly in (
+        (claims_medians.constant, lambda *_: 1.0, lambda _, count: count**0.2),
+        (claims_medians.surface, lambda spec, _: len(spec), lambda spec, _: 100 - len(spec)),
+        (claims_voxels.step, lambda spec, _: 0.4 + spec.startswith("kd"), lambda spec, _: 2 - spec.startswith("kd")),
+        (claims_oriented.tighter, lambda spec, _: len(spec), lambda *_: 1.0),
+    ):
+        assert (verdicts(measure, well), verdicts(measure, badly)) == ({HOLDS}, {FAILS}), measure
+    monkeypatch.setattr(claims_medians, "beyond", lambda *_: 0.0)
+    assert {one.verdict for one in claims_medians.between(lab)} == {HOLDS}
+    monkeypatch.setattr(claims_medians, "beyond", lambda *_: 0.1)
+    assert {one.verdict for one in claims_medians.between(lab)} == {FAILS}

@@ -85,8 +85,13 @@ def test_every_structure_has_a_page_with_source_cost_and_parameters(site: Path) 
     for row in native.structures():
         words = " ".join(Page((site / "structures" / f"{row['id']}.html").read_text(encoding="utf-8")).words.split())
         assert f'href="{row["id"]}.html"' in gallery
-        for expected in ("Source", "bytes per triangle", "triangle tests of a diffuse ray", "Nodes and rays"):
+        for expected in ("Source", "Claims", "bytes per triangle", "triangle tests of a diffuse ray", "Nodes and rays"):
             assert expected in words, row["id"]
+
+
+def test_every_structure_has_claims_or_a_statement() -> None:
+    stated = [row["id"] for row in native.structures() if not any(structure_pages.claims_of(row["id"]))]
+    assert stated == list(structure_pages.STATED) == ["brute"], "a structure has either"
 
 
 def test_every_claim_stands_on_a_page_of_a_structure() -> None:
