@@ -28,13 +28,13 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PACKAGE = "halfspace"
 
-FOLDERS = {"addon/core": "core", "addon/blender": "blender", "lab": "lab"}
+FOLDERS = {"addon/core": "core", "addon/blender": "blender", "lab": "lab", "docs/lessons": "docs/lessons"}
 """Folder of the package by folder of the repository."""
 
 FILES = {"native/python/halfspace_native.pyi": "../halfspace_native-stubs/__init__.pyi", "docs/manual.md": "manual.md"}
 """Place in the package by single file of the repository. The stub serves type checkers as PEP 561 prescribes."""
 
-COMMANDS = ("bench", "choose", "claims", "compare", "export", "growth", "inspector", "render", "stability")
+COMMANDS = ("bench", "choose", "claims", "compare", "export", "growth", "inspector", "lessons", "render", "stability")
 """The scripts that become commands."""
 
 SEARCH_PATH = "sys.path.insert(0, str(Path(__file__).resolve().parents[1]))\n"

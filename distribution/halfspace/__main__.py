@@ -20,6 +20,7 @@ COMMANDS = {
     "export": "a whole tree as a NumPy archive",
     "growth": "how building and tracing grow with the number of triangles",
     "inspector": "a page of maps, worst rays, trees and levels of structures",
+    "lessons": "five scenes for a class as .blend files, with questions and answers (needs Blender)",
     "render": "a picture without a window",
     "stability": "answers on random and extreme scenes against brute force",
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lessons as .blend files: scene, settings, and a text with the questions."""
+"""The lessons as .blend files: scene, settings, and two texts, the questions and the answers."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import addon
 from addon.blender.settings import presets
 
 from ..pictures import stage
+from . import pages
 from .lessons import Lesson
 
 SAMPLES, SIZE = 16, (960, 600)
@@ -21,7 +22,7 @@ SAMPLES, SIZE = 16, (960, 600)
 def save(lesson: Lesson, folder: Path) -> Path:
     """Write `NAME.blend` of a lesson into a folder, replacing an older one. Returns its path.
 
-    Raises RuntimeError if Blender cannot write it.
+    Raises RuntimeError if Blender cannot write it, and OSError if the lesson's page is missing.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene: Any = bpy.context.scene
@@ -38,10 +39,16 @@ def save(lesson: Lesson, folder: Path) -> Path:
     overlay = group.overlay
     overlay.parts, overlay.show = set(lesson.parts), True
     overlay.depth_max, overlay.depth_min = lesson.depth[1], lesson.depth[0]
-    # Add the questions, which Blender's text editor shows.
-    text = bpy.data.texts.new("Questions")
-    lines = [lesson.title, "", f"Compare: {', '.join(lesson.structures)}", ""]
-    text.write("\n".join([*lines, *(f"{n}. {question}" for n, question in enumerate(lesson.questions, 1))]) + "\n")
+    # Add the questions, which Blender's text editor shows, and the answers, which a teacher may delete.
+    asked = [f"{n}. {question}" for n, question in enumerate(lesson.questions, 1)]
+    answered = [f"{n}. {answer}\n" for n, answer in enumerate(pages.answers(lesson.name), 1)]
+    _write("Questions", [lesson.title, "", f"Compare: {', '.join(lesson.structures)}", "", *asked])
+    _write("Answers", [lesson.title, "", *answered])
     path = folder / f"{lesson.name}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
     return path
+
+
+def _write(name: str, lines: list[str]) -> None:
+    """Add a text to the file."""
+    bpy.data.texts.new(name).write("\n".join(lines) + "\n")

@@ -2,9 +2,9 @@
 """The documents as a site: `python scripts/dev/documents_site.py [--no-pictures] [--out DIR]`.
 
 Stages docs/, README, CHANGELOG and the list of deliberate faults in a temporary folder, adds a page for each structure
-and the reference of the Python package, and builds all with mkdocs, whose warnings are errors. Pictures of structures
-that build/pictures lacks are drawn first, which takes minutes and needs Blender 5.2 or newer. Exit status: 0 built; 2
-bad usage, or a warning, with mkdocs' last lines; 130 stopped.
+and each notebook, which is run, and the reference of the Python package, and builds all with mkdocs, whose warnings are
+errors. Pictures of structures that build/pictures lacks are drawn first, which takes minutes and needs Blender 5.2 or
+newer. Exit status: 0 built; 2 bad usage, or a warning, with mkdocs' last lines; 130 stopped.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+import notebook_pages
 import package_python
 import structure_pages
 
@@ -41,17 +42,22 @@ OUTSIDE = {"README.md": "readme.md", "CHANGELOG.md": "changelog.md", "tests/MUTA
 
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 
-REFERENCE = """\
+REFERENCE: dict[str, str] = {
+    "halfspace": "    options:\n"
+    "      members: [load, expand, measure, agrees, table, Options, Workload, View, register, unregister]\n",
+    "halfspace.trimesh": "",
+    "halfspace.open3d": "    options:\n      members: [RaycastingScene]\n",
+    "halfspace.bvhtree": "    options:\n      members: [BVHTree]\n",
+    "halfspace_native": "",
+}
+"""Public modules to the options of their reference, in the order of the page."""
+
+REFERENCE_HEAD = """\
 # Python reference
 
-What `import halfspace` offers, see [the Python package](manual.md#the-python-package). The module `halfspace_native`,
-on which it stands, can be used alone.
-
-::: halfspace
-    options:
-      members: [load, expand, measure, agrees, table, Options, Workload, View, register, unregister]
-
-::: halfspace_native
+What `import halfspace` offers, its modules in place of the classes of other libraries, see [the Python
+package](manual.md#the-python-package), and the module `halfspace_native`, on which all stand and which can be used
+alone.
 """
 
 NAVIGATION: dict[str, list[Any]] = {
@@ -89,13 +95,23 @@ def retargeted(text: str, place: str) -> str:
         path = os.path.normpath((Path(place).parent / target).as_posix()).replace(os.sep, "/")
         at_home = OUTSIDE.get(place, place.removeprefix("docs/"))
         goal = OUTSIDE.get(path, path.removeprefix("docs/").replace(".pictures/", "pictures/"))
+        goal = goal.replace(".ipynb", ".md")
         return f"{found[1]}{os.path.relpath(goal, Path(at_home).parent).replace(os.sep, '/')}{sharp}{anchor}{found[3]}"
 
     return LINK.sub(changed, text)
 
 
-def stage(folder: Path, pictures: Path | None) -> None:
-    """Fill an empty folder with the pages of the site. pictures: the folder of those of structures, None for none."""
+def reference() -> str:
+    """The page of the reference, whose content mkdocstrings writes."""
+    return "\n".join([REFERENCE_HEAD, *(f"::: {module}\n{options}" for module, options in REFERENCE.items())])
+
+
+def stage(folder: Path, pictures: Path | None, package: Path) -> None:
+    """Fill an empty folder with the pages of the site. Raises NotebookError.
+
+    pictures: the folder of those of structures, None for none. package: the source of the Python package, which
+    notebooks import.
+    """
     for path in sorted((ROOT / "docs").rglob("*")):
         target = folder / path.relative_to(ROOT / "docs")
         if path.suffix == ".md":
@@ -110,8 +126,10 @@ def stage(folder: Path, pictures: Path | None) -> None:
     for name in ("LICENSE", "CITATION.cff"):
         shutil.copy2(ROOT / name, folder)
     shutil.copytree(ROOT / ".pictures", folder / "pictures")
-    (folder / "reference.md").write_text(REFERENCE, encoding="utf-8")
-    # The pages of structures, with the pictures that there are.
+    (folder / "reference.md").write_text(reference(), encoding="utf-8")
+    for path in sorted((folder / "lessons").glob("*.ipynb")):
+        notebook_pages.write(path, path.with_suffix(".md"), package)
+    # Write the pages of structures, with the pictures that there are.
     module = native.load()
     scene = structure_pages.Scene(module)
     drawn = {path.stem: path for path in pictures.glob("*.jpg")} if pictures is not None else {}
@@ -135,7 +153,10 @@ def navigation(folder: Path) -> list[Any]:
 
 
 def build(out: Path, *, pictures: bool) -> None:
-    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing. Raises SiteError."""
+    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing.
+
+    Raises SiteError, NotebookError and DistributionError.
+    """
     if importlib.util.find_spec("mkdocs") is None:
         raise SiteError("mkdocs is not installed: set up the environment with scripts/test.py")
     if pictures:
@@ -143,8 +164,8 @@ def build(out: Path, *, pictures: bool) -> None:
     with tempfile.TemporaryDirectory(prefix="site-") as name:
         folder = Path(name)
         (folder / "docs").mkdir()
-        stage(folder / "docs", PICTURES if pictures else None)
         package_python.stage(folder / "package")
+        stage(folder / "docs", PICTURES if pictures else None, folder / "package")
         config = {
             "INHERIT": str(ROOT / "docs" / "mkdocs.yml"),
             "docs_dir": str(folder / "docs"),
@@ -161,13 +182,13 @@ def build(out: Path, *, pictures: bool) -> None:
 
 
 def draw() -> None:
-    """Draw the pictures of structures that are missing. Raises SiteError."""
+    """Draw the pictures of structures that are missing; brute force has the triangles alone. Raises SiteError."""
     import overlay_picture
 
     PICTURES.mkdir(parents=True, exist_ok=True)
     for row in native.load().structures():
         path = PICTURES / f"{row['id']}.jpg"
-        if path.is_file() or row["family"] == "oracle":
+        if path.is_file():
             continue
         options = ["--structure", row["id"], "--size", PICTURE_SIZE, "--depth", DEPTHS.get(row["family"], DEPTH)]
         style = ["--style", "OUTLINE"] if row["family"] == "octants" else []
@@ -180,9 +201,8 @@ def main(arguments: Sequence[str]) -> int:
     parser = Parser(prog="documents_site", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--no-pictures", action="store_true", help="without the pictures of structures")
     parser.add_argument("--out", type=output, default=ROOT / "build" / "site", help="default: build/site")
-    return command.run(
-        "documents_site", arguments, parser.parse_args, run, told=(SiteError, package_python.DistributionError)
-    )
+    told = (SiteError, notebook_pages.NotebookError, package_python.DistributionError)
+    return command.run("documents_site", arguments, parser.parse_args, run, told=told)
 
 
 def run(asked: argparse.Namespace) -> int:

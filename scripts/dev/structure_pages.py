@@ -105,7 +105,8 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
     """The page of a row of `halfspace_native.structures()`. pictures: names of the pictures that there are."""
     lines = [f"# {row['label']} {{#{row['id']}}}", "", f"`{row['id']}`. {row['summary']}", ""]
     if row["id"] in pictures:
-        lines += [f"![{row['label']} of the built-in scene](../pictures/{row['id']}.jpg)", ""]
+        what = ": the triangles of the built-in scene alone" if row["family"] == "oracle" else " of the built-in scene"
+        lines += [f"![{row['label']}{what}](../pictures/{row['id']}.jpg)", ""]
     if row["aliases"]:
         lines += ["Also known as " + ", ".join(f"`{name}`" for name in row["aliases"]) + ".", ""]
     lines += [

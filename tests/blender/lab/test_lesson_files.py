@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lessons as .blend files: small, with scene, structure, overlay and questions as the pages describe them."""
+"""The lessons as .blend files: small, with scene, structure, overlay, questions and answers as on their pages."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import bpy
 import pytest
 
 from addon.blender.settings import presets, properties
-from lab.lessons import files, lessons
+from lab.lessons import files, lessons, pages
 
 LARGEST = 250_000
 """Bytes of a file."""
@@ -30,6 +31,12 @@ def test_a_file_opens_with_what_its_lesson_needs(lesson: lessons.Lesson, tmp_pat
     assert group.overlay.parts == set(lesson.parts)
     written = bpy.data.texts["Questions"].as_string()
     assert all(question in written for question in lesson.questions)
+    answers = bpy.data.texts["Answers"].as_string()
+    assert all(f"\n{number}. " in answers for number in range(1, len(lesson.questions) + 1))
+    assert not set("`*<[") & set(answers), "marks of Markdown"
+    page = (pages.PAGES / f"{lesson.name}.md").read_text(encoding="utf-8")
+    for words in re.findall(r"<summary>Answer</summary>\s+(\w+(?: \w+){2})", page):
+        assert words in answers
     (mesh,) = (item.data for item in scene.objects if item.type == "MESH")
     assert len(mesh.polygons) == len(lesson.scene().triangles)
     for structure in lesson.structures:
@@ -37,3 +44,12 @@ def test_a_file_opens_with_what_its_lesson_needs(lesson: lessons.Lesson, tmp_pat
         assert properties.spec(group) == structure
     scene.render.resolution_percentage, group.samples = 3, 1
     bpy.ops.render.render()
+
+
+def test_a_table_of_an_answer_keeps_its_columns() -> None:
+    (_, _, third) = pages.answers("1-split")
+    assert "| kd-median | 731 | 15.3 | 9.0 |" in third
+    assert "---" not in third
+    (_, _, third) = pages.answers("5-rounding")
+    assert "See correctness." in third
+    assert third.count("this child cannot contain the hit") == 1

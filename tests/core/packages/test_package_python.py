@@ -100,6 +100,7 @@ def test_a_model_is_rendered_without_blender(home: Path) -> None:
     ("words", "says"),
     [
         (["render"], "render: the built-in showcase: needs Blender"),
+        (["lessons"], "lessons: needs Blender: the module bpy is not installed; the extra `blender` installs it"),
         (["render", "scene.blend"], "render: scene.blend: needs Blender"),
         (["bench", "scene.blend"], "bench: scene.blend: needs Blender"),
         (["render", "model.ply", "--structure", "oak"], "render: "),

@@ -123,7 +123,7 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("inspector", ["grid", "--structures", ""], "no structure is named"),
         ("inspector", ["grid", "--structures", "kd,tree"], "unknown structure 'tree'"),
         ("inspector", ["grid", "--structures", "kd,bih:leaf_size=0"], "bih:leaf_size=0: "),
-        ("animations", ["--width", "0"], "--width: expected 64 to "),
+        ("animations", ["--window", ""], "--window: needs a command that opens a Blender window"),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
         ("render", ["--percentage", "0"], "--percentage: expected 1 to "),

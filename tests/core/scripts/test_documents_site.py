@@ -3,19 +3,24 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 import urllib.parse
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import documents_site
 import halfspace_native as native
+import notebook_pages
+import numpy as np
 import overlay_picture
 import pytest
 import structure_pages
 from one_line import told
+from PIL import Image
 
 from lab.claims.table import CLAIMS
 
@@ -114,9 +119,43 @@ def test_the_cost_on_a_page_is_the_structures_own() -> None:
 
 def test_the_reference_describes_what_can_be_called(site: Path) -> None:
     page = Page((site / "reference.html").read_text(encoding="utf-8"))
-    for name in ("halfspace.load", "halfspace.measure", "halfspace.expand", "halfspace_native.build"):
+    for name in (
+        "halfspace.load",
+        "halfspace.measure",
+        "halfspace.expand",
+        "halfspace.trimesh.RayMeshIntersector.intersects_id",
+        "halfspace.open3d.RaycastingScene.cast_rays",
+        "halfspace.bvhtree.BVHTree.FromPolygons",
+        "halfspace_native.build",
+    ):
         assert name in page.places
     assert "Build a configuration" in page.words or "Builds" in page.words
+
+
+def test_the_reference_has_every_public_module() -> None:
+    folder = ROOT / "distribution" / "halfspace"
+    public = {f"halfspace.{path.stem}" for path in folder.glob("*.py") if not path.stem.startswith("_")}
+    assert set(documents_site.REFERENCE) == {"halfspace", "halfspace_native", *public}
+
+
+def test_a_notebook_is_a_page_with_its_results(site: Path) -> None:
+    for name, printed in (("add-a-structure", "0 of 300 answers differ"), ("sweep", "Errors against brute on")):
+        page = Page((site / "lessons" / f"{name}.html").read_text(encoding="utf-8"))
+        assert printed in " ".join(page.words.split())
+        assert f"{name}.ipynb" in page.links, "the file itself"
+    assert "sweep.html" in Page((site / "lessons" / "notebooks.html").read_text(encoding="utf-8")).links
+    pictures = [link for link in page.links if link.endswith(".png") and "sweep_files" in link]
+    assert [(site / "lessons" / link).read_bytes()[:4] for link in pictures] == [b"\x89PNG"]
+
+
+def test_a_notebook_that_fails_ends_the_build(tmp_path: Path) -> None:
+    pytest.importorskip("nbconvert", reason="nbconvert is not installed in this environment")
+    cell = {"cell_type": "code", "execution_count": None, "id": "a", "metadata": {}, "outputs": [], "source": "1 / 0"}
+    document = {"cells": [cell], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}
+    (tmp_path / "bad.ipynb").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(notebook_pages.NotebookError, match=r"bad\.ipynb: ZeroDivisionError: division by zero"):
+        notebook_pages.write(tmp_path / "bad.ipynb", tmp_path / "bad.md", tmp_path)
+    assert not (tmp_path / "bad.md").exists()
 
 
 def test_links_lead_to_the_staged_places() -> None:
@@ -126,6 +165,7 @@ def test_links_lead_to_the_staged_places() -> None:
     )
     assert documents_site.retargeted("[a](docs/manual.md) [b](LICENSE)", "README.md") == "[a](manual.md) [b](LICENSE)"
     assert documents_site.retargeted("[a](../manual.md)", "docs/lessons/1.md") == "[a](../manual.md)"
+    assert documents_site.retargeted("[a](b.ipynb)", "docs/lessons/1.md") == "[a](b.md)", "a page, not the file"
 
 
 def test_pictures_that_are_missing_are_drawn_with_valid_options(
@@ -143,7 +183,7 @@ def test_pictures_that_are_missing_are_drawn_with_valid_options(
     monkeypatch.setattr(overlay_picture, "main", draw)
     (tmp_path / "kd.jpg").write_bytes(b"drawn before")
     documents_site.draw()
-    assert drawn == [row["id"] for row in native.structures() if row["id"] not in ("kd", "brute")]
+    assert drawn == [row["id"] for row in native.structures() if row["id"] != "kd"]
     assert (tmp_path / "kd.jpg").read_bytes() == b"drawn before"
     documents_site.draw()
     assert len(drawn) == len(set(drawn)), "nothing is drawn twice"
@@ -153,10 +193,35 @@ def test_pictures_that_are_missing_are_drawn_with_valid_options(
         documents_site.draw()
 
 
+def test_a_picture_of_a_structure_has_its_planes_and_that_of_brute_force_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gpu = pytest.importorskip("gpu", reason="this environment has no Blender")
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender cannot draw without a window")
+    rows = [row for row in native.structures() if row["id"] in ("kd", "brute")]
+    monkeypatch.setattr(documents_site, "PICTURES", tmp_path)
+    monkeypatch.setattr(documents_site, "PICTURE_SIZE", "96x64")
+    monkeypatch.setattr(documents_site.native, "load", lambda: SimpleNamespace(structures=lambda: rows))
+    documents_site.draw()
+    drawn = {}
+    for path in sorted(tmp_path.iterdir()):
+        with Image.open(path) as picture:
+            drawn[path.name] = np.asarray(picture.convert("RGB"), np.float64)
+    assert {name: picture.shape for name, picture in drawn.items()} == dict.fromkeys(
+        ("brute.jpg", "kd.jpg"), (64, 96, 3)
+    )
+    # Only planes have colours.
+    colour = {name: float(np.ptp(picture, axis=2).mean()) for name, picture in drawn.items()}
+    assert colour["kd.jpg"] > 10
+    assert colour["brute.jpg"] < 5
+    assert all(picture.std() > 10 for picture in drawn.values()), "objects before a background"
+
+
 def test_a_warning_of_mkdocs_ends_the_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def stage(folder: Path, _: Path | None) -> None:
+    def stage(folder: Path, _: Path | None, _package: Path) -> None:
         (folder / "index.md").write_text("# Index\n\n[gone](gone.md)\n", encoding="utf-8")
 
     monkeypatch.setattr(documents_site, "stage", stage)

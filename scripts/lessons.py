@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lessons of docs/lessons as .blend files: `python scripts/dev/lessons.py [--out DIR]`.
+"""The lessons of docs/lessons as .blend files, with questions and answers: `python scripts/lessons.py [--out DIR]`.
 
-Exit status: 0 written; 2 bad usage, or a file that cannot be written, with one line; 130 stopped.
+Needs Blender as a module. Exit status: 0 written; 2 bad usage, no Blender, or a file that cannot be written, with one
+line; 130 stopped.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core.base import command
 from addon.core.report import results
 from lab.base.places import OUT
-from lab.base.usage import Parser, output
+from lab.base.usage import Parser, UsageError, output
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -28,7 +30,9 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Write the files. Returns the exit status. Raises FolderError, and Blender's RuntimeError."""
+    """Write the files. Returns the exit status. Raises UsageError, FolderError, and Blender's RuntimeError."""
+    if importlib.util.find_spec("bpy") is None:
+        raise UsageError("needs Blender: the module bpy is not installed; the extra `blender` installs it")
     results.prepare_folder(asked.out)
     from lab.lessons import files, lessons
 
