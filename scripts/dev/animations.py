@@ -122,7 +122,7 @@ def assemble(folder: Path, animation: str, path: Path) -> int:
             continue
         shown.append(frame)
         durations.append(milliseconds)
-    shown[0].save(path, save_all=True, append_images=shown[1:], duration=durations, loop=0, quality=QUALITY, method=6)
+    shown[0].save(path, save_all=True, append_images=shown[1:], duration=durations, loop=0, quality=QUALITY, method=4)
     return len(shown)
 
 

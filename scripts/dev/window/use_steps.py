@@ -39,6 +39,7 @@ def steps() -> Iterator[Any]:
     group.samples = SAMPLES
     overlay = group.overlay
     overlay.parts, overlay.depth_auto, overlay.auto_update, overlay.show = {"PLANES"}, True, True, True
+    overlay.style = "OUTLINE"
     yield from stage.built()
     yield from film.frame(SLOW)
     with within(area_of("VIEW_3D")):

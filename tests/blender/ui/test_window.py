@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A real Blender window with the installed extension: all panels open, a final render, the viewport, cost maps."""
+"""A real Blender window with the installed extension: all panels, a final render, the viewport, cost maps, a film."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import animations
 import package
 import pytest
 
@@ -99,3 +100,10 @@ def test_the_overlay_follows_each_view_and_isolation_ends_as_it_began(archive: P
     assert not found["local"]
     assert found["selected"] == ["Cube"]
     assert len(shots) >= 11
+
+
+def test_the_depth_moves_in_an_animation_of_a_window(archive: Path, tmp_path: Path) -> None:
+    animations.record(shlex.split(os.environ[COMMAND]), "depth", archive, tmp_path)
+    frames = animations.assemble(tmp_path, "depth", tmp_path / "depth.webp")
+    assert frames > 15, "equal frames are joined"
+    assert (tmp_path / "depth.webp").stat().st_size < 1_500_000

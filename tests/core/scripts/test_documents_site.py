@@ -196,7 +196,8 @@ def test_pictures_that_are_missing_are_drawn_with_valid_options(
 def test_a_picture_of_a_structure_has_its_planes_and_that_of_brute_force_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gpu = pytest.importorskip("gpu", reason="this environment has no Blender")
+    pytest.importorskip("bpy", reason="this environment has no Blender")
+    gpu = pytest.importorskip("gpu", reason="this Blender has no module of that name")
     if not hasattr(gpu, "init"):
         pytest.skip("this Blender cannot draw without a window")
     rows = [row for row in native.structures() if row["id"] in ("kd", "brute")]
