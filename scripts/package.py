@@ -5,7 +5,8 @@
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs, with --for one for another system. --index takes the wheels of --for from a
-package index or a folder instead, unmodified; --sha256 refuses all wheels but those with these hashes. With --split,
+package index or a folder instead; --sha256 refuses all wheels but those with these hashes. Wheels of an index or with
+such hashes go into the zip unmodified, all others are named after their build (`dev/bundled.py`). With --split,
 each system also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C
 library than Blender itself.
 """
@@ -27,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
 sys.path.insert(0, str(Path(__file__).resolve().parent / "systems"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import bundled
 import environment
 import published
 import targets
@@ -128,17 +130,20 @@ def filled_manifest(text: str, wheels: Sequence[str], website: str | None = None
     return text[:place] + "\n".join(lines) + text[place:]
 
 
-def stage(wheels: Sequence[Path], folder: Path, website: str | None = None) -> None:
-    """Fill `folder` with everything that goes into the zip; its old content is removed. Raises PackageError."""
+def stage(wheels: Sequence[Path], folder: Path, website: str | None = None, *, unmodified: bool = False) -> None:
+    """Fill `folder` with everything that goes into the zip; its old content is removed.
+
+    unmodified: copy the wheels, without naming them after their build. Raises PackageError.
+    """
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "addon", folder, ignore=shutil.ignore_patterns(*IGNORED))
     shutil.copy2(ROOT / "LICENSE", folder)
     shutil.copy2(ROOT / "docs" / "manual.md", folder)  # panels open it
     (folder / "wheels").mkdir()
-    for path in wheels:
-        shutil.copy2(path, folder / "wheels")
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
-    text = filled_manifest(manifest, [path.name for path in wheels], website)
+    place = folder / "wheels"
+    made = [Path(shutil.copy2(path, place)) for path in wheels] if unmodified else bundled.bundle(wheels, place)
+    text = filled_manifest(manifest, [path.name for path in made], website)
     (folder / "blender_manifest.toml").write_text(text, encoding="utf-8")
 
 
@@ -194,11 +199,12 @@ def package(
     systems: Sequence[str] = (),
     split: bool = False,
     website: str | None = None,
+    unmodified: bool = False,
 ) -> list[Path]:
     """Build and validate the zip in the folder `out`, and with `split` one more per system. Returns the zips.
 
     portable: build the wheel for all machines of this kind and add it to `wheels`. systems: the same for each of these
-    systems. website: the publisher's page. Raises PackageError, wheel.BuildError, targets.TargetError,
+    systems. website: the publisher's page. unmodified: see `stage`. Raises PackageError, wheel.BuildError, targets.TargetError,
     environment.SetupError.
     """
     import tomllib
@@ -220,7 +226,7 @@ def package(
     # Each call has a folder of its own: the tests of two Blenders package side by side.
     with tempfile.TemporaryDirectory(prefix="extension-", dir=out) as folder:
         staged, fresh = Path(folder) / "extension", Path(folder) / "zips"
-        stage(chosen, staged, website)
+        stage(chosen, staged, website, unmodified=unmodified)
         fresh.mkdir()
         run_tool("validate", str(staged))
         for options in [[], ["--split-platforms"]] if split else [[]]:
@@ -287,7 +293,13 @@ def run(asked: argparse.Namespace) -> int:
         if asked.sha256:
             published.check(files(wheels), asked.sha256)
         zips = package(
-            wheels, asked.out, portable=asked.portable, systems=systems, split=asked.split, website=asked.website
+            wheels,
+            asked.out,
+            portable=asked.portable,
+            systems=systems,
+            split=asked.split,
+            website=asked.website,
+            unmodified=asked.index is not None or bool(asked.sha256),
         )
     for path in zips:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")

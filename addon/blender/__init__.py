@@ -9,7 +9,7 @@ from .overlay import drawing, picking
 from .read import sky
 from .render import engine, running, viewport
 from .samples import arrays, operators
-from .session import building, reports
+from .session import building, reports, unpacking
 from .settings import inspector_settings, overlay_settings, presets, properties
 from .ui import (
     bake_panels,
@@ -28,7 +28,9 @@ from .ui import (
 
 def register() -> None:
     """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
+    unpacking.ensure(__package__.rpartition(".")[0])
     running.start()
+    sky.start()
     overlay_settings.register()
     inspector_settings.register()
     properties.register()

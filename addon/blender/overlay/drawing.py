@@ -314,8 +314,10 @@ def register() -> None:
     signals.look_changed.connect(_look_changed)
     for handlers, function in _watched():
         handlers.append(function)
-    # While an add-on is being enabled, Blender restricts access to the file, which may be open already.
-    bpy.app.timers.register(_begin, first_interval=0.0)
+    # While an add-on is being enabled, Blender restricts access to the file, which may be open already. Without a
+    # window timers never run, and Blender keeps even those that were unregistered.
+    if not bpy.app.background:
+        bpy.app.timers.register(_begin, first_interval=0.0)
 
 
 def unregister() -> None:
@@ -328,6 +330,5 @@ def unregister() -> None:
         bpy.app.timers.unregister(_begin)
     _let_go()
     building.stop()
-    trees.clear()
-    trees.forget_moments()
+    trees.stop()
     _clear()

@@ -231,12 +231,17 @@ def _end() -> None:
         bake.join(STOP_SECONDS)
 
 
-# With Blender as a module, Python exits without disabling extensions, which would leave processes and folders behind.
-atexit.register(_end)
+def start() -> None:
+    """End the other Blender processes at Python's end.
+
+    With Blender as a module, Python ends without disabling extensions, which would leave processes and folders behind.
+    """
+    atexit.register(_end)
 
 
 def stop() -> None:
     """End the other Blender processes and the timers, and forget all skies."""
+    atexit.unregister(_end)
     _end()
     for look in _looks.values():
         if bpy.app.timers.is_registered(look):

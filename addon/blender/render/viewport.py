@@ -137,6 +137,12 @@ class Viewport:
             engine.tag_redraw()
         return preview.busy
 
+    def stop(self) -> None:
+        """Request the end of the work for good."""
+        if self._preview is not None:
+            self._preview.stop()
+        self._preview = None
+
     def _wait(self, preview: Preview) -> None:
         """Wait a moment for the very first picture."""
         global _waited  # noqa: PLW0603 (one main thread, which must not be held up)
@@ -194,7 +200,9 @@ def _tick() -> float | None:
 
 
 def stop() -> None:
-    """End the timer."""
+    """End the work of all views, which Blender may keep for a while, and the timer."""
+    for view in tuple(_working):
+        view.stop()
     _working.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

@@ -132,6 +132,16 @@ def clear() -> None:
         bpy.app.timers.register(redraw)
 
 
+def stop() -> None:
+    """Forget everything, and redraw at once: no timer of the extension may outlast it."""
+    clear()
+    forget_moments()
+    for soon in (redraw, redraw_panels):
+        while bpy.app.timers.is_registered(soon):
+            bpy.app.timers.unregister(soon)
+    redraw()
+
+
 def scene_of(uid: int) -> Any:
     """The scene with this `session_uid`, or None."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)

@@ -11,6 +11,7 @@ import sysconfig
 from pathlib import Path
 
 MODULE = "halfspace_native"
+"""The name of the module in a clone and in the Python package."""
 
 WHEELS = Path(__file__).resolve().parents[2] / "wheels"
 """The wheels of an installed extension; a clone and the Python package have none there."""
@@ -23,6 +24,12 @@ SYSTEMS = {"win": "Windows", "macosx": "macOS", "manylinux": "Linux", "musllinux
 
 PROCESSORS = {"x86_64": "x86-64", "amd64": "x86-64", "aarch64": "ARM", "arm64": "ARM"}
 """Name of the processor by the end of a wheel's platform tag or by the result of `platform.machine`, in lower case."""
+
+
+def module_name() -> str:
+    """The name of the module to import. In the extension it ends with the build: `scripts/dev/bundled.py`."""
+    wheels = sorted(path.name for path in WHEELS.glob(f"{MODULE}*.whl"))
+    return wheels[0].partition("-")[0] if wheels else MODULE
 
 
 def processor_problem() -> str | None:
@@ -53,10 +60,11 @@ def why_missing(error: ImportError) -> str:
             f"The native module of Halfspace needs a Linux with glibc {symbol[1]} or newer: "
             "install a zip that was made with --portable"
         )
-    here = f"{SYSTEMS.get(_system(), sys.platform)} on {PROCESSORS.get(platform.machine().lower(), platform.machine())}"
-    is_absent = isinstance(error, ModuleNotFoundError) and error.name == MODULE
+    here, module = _here(), module_name()
+    # A package without its compiled part is no more than an absent one.
+    is_absent = isinstance(error, ModuleNotFoundError) and error.name in (module, f"{module}.{MODULE}")
     if is_absent and WHEELS.is_dir():
-        targets = sorted({_target(path.name) for path in WHEELS.glob("*.whl")})
+        targets = sorted(_targets())
         if here not in targets:
             return (
                 f"This copy of Halfspace is for {' and '.join(targets) or 'no system'}, but this Blender runs {here}: "
@@ -80,6 +88,21 @@ def _python() -> str:
     """Name and version of this Python, such as "CPython 3.13", and whether it is the one without the global lock."""
     free = " (free-threaded)" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""
     return f"{platform.python_implementation()} {sys.version_info[0]}.{sys.version_info[1]}{free}"
+
+
+def has_wheel() -> bool:
+    """Whether this is an installed extension with a wheel for this system."""
+    return _here() in _targets()
+
+
+def _here() -> str:
+    """System and processor of this machine, such as "Linux on x86-64"."""
+    return f"{SYSTEMS.get(_system(), sys.platform)} on {PROCESSORS.get(platform.machine().lower(), platform.machine())}"
+
+
+def _targets() -> set[str]:
+    """Systems and processors of the extension's wheels."""
+    return {_target(path.name) for path in WHEELS.glob("*.whl")}
 
 
 def _system() -> str:

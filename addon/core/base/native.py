@@ -51,11 +51,13 @@ FAILURES = (ValueError, RuntimeError, MemoryError)
 
 @cache
 def load() -> Native:
-    """The module `halfspace_native`. Raises NativeError, in one line, if it cannot be used."""
+    """The module `halfspace_native`, under its name here. Raises NativeError, in one line, if it cannot be used."""
     if (reason := installation.processor_problem()) is not None:
         raise NativeError(reason)
+    # Blender may have unpacked it a moment ago, after Python had read the folder.
+    importlib.invalidate_caches()
     try:
-        module = importlib.import_module(installation.MODULE)
+        module = importlib.import_module(installation.module_name())
     except ImportError as error:
         raise NativeError(installation.why_missing(error)) from error
     found = getattr(module, "__version__", "unknown")

@@ -51,6 +51,21 @@ def test_an_extension_for_another_system_names_both(wheels: Path, tags: list[str
     assert "\n" not in said
 
 
+def test_the_module_of_the_extension_has_its_build_in_its_name(wheels: Path) -> None:
+    assert (installation.module_name(), installation.has_wheel()) == ("halfspace_native", False)
+    (wheels / "halfspace_native_0a1b-0.1.0-cp311-abi3-win_amd64.whl").touch()
+    assert (installation.module_name(), installation.has_wheel()) == ("halfspace_native_0a1b", False)
+    (wheels / "halfspace_native_0a1b-0.1.0-cp311-abi3-manylinux_2_28_x86_64.whl").touch()
+    assert (installation.module_name(), installation.has_wheel()) == ("halfspace_native_0a1b", True)
+
+
+@pytest.mark.parametrize("missing", ["halfspace_native_0a1b", "halfspace_native_0a1b.halfspace_native"])
+def test_a_build_that_was_not_unpacked_or_lost_a_part_is_said_to_be_absent(wheels: Path, missing: str) -> None:
+    (wheels / "halfspace_native_0a1b-0.1.0-cp311-abi3-linux_x86_64.whl").touch()
+    said = installation.why_missing(ModuleNotFoundError(f"No module named {missing!r}", name=missing))
+    assert said.startswith("Blender did not unpack the native module")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
