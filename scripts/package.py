@@ -204,8 +204,8 @@ def package(
     """Build and validate the zip in the folder `out`, and with `split` one more per system. Returns the zips.
 
     portable: build the wheel for all machines of this kind and add it to `wheels`. systems: the same for each of these
-    systems. website: the publisher's page. unmodified: see `stage`. Raises PackageError, wheel.BuildError, targets.TargetError,
-    environment.SetupError.
+    systems. website: the publisher's page. unmodified: see `stage`. Raises PackageError, wheel.BuildError,
+    targets.TargetError, environment.SetupError.
     """
     import tomllib
 

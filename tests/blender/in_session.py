@@ -58,12 +58,15 @@ def open_scene() -> None:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=False)
 
 
-def render(engine: str = "HALFSPACE") -> dict[str, Any]:
-    """Render the open scene; what the picture looks like, or the error."""
+def render(engine: str = "HALFSPACE", path: str | Path = "") -> dict[str, Any]:
+    """Render the open scene; what the picture looks like, or the error. path: of the picture, "" in the user's folder.
+
+    The picture that is there is removed first.
+    """
     import numpy as np
 
     scene = bpy.context.scene
-    path = user_folder() / "picture.png"
+    path = Path(path or user_folder() / "picture.png")
     path.unlink(missing_ok=True)
     scene.render.engine = engine
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100

@@ -15,10 +15,12 @@ import weakref
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 import in_session
+import locking
 from in_session import NAME, addon_utils, install, native, open_scene, part, render, stale, traces, unpacked
 
 SAMPLES = 3
@@ -199,6 +201,31 @@ def begin_view() -> Any:
     raise AssertionError("the view does not render")
 
 
+def locked(folders: str, *zips: str) -> dict[str, Any]:
+    """Install these zips one over the other; what each loads is locked. folders: "folders" if theirs cannot be renamed.
+
+    A zip that is the one before is not installed again: the extension is disabled and enabled.
+    """
+    found: dict[str, Any] = {"looks": [], "pictures": [], "reported": []}
+    for before, archive in zip((None, *zips), zips, strict=False):
+        if archive == before:
+            found["reported"].append(in_session.attempt(bpy.ops.preferences.addon_disable, module=NAME))
+            found["reported"].append(in_session.attempt(bpy.ops.preferences.addon_enable, module=NAME))
+        else:
+            found["reported"].append(install(archive))
+        if before is None:
+            set_up()
+        found["looks"].append(look())
+        found["pictures"].append(render())
+        # The compiled file lies beside the one that Python names.
+        for file in Path(native().__file__).parent.glob("halfspace_native.*"):
+            if file.suffix in {".so", ".pyd"}:
+                locking.lock(str(file), folders == "folders")
+    found |= {"kept": settings(), "foreign": foreign(), "there": locking.still_there(), "unpacked": unpacked()}
+    bpy.ops.wm.save_userpref()
+    return found
+
+
 def later() -> dict[str, Any]:
     """A new session of the same user."""
     # Blender as a module starts without the user's preferences, which enable the extension.
@@ -210,4 +237,4 @@ def later() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    in_session.run({"over": over, "later": later})
+    in_session.run({"over": over, "locked": locked, "later": later})

@@ -3,54 +3,33 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import imports
 import package
 import pytest
+from user_session import built_wheel, session
 
-SESSION = Path(__file__).resolve().parents[1] / "extension_session.py"
+STEPS = "extension_session.py"
 
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The zip with the wheel that the environment was set up with."""
-    wheels = sorted((package.ROOT / "build" / "wheel").glob("*.whl"))
-    assert len(wheels) == 1, "scripts/test.py builds the wheel first"
-    (made,) = package.package(wheels, tmp_path_factory.mktemp("zip"))
+    (made,) = package.package([built_wheel()], tmp_path_factory.mktemp("zip"))
     return made
-
-
-def session(user: Path, *arguments: str, before: Sequence[str] = ()) -> dict[str, Any]:
-    """What a user's Blender finds on the way. before: a command that runs it."""
-    # Nothing of this environment but bpy: no PYTHONPATH, no current folder, no user site.
-    clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "BLENDER_"))}
-    done = subprocess.run(
-        [*before, sys.executable, "-I", str(SESSION), *arguments],
-        env={**clean, "BLENDER_USER_RESOURCES": str(user)},
-        cwd=user,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    lines = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")]
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert lines, done.stdout + done.stderr
-    return {**json.loads(lines[0].removeprefix("FOUND ")), "user": str(user), "log": done.stdout + done.stderr}
 
 
 @pytest.fixture(scope="module")
 def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the user's Blender found while it installed, rendered, disabled and enabled."""
-    return session(tmp_path_factory.mktemp("user"), str(archive))
+    return session(tmp_path_factory.mktemp("user"), STEPS, "first_use", str(archive))
 
 
 def test_the_zip_holds_the_addon_at_its_top_and_nothing_foreign(archive: Path) -> None:
@@ -123,7 +102,7 @@ def guard(found: dict[str, Any]) -> Iterator[list[str]]:
 def test_a_read_only_folder_keeps_the_engine_working(
     found: dict[str, Any], archive: Path, guard: list[str], tmp_path: Path
 ) -> None:
-    seen = session(Path(found["user"]), str(archive), str(tmp_path / "picture.png"), before=guard)
+    seen = session(Path(found["user"]), STEPS, "read_only", str(archive), str(tmp_path / "picture.png"), before=guard)
     assert not seen["writable"], "the folder can be written"
     assert seen["enabled"] == [True, True], seen["log"]
     for picture in (seen["picture"], seen["still"]):
