@@ -54,7 +54,7 @@ def sentence(values: F64, low: float, high: float, end: float) -> str:
     return f"{inside.mean():.1%} of the pixels, {part:.1%} of the sum"
 
 
-def icon(values: F32, low: float, high: float, end: float, side: int) -> F32:
+def icon(values: F64, low: float, high: float, end: float, side: int) -> F32:
     """(side, side, 4) display values, rows from the bottom: the histogram of a map in the colours of its scale, without
     colour outside of [low, high], which two lines mark. Heights are square roots of numbers.
     """
@@ -63,7 +63,7 @@ def icon(values: F32, low: float, high: float, end: float, side: int) -> F32:
     place = (np.arange(side) + 0.5) / side
     column = np.minimum((place * BINS).astype(int), BINS - 1)
     drawn = np.zeros((side, side, 4), np.float32)
-    drawn[..., :3] = ranged((place * end).astype(np.float32)[None, :], low, high, end)
+    drawn[..., :3] = ranged((place * end)[None, :], low, high, end)
     drawn[..., 3] = np.where(place[:, None] <= heights[column][None, :], 1.0, 0.12)
     for mark in (low, high):
         drawn[:, min(int(mark / end * side), side - 1)] = 1.0
