@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FETCHED, DEEPEST = 60_000, 60
 """Number of polygons, shallowest first, and depth, by which a structure is judged."""
 
-MOST_SHOWN = 500
+MOST_SHOWN = 300
 """Number of polygons up to which levels are shown at first."""
 
 

@@ -40,12 +40,12 @@ merge into one area.
 SHEET = 40
 """Number of walls of a grid's layer from which its lines are thinner, and somewhat fainter."""
 
-CLEAR, FOG = 4.5, 1.2
+CLEAR, FOG = 4.5, 0.7
 """Numbers of surfaces behind each other: up to which levels are shown at first, and from which all surfaces are fainter
 (chosen by looking at pictures).
 """
 
-INSIDE = 0.6
+INSIDE = 0.5
 """Factor on FOG for a viewer inside the structure, who has nothing but surfaces around."""
 
 PANE = (0.0, 0.11)
