@@ -183,7 +183,8 @@ def index(rows: Sequence[Row], pictures: Collection[str]) -> str:
     families: dict[str, list[Row]] = {}
     for row in rows:
         families.setdefault(row["family"], []).append(row)
-    lines = ["# Gallery", "", "Every structure with its picture, source, cost and claims.", ""]
+    shown = "its picture, source" if pictures else "its source"
+    lines = ["# Gallery", "", f"Every structure with {shown}, cost and claims, or what is stated in their place.", ""]
     for family, members in families.items():
         lines += [f"## {structures_page.FAMILIES.get(family, family.capitalize())}", ""]
         lines += ['<div class="gallery" markdown>', ""]

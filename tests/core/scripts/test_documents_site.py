@@ -116,6 +116,12 @@ def test_the_cost_on_a_page_is_the_structures_own() -> None:
     assert "![kd-tree of the built-in scene](../pictures/kd.jpg)" in structure_pages.page(row, plain, {"kd"})
 
 
+def test_the_gallery_promises_pictures_only_where_there_are_some() -> None:
+    rows = native.structures()
+    assert "with its picture, source" in structure_pages.index(rows, {row["id"] for row in rows})
+    assert "picture" not in structure_pages.index(rows, ())
+
+
 def test_the_reference_describes_what_can_be_called(site: Path) -> None:
     page = Page((site / "reference.html").read_text(encoding="utf-8"))
     for name in (
