@@ -18,6 +18,10 @@ GREY = 0.35
 """Brightness of pixels outside of the range, relative to their colour's."""
 
 
+BACK, DARKEST = 0.08, 0.22
+"""Brightness behind the bars of an icon, and of the darkest of them."""
+
+
 @dataclass(frozen=True, eq=False)
 class Histogram:
     """counts: (BINS,) pixels in equal parts of 0 to `end`; larger values are in the last."""
@@ -62,9 +66,11 @@ def icon(values: F64, low: float, high: float, end: float, side: int) -> F32:
     heights = np.sqrt(counts / max(int(counts.max()), 1))
     place = (np.arange(side) + 0.5) / side
     column = np.minimum((place * BINS).astype(int), BINS - 1)
-    drawn = np.zeros((side, side, 4), np.float32)
-    drawn[..., :3] = ranged((place * end)[None, :], low, high, end)
-    drawn[..., 3] = np.where(place[:, None] <= heights[column][None, :], 1.0, 0.12)
+    drawn = np.full((side, side, 4), BACK, np.float32)
+    drawn[..., 3] = 1.0
+    filled = place[:, None] <= heights[column][None, :]
+    bars = np.maximum(ranged((place * end)[None, :], low, high, end), DARKEST)
+    drawn[filled, :3] = np.broadcast_to(bars, (side, side, 3))[filled]
     for mark in (low, high):
         drawn[:, min(int(mark / end * side), side - 1)] = 1.0
     return drawn

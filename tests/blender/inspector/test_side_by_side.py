@@ -178,7 +178,7 @@ def test_histograms_stand_over_the_sliders(seen: Any) -> None:
     for number, (_, values) in enumerate(cost_maps.kept.maps):
         icons[f"map {number}"].image_pixels_float.foreach_get(before.reshape(-1))
         # The fullest bin reaches to the top.
-        shares = before[..., 3].mean(axis=0)
+        shares = (before[..., :3].max(axis=2) > 0.15).mean(axis=0)
         end = cost_maps.costmap.scale_end([one for _, one in cost_maps.kept.maps])
         fullest = np.bincount(np.clip((values.ravel() / end * 64).astype(int), 0, 63), minlength=64).argmax()
         assert int(shares[1:-1].argmax() + 1) // (side // 64) == fullest
