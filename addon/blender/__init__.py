@@ -30,7 +30,6 @@ def register() -> None:
     """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
     unpacking.ensure(__package__.rpartition(".")[0])
     running.start()
-    sky.start()
     overlay_settings.register()
     inspector_settings.register()
     properties.register()

@@ -130,6 +130,7 @@ def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
     """Wait for the sky of these settings, or its error; the thread has its own time limit. Raises Cancelled."""
     bake = _running.get(key)
     if bake is None or not bake.is_alive():
+        _end_at_exit()
         bake = _running[key] = _Bake(key)
         bake.start()
     try:
@@ -207,6 +208,7 @@ def _run(command: list[str], bake: _Bake | None = None) -> None:
     with _starting:
         if _stopping.is_set() or (bake is not None and bake.cancelled):
             raise subprocess.SubprocessError("stopped")
+        _end_at_exit()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         _processes.add(process)
         if bake is not None:
@@ -231,11 +233,12 @@ def _end() -> None:
         bake.join(STOP_SECONDS)
 
 
-def start() -> None:
-    """End the other Blender processes at Python's end.
+def _end_at_exit() -> None:
+    """Call `_end` when Python ends.
 
     With Blender as a module, Python ends without disabling extensions, which would leave processes and folders behind.
     """
+    atexit.unregister(_end)
     atexit.register(_end)
 
 
@@ -258,6 +261,7 @@ def _begin(key: str) -> None:
         return
     bake = _running.get(key)
     if bake is None or not bake.is_alive():
+        _end_at_exit()
         bake = _running[key] = _Bake(key)
         bake.start()
 

@@ -92,6 +92,7 @@ def over(first: str, second: str, busy: str = "") -> dict[str, Any]:
     set_up()
     found["first"] = {"look": look(), "picture": render(), "traces": traces()}
     found["set"] = settings()
+    part("blender.read.sky")._end_at_exit()  # as the first Sky Texture does
     of_first = functions()
     with rendering(found) if busy else contextlib.nullcontext():
         found["installed"] += install(second)

@@ -166,9 +166,10 @@ def test_a_render_does_not_wait_for_a_sky_that_is_stopped(world: Any, monkeypatc
 
 
 def test_the_other_blender_has_its_time_and_not_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sky, "TIMEOUT", 0.2)
-    with pytest.raises(subprocess.TimeoutExpired):
-        sky._run(hold_on(""))
+    with monkeypatch.context() as patch:
+        patch.setattr(sky, "TIMEOUT", 0.2)
+        with pytest.raises(subprocess.TimeoutExpired):
+            sky._run(hold_on(""))
     assert not sky._processes
     with pytest.raises(subprocess.CalledProcessError):
         sky._run([sys.executable, "-c", "raise SystemExit(3)"])
