@@ -6,7 +6,7 @@ Stages the add-on, the manifest with its wheels, the licence and the wheels in a
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs, with --for one for another system. --index takes the wheels of --for from a
 package index or a folder instead; --sha256 refuses all wheels but those with these hashes. Wheels of an index or with
-such hashes go into the zip unmodified, all others are named after their build (`dev/bundled.py`). With --split,
+such hashes go into the zip unmodified, all others are named after their build (`systems/bundled.py`). With --split,
 each system also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C
 library than Blender itself.
 """

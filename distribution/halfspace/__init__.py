@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import compiled
+from . import _compiled
 from .core.base import native
 from .core.measure import benchmark
 from .core.measure.preparation import Options
@@ -73,7 +73,7 @@ if not TYPE_CHECKING:  # a type checker would take every name for one of this fu
         """A name of the compiled module. Raises ImportError if the module cannot be loaded."""
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(compiled.module(), name)
+        return getattr(_compiled.module(), name)
 
 
 def __dir__() -> list[str]:
@@ -87,7 +87,7 @@ def load(path: str | Path) -> Workload:
     Only .npz has a view of its own; the others are seen entirely. Raises WorkloadError, in one line, and ImportError
     if the compiled module cannot be loaded.
     """
-    return mesh_files.bare(Path(path), compiled.module().free_memory())
+    return mesh_files.bare(Path(path), _compiled.module().free_memory())
 
 
 def expand(text: str) -> list[str]:
@@ -95,7 +95,7 @@ def expand(text: str) -> list[str]:
 
     Raises ValueError, which names what is not understood, and ImportError as `load`.
     """
-    module = compiled.module()
+    module = _compiled.module()
     return specs.prove(module, specs.expand(text, module.structures(), {}))
 
 
@@ -113,7 +113,7 @@ def measure(
     configuration that is not understood, and ImportError as `load`.
     """
     chosen = expand(configurations if isinstance(configurations, str) else ",".join(configurations))
-    return list(benchmark.measure(compiled.module(), scene, chosen, options or Options(), say))
+    return list(benchmark.measure(_compiled.module(), scene, chosen, options or Options(), say))
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import compiled
+from . import _compiled
 
-native = compiled.module()
+native = _compiled.module()
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]

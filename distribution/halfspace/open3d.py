@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from . import compiled
+from . import _compiled
 
 if TYPE_CHECKING:
     from halfspace_native import Structure
 
-native = compiled.module()
+native = _compiled.module()
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]

@@ -27,7 +27,7 @@ PROCESSORS = {"x86_64": "x86-64", "amd64": "x86-64", "aarch64": "ARM", "arm64": 
 
 
 def module_name() -> str:
-    """The name of the module to import. In the extension it ends with the build: `scripts/dev/bundled.py`."""
+    """The name of the module to import. In the extension it ends with the build: `scripts/systems/bundled.py`."""
     wheels = sorted(path.name for path in WHEELS.glob(f"{MODULE}*.whl"))
     return wheels[0].partition("-")[0] if wheels else MODULE
 

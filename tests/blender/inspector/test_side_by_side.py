@@ -182,7 +182,8 @@ def test_histograms_stand_over_the_sliders(seen: Any) -> None:
         end = cost_maps.costmap.scale_end([one for _, one in cost_maps.kept.maps])
         fullest = np.bincount(np.clip((values.ravel() / end * 64).astype(int), 0, 63), minlength=64).argmax()
         assert int(shares[1:-1].argmax() + 1) // (side // 64) == fullest
-    seen.halfspace.inspector.low = 50.0
+    ranges = cost_maps.kept.ranges(seen)
+    ranges[1].low = 50.0
     draw(inspector_panels.HALFSPACE_PT_image_maps, scene=seen)
     after_range = np.empty((side, side, 4), np.float32)
     icons["map 1"].image_pixels_float.foreach_get(after_range.reshape(-1))
