@@ -15,6 +15,13 @@ class TargetError(RuntimeError):
     """Programs for a system cannot be built or run on this machine. The message names what to install."""
 
 
+FRAMEWORKS = Path(__file__).resolve().parents[1] / "systems" / "frameworks"
+"""Stubs of those of Apple's frameworks that the native module loads, for linkers without Apple's SDK.
+
+They state where macOS has the frameworks, and list none of their names: the module looks up all names at run time.
+"""
+
+
 @dataclass(frozen=True)
 class Target:
     """A system by Blender's name of it, and the compiler's.

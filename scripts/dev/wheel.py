@@ -85,7 +85,7 @@ def arguments(
         # other's records when Python, at exit, ends a thread that waits for it.
         options += ["--zig", "--compatibility", name, "--", f"-Clink-arg={unwinder(compiler)}"]
     elif not compiler:
-        options += ["--zig"]
+        options += ["--zig", "--", f"-Clink-arg=-F{targets.FRAMEWORKS}"]
     if "--zig" in options:
         # Otherwise looked up on the PATH, which need not contain the environment.
         variables["CARGO_ZIGBUILD_PYTHON_PATH"] = str(python)

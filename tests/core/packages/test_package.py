@@ -230,9 +230,19 @@ def test_a_wheel_for_another_system_is_linked_for_it(
     assert " ".join(words).partition(" -- ")[0] == options
     assert compilers == {"linux-x64": ["cc"], "linux-arm64": ["aarch64-linux-gnu-gcc"]}.get(name, [])
     linkers = {key: value for key, value in variables.items() if key.endswith("_LINKER")}
+    assert (f"-Clink-arg=-F{targets.FRAMEWORKS}" in words) == (name == "macos-arm64")
     # Zig must not be replaced by a linker that is named in the environment.
     expected = {"CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER": "/bin/x86_64-w64-mingw32-gcc"}
     assert linkers == (expected if name == "windows-x64" else {})
+
+
+def test_each_stub_of_a_framework_is_found_and_states_where_macos_has_it() -> None:
+    stubs = sorted(targets.FRAMEWORKS.glob("*.framework/*.tbd"))
+    assert [path.stem for path in stubs] == ["CoreFoundation", "IOKit"]
+    for path in stubs:
+        assert path.parent.stem == path.stem
+        place = f"/System/Library/Frameworks/{path.stem}.framework/Versions/A/{path.stem}"
+        assert f"install-name: '{place}'" in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
