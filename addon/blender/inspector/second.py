@@ -11,7 +11,6 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...core.base import native
-from ...core.overlay import cells
 from ...core.overlay.cells import Path
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
@@ -67,7 +66,7 @@ def path(scene: Any) -> Path | None:
         return None
     key, found = (tree.number, ray), _paths.get(scene.original.session_uid)
     if found is None or found[0] != key:
-        found = key, cells.follow(tree.structure, *ray.within(tree.origin), ray.t_max)
+        found = key, ray.path(tree)
         _paths[scene.original.session_uid] = found
     return found[1]
 
