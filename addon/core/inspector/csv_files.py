@@ -55,7 +55,7 @@ def node(table: Table, row: int) -> dict[str, Any]:
 
 
 def steps(table: Table, replay: Replay) -> Iterator[dict[str, Any]]:
-    """Every step of a ray."""
+    """Every step of a ray. counted: inner nodes that the traversal had counted when it tested the leaf."""
     for number, step in enumerate(replay.steps, 1):
         yield {
             "step": number,
@@ -65,6 +65,7 @@ def steps(table: Table, replay: Replay) -> Iterator[dict[str, Any]]:
             "enter": f"{step.enter:.9g}",
             "leave": f"{step.leave:.9g}",
             "tests": step.tests,
+            "counted": step.reached if step.reached >= 0 else "",
         }
 
 

@@ -216,7 +216,7 @@ def _rays(
                 "enter": _parameter(step.enter),
                 "leave": _parameter(step.leave),
                 "tests": step.tests,
-                "reached": step.reached,
+                "counted": step.reached if step.reached >= 0 else None,
             }
             for number, step in enumerate(made.steps, 1)
         ]
