@@ -164,7 +164,7 @@ def words(table: Table, step: Step) -> list[str]:
         count = int(table.counts[step.node])
         lines.append(f"{step.tests:,} of {count:,} triangles tested" if count else "An empty leaf")
         if step.reached >= 0:
-            lines.append(f"The traversal had counted {step.reached:,} inner nodes by then")
+            lines.append(f"Counted by then: {step.reached:,} inner nodes")
     else:
         lines.append(
             f"{len(table.children_of(step.node))} children, {int(table.references[step.node]):,} triangles below"

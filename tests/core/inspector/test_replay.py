@@ -70,7 +70,7 @@ def test_a_step_states_its_interval_and_its_tests() -> None:
     full = next(step for step in made.steps if step.tests)
     assert replay.words(nodes, full)[-2:] == [
         f"{full.tests} of {nodes.counts[full.node]} triangles tested",
-        f"The traversal had counted {full.reached} inner nodes by then",
+        f"Counted by then: {full.reached} inner nodes",
     ]
 
 
