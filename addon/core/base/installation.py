@@ -61,9 +61,9 @@ def why_missing(error: ImportError) -> str:
             "install a zip that was made with --portable"
         )
     here, module = _here(), module_name()
-    # A package without its compiled part is no more than an absent one.
-    is_absent = isinstance(error, ModuleNotFoundError) and error.name in (module, f"{module}.{MODULE}")
-    if is_absent and WHEELS.is_dir():
+    missing = error.name if isinstance(error, ModuleNotFoundError) else None
+    # In the extension, a package without its compiled part is what Blender has left of a removed one.
+    if missing in (module, f"{module}.{MODULE}") and WHEELS.is_dir():
         targets = sorted(_targets())
         if here not in targets:
             return (
@@ -71,12 +71,12 @@ def why_missing(error: ImportError) -> str:
                 "install the zip for this system"
             )
         return "Blender did not unpack the native module of Halfspace: remove the extension and install it again"
-    if is_absent:
+    if missing == module:
         return (
             "The native module of Halfspace is not installed: "
             "install the Python package halfspace-rt again, or run scripts/demo.py in a clone"
         )
-    if isinstance(error, ModuleNotFoundError) and error.name == f"{MODULE}.{MODULE}":
+    if missing == f"{module}.{MODULE}":
         return (
             f"The native module of Halfspace that is installed is not for {here} with this {_python()}: "
             "install it again with the pip of this Python"

@@ -138,7 +138,7 @@ def test_a_wheel_for_newer_systems_than_blender_s_is_told_when_it_is_packaged(
 ) -> None:
     path = wheel_with(tmp_path / "x-1-cp311-abi3-linux_x86_64.whl", *symbols)
     assert package.glibc_of(path) == needed
-    monkeypatch.setattr(package, "stage", lambda *_: None)
+    monkeypatch.setattr(package, "stage", lambda *_, **__: None)
     monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
     assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().err
@@ -290,7 +290,7 @@ def test_what_is_asked_for_is_bundled_beside_what_is_given(
     monkeypatch.setattr(environment, "ROOT", tmp_path)
     monkeypatch.setattr(environment, "prepare_packages", ready.append)
     monkeypatch.setattr(package.wheel, "build", build)
-    monkeypatch.setattr(package, "stage", lambda wheels, *_: bundled.extend(path.name for path in wheels))
+    monkeypatch.setattr(package, "stage", lambda wheels, *_, **__: bundled.extend(path.name for path in wheels))
     monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
     given = wheel_with(tmp_path / "x-1-cp311-abi3-win_amd64.whl")
     arguments = ["--portable", "--wheel", str(given)] if portable else []
