@@ -23,7 +23,7 @@ def view() -> Any:
 
 def visible(scene: Any) -> set[str]:
     bpy.context.view_layer.update()
-    return {item.name for item in scene.objects if item.visible_in_viewport_get(view())}
+    return {item.name for item in scene.objects if item.visible_get(viewport=view())}
 
 
 @pytest.fixture
