@@ -90,8 +90,13 @@ def _within(path: Path, visit: int) -> tuple[float, float]:
 
 
 def _dead_ends(table: Table, path: Path, node: int, above: set[int]) -> list[Step]:
-    """Inner nodes below a node, and not above any visited leaf, that the ray meets before its hit. node: -1 for all."""
+    """Inner nodes below a node, and not above any visited leaf, that the ray meets before its hit. node: -1 for all.
+
+    None of a ray to any hit, which need not visit all nodes before it.
+    """
     found: list[Step] = []
+    if path.any_hit:
+        return found
     waiting = [0] if node < 0 else table.children_of(node)[::-1].tolist()
     while waiting:
         child = waiting.pop()

@@ -78,6 +78,7 @@ pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
             leave: f64::from(ray.t_max),
         },
         end: f64::from(ray.t_max.min(hit.t)),
+        any,
         path: &path,
     };
     match built.tree.as_ref().and_then(|tree| tree.cells()) {
@@ -90,24 +91,35 @@ pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
                 crossings,
             }
         }
-        None => alone(structure, &line, hit, &path),
+        None => alone(structure, &line, follow.end, hit, &path),
     }
 }
 
-/// Returns the path through a structure without a tree, whose only cell is the scene's box.
-fn alone(structure: &Structure, line: &Line, hit: Hit, path: &Path) -> RayPath {
+/// Returns an interval that ends where the ray ends, unless it begins beyond.
+fn until(span: Span, end: f64) -> Span {
+    let leave = if span.enter <= end {
+        span.leave.min(end)
+    } else {
+        span.leave
+    };
+    Span { leave, ..span }
+}
+
+/// Returns the path through a structure without a tree, whose only cell is the scene's box. end: value of `t` at the
+/// hit, or at the end of the ray.
+fn alone(structure: &Structure, line: &Line, end: f64, hit: Hit, path: &Path) -> RayPath {
     let built = structure.built();
     let region = Region::of_scene(built.frame.bounds());
+    let tested = (path.counters.tests > 0).then_some(0);
     let whole = Span {
         enter: f64::NEG_INFINITY,
         leave: f64::INFINITY,
     };
-    let tested = (path.counters.tests > 0).then_some(0);
     // The only leaf is visited if the line meets the scene's box.
     let visits = region.span(line, whole).map(|span| Visit {
         region: region.clone(),
         depth: 0,
-        span,
+        span: until(span, end),
         first: 0,
         count: built.shape.references,
         tested,
@@ -129,6 +141,8 @@ struct Follow<'a> {
     span: Span,
     /// Value of `t` at the hit, or at the end of the ray.
     end: f64,
+    /// Whether the ray ends at any hit: it need not visit all leaves before the hit.
+    any: bool,
     /// The record of the traversal.
     path: &'a Path,
 }
@@ -216,14 +230,13 @@ impl Follow<'_> {
     }
 
     /// Returns the tested leaves in the order of the traversal, and between them the passed leaves that were not
-    /// tested. Omits cells beyond the hit and those that the line only touches in a point, unless they were tested.
+    /// tested. Omits cells beyond the hit, those that the line only touches in a point, and of rays to any hit those
+    /// with triangles, unless they were tested.
     fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
         for mut visit in passed {
-            if visit.span.enter <= self.end {
-                visit.span.leave = visit.span.leave.min(self.end);
-            }
+            visit.span = until(visit.span, self.end);
             let visited = self
                 .path
                 .leaves
@@ -231,7 +244,9 @@ impl Follow<'_> {
                 .any(|leaf| leaf.first == visit.first);
             if visit.count > 0 && visited {
                 tested.insert(visit.first, visit);
-            } else if visit.span.enter < visit.span.leave.min(self.end) {
+            } else if visit.span.enter < visit.span.leave.min(self.end)
+                && (visit.count == 0 || !self.any)
+            {
                 others.push(visit);
             }
         }
