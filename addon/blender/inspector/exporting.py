@@ -13,12 +13,10 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ...core.base import native
 from ...core.inspector import csv_files, page
 from ...core.report import results
-from ...core.structures import catalogue
-from ...core.structures.settings import memory_limit
 from ..measure import cost_maps, pictures
 from ..overlay import picking, replaying
 from ..session import trees
-from . import levels, worst
+from . import levels, second, worst
 
 WHAT = (
     ("NODES", "Nodes", "All nodes of the tree: place, box, share, SAH cost, triangles", 0),
@@ -58,22 +56,20 @@ def text(scene: Any, what: str) -> str:
         "RAYS": lambda: _rays(scene, tree),
     }
     if what == "LEVELS":
-        return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).levels.rows())
+        return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).rows())
     return csv_files.text(rows[what]())
 
 
 def page_of(scene: Any) -> str:
     """The page of the last structure, with the second structure of cost maps. Raises what `text` and builds raise."""
-    tree, group = trees.last(scene), scene.halfspace
+    tree = trees.last(scene)
     if tree is None:
         raise ExportError("Build a structure first")
     module, found = native.load(), worst.find(scene, tree)
     structures = [(tree.label, tree.structure)]
-    second = catalogue.load().get(group.second)
-    if second is not None:
-        limit = memory_limit(group.memory_limit)
-        built = module.build(tree.vertices, tree.triangles, group.second, memory_limit=limit)
-        structures.append((second.label, built))
+    other = second.find(scene, tree)
+    if other is not None:
+        structures.append((other.label, other.structure))
     return page.inspect(module, found.workload, structures, found.size).html
 
 

@@ -144,8 +144,9 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
 
 
 def register() -> None:
-    """Listen to the settings, to undo and to loaded files."""
+    """Listen to the settings, to new structures, to undo and to loaded files."""
     signals.node_changed.connect(follow)
+    signals.tree_changed.connect(follow)
     for handlers, function in _watched():
         handlers.append(function)
 
@@ -155,4 +156,5 @@ def unregister() -> None:
     _end()
     for handlers, function in _watched():
         handlers.remove(function)
+    signals.tree_changed.disconnect(follow)
     signals.node_changed.disconnect(follow)

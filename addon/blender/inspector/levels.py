@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,15 +24,24 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The levels of a tree for the rays of a view, and sentences about their sums. beside: those of the second
-    structure, if there is one.
+    """The levels of a tree for the rays of a view, and sentences about their sums. wrong: of the `compared`
+    answers of the structure. beside: the levels of the second structure, if there is one.
     """
 
     rays: worst.Found
     spec: str
     levels: Levels
     lines: tuple[str, ...]
+    wrong: int
+    compared: int
     beside: Measured | None = None
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The levels of both structures, for files."""
+        for row in self.levels.rows(self.wrong, self.compared):
+            yield {"structure": self.spec, **row}
+        if self.beside is not None:
+            yield from self.beside.rows()
 
 
 _measured: dict[int, Measured] = {}
@@ -64,8 +74,9 @@ def _measure(found: worst.Found, tree: trees.Tree, beside: Measured | None) -> M
     reference = Reference(
         native.load(), found.workload, [primary.rays], min(auto.CHECKED, affordable(found.workload)), seed=0
     )
-    lines = measuring.sentences(made, reference.wrong(tree.structure), len(reference))
-    return Measured(found, tree.spec, made, tuple(lines), beside)
+    wrong = reference.wrong(tree.structure)
+    lines = measuring.sentences(made, wrong, len(reference))
+    return Measured(found, tree.spec, made, tuple(lines), wrong, len(reference), beside)
 
 
 class HALFSPACE_OT_measure_levels(bpy.types.Operator):

@@ -23,8 +23,8 @@ log = logging.getLogger(__name__)
 _known: dict[int, tuple[int, Tree]] = {}
 """By the scene's `session_uid`: the number of the first tree, and the second."""
 
-_paths: dict[int, tuple[tuple[int, picking.Ray], Path]] = {}
-"""By the scene's `session_uid`: the number of the second tree and the ray, and the path."""
+_paths: dict[int, tuple[tuple[int, int, picking.Ray], tuple[Path, Path]]] = {}
+"""By the scene's `session_uid`: the numbers of both trees and the ray, and its paths."""
 
 
 def chosen(scene: Any) -> str:
@@ -59,14 +59,14 @@ def find(scene: Any, first: Tree) -> Tree | None:
     return made
 
 
-def path(scene: Any) -> Path | None:
-    """The path of the picked ray through the second structure, if both are known."""
-    tree, ray = known(scene), picking.last(scene)
-    if tree is None or ray is None:
+def paths(scene: Any) -> tuple[Path, Path] | None:
+    """The paths of the picked ray through the last structure and through the second one, if all are known."""
+    first, tree, ray = trees.last(scene), known(scene), picking.last(scene)
+    if first is None or tree is None or ray is None:
         return None
-    key, found = (tree.number, ray), _paths.get(scene.original.session_uid)
+    key, found = (first.number, tree.number, ray), _paths.get(scene.original.session_uid)
     if found is None or found[0] != key:
-        found = key, ray.path(tree)
+        found = key, (ray.path(first), ray.path(tree))
         _paths[scene.original.session_uid] = found
     return found[1]
 

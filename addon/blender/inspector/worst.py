@@ -38,9 +38,9 @@ log = logging.getLogger(__name__)
 class Found:
     """The costs of the rays of a view through one tree.
 
-    size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. times: by set, once
-    measured. place: of the ray that is shown in the order. lines: about that ray. beside: about that ray in the second
-    structure, or None. again: costs in second structures, by tree and set.
+    size: pixels of the view. camera: from `_camera`. orders: indices and values by set and key. times: by tree and
+    set, once measured. place: of the ray that is shown in the order. lines: about that ray. beside: about that ray in
+    the second structure, or None. again: costs in second structures, by tree and set.
     """
 
     tree: int
@@ -49,7 +49,7 @@ class Found:
     workload: Workload
     costs: dict[str, RayCosts]
     orders: dict[tuple[str, str], tuple[NDArray[np.int64], F64]] = field(default_factory=dict)
-    times: dict[str, Times] = field(default_factory=dict)
+    times: dict[tuple[int, str], Times] = field(default_factory=dict)
     shown: tuple[str, str] = ("", "")
     place: int = 0
     lines: tuple[str, ...] = ()
@@ -129,13 +129,13 @@ def order(found: Found, tree: trees.Tree, name: str, key: str) -> tuple[NDArray[
 
 def times(found: Found, tree: trees.Tree, name: str) -> Times:
     """Measure the times of the rays of a set, with the errors of the structure, or return the known ones."""
-    if name not in found.times:
+    if (tree.number, name) not in found.times:
         costs = found.costs[name]
         wanted = min(auto.CHECKED, affordable(found.workload))
         reference = Reference(native.load(), found.workload, [costs.rays], wanted, seed=0)
         measured = ray_costs.block_times(tree.structure, costs)
-        found.times[name] = Times(measured, reference.wrong(tree.structure), len(reference))
-    return found.times[name]
+        found.times[tree.number, name] = Times(measured, reference.wrong(tree.structure), len(reference))
+    return found.times[tree.number, name]
 
 
 def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
@@ -157,7 +157,7 @@ def show(scene: Any, tree: trees.Tree, found: Found, place: int) -> None:
     table = tree.table()
     lines = [f"{place + 1:,} of {len(indices):,} by {key.lower()}"]
     if key == "TIME":
-        lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.times[name].answers}")
+        lines.append(f"{values[place]:,.0f} ns per ray of 64 neighbours; {found.times[tree.number, name].answers}")
     lines += reasons.summary(costs, index)
     lines += reasons.reasons(table, path, replays.replay(table, path), key)
     found.shown, found.place, found.lines = (name, key), place, tuple(lines)
@@ -176,8 +176,8 @@ def _beside(scene: Any, tree: trees.Tree, found: Found, index: int) -> Beside | 
     again = found.again[other.number, name]
     rows = beside.of_rays(costs, again, index)
     if key == "TIME":
-        times = [f"{ray_costs.block_time(each.structure, costs, index):,.0f}" for each in (tree, other)]
-        rows.append(("ns, 64 neighbours", times[0], times[1]))
+        first, second_times = times(found, tree, name), times(found, other, name)
+        rows += beside.of_times(first, second_times, index)
     path = ray.path(other)
     table = other.table()
     lines = reasons.reasons(table, path, replays.replay(table, path), key)

@@ -196,7 +196,7 @@ def _draw_view() -> None:
     """Blender's callback for each 3D view."""
     context = bpy.context
     if context.space_data.overlay.show_overlays:
-        paint(context.scene, (context.region.width, context.region.height), context.area.as_pointer())
+        paint(context.scene, (context.region.width, context.region.height), context.region.as_pointer())
 
 
 def legend_of(scene: Any, view: int | None = None) -> list[Entry]:
@@ -213,7 +213,7 @@ def _draw_legend() -> None:
     if context.space_data.overlay.show_overlays:
         tools = next((region for region in context.area.regions if region.type == "TOOLS"), None)
         left = tools.width if tools is not None and context.preferences.system.use_region_overlap else 0
-        legend.draw(legend_of(context.scene, context.area.as_pointer()), left, context.preferences.system.ui_scale)
+        legend.draw(legend_of(context.scene, context.region.as_pointer()), left, context.preferences.system.ui_scale)
 
 
 @persistent

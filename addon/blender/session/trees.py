@@ -19,6 +19,7 @@ from ...core.scene.owners import owners
 from ...core.scene.scene import Geometry, Source
 from ...core.tree import table
 from ...core.tree.table import Table
+from ..settings import signals
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
@@ -113,8 +114,16 @@ def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: st
     _tree = Tree(structure, origin, *arrays, spec, label, uid, read, sources=geometry.sources)
     if not bpy.app.background:
         # Renders run on their own thread; timers run where redrawing is allowed.
-        bpy.app.timers.register(redraw)
+        bpy.app.timers.register(announce)
     return _tree
+
+
+def announce() -> None:
+    """Redraw for a new structure, and let those follow it who show parts of it."""
+    redraw()
+    scene = scene_of(_tree.scene_uid) if _tree is not None else None
+    if scene is not None:
+        signals.tree_changed.fire(scene)
 
 
 def last(scene: Any) -> Tree | None:
@@ -136,7 +145,7 @@ def stop() -> None:
     """Forget everything, and redraw at once: no timer of the extension may outlast it."""
     clear()
     forget_moments()
-    for soon in (redraw, redraw_panels):
+    for soon in (announce, redraw, redraw_panels):
         while bpy.app.timers.is_registered(soon):
             bpy.app.timers.unregister(soon)
     redraw()

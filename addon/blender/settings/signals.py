@@ -36,6 +36,9 @@ visibility_changed = Signal()
 look_changed = Signal()
 """How the structure is drawn: parts, depths, style, colours."""
 
+tree_changed = Signal()
+"""The structure that was built last, on the main thread."""
+
 node_changed = Signal()
 """The selected node, or whether the objects of its triangles are shown alone."""
 

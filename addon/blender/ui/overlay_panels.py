@@ -111,7 +111,8 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
         # Show the settings of the selected parts only.
         if "PLANES" in settings.parts:
             area = getattr(context, "area", None)
-            shown = drawing.shown(context.scene, "PLANES", None if area is None else area.as_pointer())
+            region = next((one for one in area.regions if one.type == "WINDOW"), None) if area is not None else None
+            shown = drawing.shown(context.scene, "PLANES", None if region is None else region.as_pointer())
             _depth_and_kinds(layout, settings, trees.last(context.scene), shown)
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
@@ -203,14 +204,14 @@ class HALFSPACE_PT_view_ray(panels.SidebarPanel, bpy.types.Panel):
 def _ray_beside(layout: Any, scene: Any) -> None:
     """The picked ray in the last structure and in the second one, side by side."""
     layout.prop(scene.halfspace, "second")
-    tree, first = trees.last(scene), drawing.shown(scene, "RAY")
-    if tree is None or first is None or picking.last(scene) is None or not second.chosen(scene):
+    tree = trees.last(scene)
+    if tree is None or picking.last(scene) is None or not second.chosen(scene):
         return
-    path = second.path(scene)
-    if path is None:
+    found = second.paths(scene)
+    if found is None:
         layout.operator(second.HALFSPACE_OT_build_second.bl_idname, icon="MOD_BUILD")
     else:
-        inspector_panels.beside_rows(layout, (tree.spec, second.chosen(scene)), beside.of_paths(first, path))
+        inspector_panels.beside_rows(layout, (tree.spec, second.chosen(scene)), beside.of_paths(*found))
 
 
 def _replay(layout: Any, scene: Any) -> None:

@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..overlay.cells import Path
+from .csv_files import Times
 from .levels import Level, Levels
-from .ray_costs import RayCosts
+from .ray_costs import BLOCK, RayCosts
 
 Row = tuple[str, str, str]
 """What is counted, and its number in the first and in the second structure."""
@@ -33,6 +34,13 @@ def of_paths(first: Path, second: Path) -> list[Row]:
     ]
     names = ("Inner nodes", "Planes", "Leaves", "Passed", "Tests")
     return [(name, f"{a:,}", f"{b:,}") for name, a, b in zip(names, *counts, strict=True)]
+
+
+def of_times(first: Times, second: Times, index: int) -> list[Row]:
+    """The time of the block of neighbours of the ray at `index`, and the errors of each structure."""
+    a, b = (f"{one.nanoseconds[index // BLOCK]:,.0f}" for one in (first, second))
+    wrong = [f"{one.wrong:,} of {one.compared:,}" for one in (first, second)]
+    return [("ns, 64 neighbours", a, b), ("Wrong", wrong[0], wrong[1])]
 
 
 def of_rays(first: RayCosts, second: RayCosts, index: int) -> list[Row]:

@@ -74,10 +74,11 @@ class Levels:
     prices: Prices
     overlap_error: float
 
-    def rows(self) -> Iterator[dict[str, float | None]]:
-        """The levels as dictionaries, for files."""
+    def rows(self, wrong: int, compared: int) -> Iterator[dict[str, float | None]]:
+        """The levels as dictionaries, for files: each with the quality of the fit and the errors of the structure."""
+        errors = {"explained": self.prices.explained, "wrong_answers": wrong, "compared_answers": compared}
         for level in self.levels:
-            yield asdict(level)
+            yield asdict(level) | errors
 
 
 def measure(structure: Structure, table: Table, workload: Workload, primary: RayCosts) -> Levels:

@@ -7,7 +7,7 @@ import html
 import json
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -88,7 +88,6 @@ def inspect(
         "scale": colours.ANCHORS.astype(float).round(4).tolist(),
         "sets": [[name, label] for name, label in ray_costs.SETS.items()],
         "orders": [[key, f"by {key.lower()}"] for key in ray_costs.KEYS],
-        "most": MOST_RAYS,
     }
     facts = f"{len(workload.triangles):,} triangles, {size[0]} × {size[1]} camera rays, SIMD level {native.level()}"
     worst = (_sentence(label, own["primary"]) for (label, _), own in zip(structures, costs, strict=True))
@@ -156,7 +155,7 @@ def _entry(
         "nodes": nodes,
         "hidden": f"{hidden:,} deeper nodes that none of these rays meets are left out" if hidden else "",
         "rays": rays,
-        "levels": [asdict(level) for level in found.levels],
+        "levels": list(found.rows(wrong, len(reference))),
         "sentences": list(levels.sentences(found, wrong, len(reference))),
     }
 

@@ -72,17 +72,20 @@ def gather(structure: Structure, workload: Workload, size: tuple[int, int]) -> d
         places = pixels[some.name]
         if len(places) != len(some):
             raise ValueError(f"{some.name}: expected {len(places)} rays, got {len(some)}")
-        counters = counting.alone(structure, some)
-        columns = [counters[name].astype(np.int64) for name in ("visits", "tests", "tests_wasted")]
-        found[some.name] = RayCosts(some, np.stack([places % width, places // width], axis=1), *columns)
+        found[some.name] = _counted(structure, some, np.stack([places % width, places // width], axis=1))
     return found
 
 
 def again(structure: Structure, costs: RayCosts) -> RayCosts:
     """The costs of the same rays in another structure over the same triangles."""
-    counters = counting.alone(structure, costs.rays)
-    steps, tests, wasted = (counters[name].astype(np.int64) for name in ("visits", "tests", "tests_wasted"))
-    return RayCosts(costs.rays, costs.pixels, steps, tests, wasted)
+    return _counted(structure, costs.rays, costs.pixels)
+
+
+def _counted(structure: Structure, some: rays.RaySet, pixels: NDArray[np.int64]) -> RayCosts:
+    """The costs of these rays, each traced alone."""
+    counters = counting.alone(structure, some)
+    columns = [counters[name].astype(np.int64) for name in ("visits", "tests", "tests_wasted")]
+    return RayCosts(some, pixels, *columns)
 
 
 def worst(costs: RayCosts, key: str, count: int) -> NDArray[np.int64]:
@@ -117,13 +120,6 @@ def slowest(costs: RayCosts, nanoseconds: F64, count: int) -> tuple[NDArray[np.i
     order, ranks = ranked(costs, "TIME", nanoseconds)
     found = order[np.unique(ranks, return_index=True)[1]][:count]
     return found, nanoseconds[found // BLOCK]
-
-
-def block_time(structure: Structure, costs: RayCosts, index: int) -> float:
-    """Nanoseconds per ray of the block of neighbours that the ray at `index` belongs to."""
-    start = index // BLOCK * BLOCK
-    block = np.arange(start, min(start + BLOCK, len(costs)))
-    return float(_timed(structure, [costs.rays.take(np.tile(block, REPEATS))])[0])
 
 
 def _timed(structure: Structure, parts: list[rays.RaySet]) -> F64:

@@ -360,7 +360,12 @@ def test_levels_are_exported(tab: Any, data: Any) -> None:
         name, content = file(tab, tab.locator("#levels > section").nth(which), "CSV")
         assert name == f"{spec}-levels.csv"
         wanted = data["structures"][which]["levels"]
-        assert [{key: float(value) for key, value in row.items()} for row in rows(content)] == wanted
+        found = [{key: float(value) if value else None for key, value in row.items()} for row in rows(content)]
+        assert found == wanted
+        # The table shows the fitted times.
+        line = tab.locator("#levels > section").nth(which).locator("tbody tr").first
+        shown, known = line.locator("td").last.inner_text(), wanted[0]["fitted_nanoseconds"]
+        assert shown == "–" if known is None else float(shown.replace(",", "")) == pytest.approx(known, rel=5e-3)
 
 
 @pytest.mark.parametrize("width", [390, 1280])
