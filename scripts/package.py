@@ -5,10 +5,10 @@
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs, with --for one for another system. --index takes the wheels of --for from a
-package index or a folder instead; --sha256 refuses all wheels but those with these hashes. Wheels of an index or with
-such hashes go into the zip unmodified, all others are named after their build (`systems/bundled.py`). With --split,
-each system also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C
-library than Blender itself.
+package index or a folder instead; --sha256 refuses all wheels but those with these hashes. With either, the wheels go
+into the zip unmodified; otherwise they are named after their build (`systems/bundled.py`). With --split, each system
+also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than
+Blender itself.
 """
 
 from __future__ import annotations
@@ -291,6 +291,8 @@ def run(asked: argparse.Namespace) -> int:
             wheels += [published.take(asked.index, version, one, Path(folder)) for one in systems or [targets.here()]]
             systems = []
         if asked.sha256:
+            if asked.portable or systems:
+                raise PackageError("--sha256 checks wheels that are given: --for and --portable build others")
             published.check(files(wheels), asked.sha256)
         zips = package(
             wheels,
