@@ -50,7 +50,8 @@ class Survey:
 
     def first(self, eye: F64) -> First:
         """What a viewer at `eye`, (3,) in the scene frame, sees at first: the levels from the root on of which a line
-        of sight crosses up to CLEAR surfaces in the mean, but at least the first level that has polygons.
+        of sight crosses up to CLEAR surfaces in the mean and that have up to MOST_SHOWN polygons together, but at least
+        the first level that has polygons.
         """
         if not len(self.counts):
             return First(0, 0)

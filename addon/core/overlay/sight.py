@@ -82,7 +82,7 @@ def whole(box: F64, eye: F64) -> float:
 def around(vertices: NDArray[Any], offsets: NDArray[Any], boxes: NDArray[np.bool_], eye: F64) -> NDArray[np.bool_]:
     """(p,), whether each polygon is a face of a box around the viewer. boxes: (p,), faces of boxes, six after another.
 
-    A box that lacks faces at the end of the list is around nobody.
+    Of a box that the end of the list cuts off, all faces are False.
     """
     found = np.zeros(len(boxes), bool)
     faces = np.flatnonzero(boxes)

@@ -423,9 +423,13 @@ def test_a_cancelled_cursor_shows_the_ray_of_before(seen: Any) -> None:
 
 def test_depths_are_chosen_until_they_are_set(seen: Any, canvas: Any) -> None:
     settings = seen.halfspace.overlay
-    build(seen, "octree-net")
+    tree = build(seen, "octree-net")
     paint(canvas, seen)
-    assert drawing.shown(seen).levels.start == 0
+    with canvas.bind():
+        chosen = tree.survey().first(drawing._viewer(tree))
+    shown = drawing.shown(seen).levels
+    assert (shown.start, shown.stop - 1) == (chosen.low, chosen.high)
+    assert shown.stop - 1 < len(tree.survey().counts) - 1, "the whole tree"
     assert settings.depth_auto
     settings.depth_min = 9
     assert not settings.depth_auto

@@ -172,3 +172,15 @@ def test_disabling_the_extension_shows_everything(boxed: Any) -> None:
         assert not isolating._ours
     finally:
         addon.register()
+
+
+def test_a_new_structure_is_followed(boxed: Any) -> None:
+    _, node, name = node_of_one(boxed)
+    boxed.halfspace.inspector.isolated = True
+    assert visible(boxed) == {name}
+    # The same number is another node in the new tree.
+    tree = build(boxed, "brute")
+    wanted = tree.owners(tree.table().triangles_of(min(node, len(tree.table()) - 1)))
+    assert wanted != {name}
+    trees.announce()
+    assert visible(boxed) == wanted

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Locks the file of a loaded native module as Windows does: nobody can remove it or write into it.
+"""Locks the file of a loaded native module as Windows does: no program can remove it or write into it.
 
 Windows itself locks it; elsewhere the functions that Blender's installer calls fail as they do there. A locked file
 can be renamed. Whether the folders around it can is not documented, so that both are tried.

@@ -34,7 +34,7 @@ def test_rays_are_counted_one_by_one_and_ordered(spec: str) -> None:
         ray = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
         path = cells.follow(structure, *ray, float(costs.rays.t_max[index]), any_hit=costs.rays.any_hit)
         assert path.tests == costs.tests[index]
-        # Of a ray to any hit, no leaf with triangles is listed that the traversal did not visit.
+        # All listed leaves with triangles of an any-hit ray were visited.
         assert not costs.rays.any_hit or path.tested[path.cells.count > 0].all()
 
 
