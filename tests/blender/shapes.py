@@ -24,6 +24,19 @@ def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -
     return mesh
 
 
+def ball() -> Any:
+    """A smooth open sphere of 0.9 units: its lower half is missing, so that light enters it."""
+    bm = bmesh.new()
+    bm.loops.layers.uv.new("UVMap")
+    bmesh.ops.create_uvsphere(bm, u_segments=48, v_segments=24, radius=0.45, calc_uvs=True)
+    bmesh.ops.delete(bm, geom=[v for v in bm.verts if v.co.z < -0.2], context="VERTS")
+    mesh = bpy.data.meshes.new("Ball")
+    bm.to_mesh(mesh)
+    bm.free()
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    return mesh
+
+
 def cube(name: str = "Cube", size: float = 2.0, *, smooth: bool = False) -> Any:
     bm = bmesh.new()
     bm.loops.layers.uv.new("UVMap")

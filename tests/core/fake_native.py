@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from addon.core.scene.scene import Camera, Geometry, Material, Scene, World
+from addon.core.session.preview import View
+from addon.core.structures.settings import RenderSettings
+
 CHANNELS = {
     "Combined": 4,
     "Denoising Albedo": 3,
@@ -139,3 +143,22 @@ class Job:
         assert out.dtype == np.float32
         assert out.shape == (self._pixels * self.passes[name],)
         out[:] = 0.5
+
+
+SETTINGS = RenderSettings(1, 1, samples=4)
+LONG = 300.0
+"""Seconds in which everything here must have happened."""
+
+
+def scene_of(height: float = 0.0, *, grey: float = 0.5) -> Scene:
+    """A triangle at some height, in some grey."""
+    vertices = np.array([[0, 0, height], [1, 0, height], [0, 1, height]], np.float32)
+    geometry = Geometry(vertices, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
+    return Scene(geometry, (Material("grey", (grey, grey, grey)),), (), World())
+
+
+def view_from(height: float) -> View:
+    """64 × 48 pixels seen from some height."""
+    to_world = np.eye(4)
+    to_world[2, 3] = height
+    return View(Camera("perspective", to_world, (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0), 64, 48)

@@ -7,8 +7,8 @@ from typing import Any
 
 import bpy
 import pytest
+from read_materials import converted
 from shapes import material, node, with_nodes
-from test_materials import converted
 
 from addon.blender.read import values
 from addon.blender.read.values import Values

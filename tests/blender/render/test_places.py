@@ -11,8 +11,7 @@ import atlas
 import bpy
 import pytest
 from atlas import add
-from shapes import grid
-from test_shaders import ball
+from shapes import ball, grid
 
 from addon.blender.session import reports
 

@@ -7,28 +7,15 @@ from collections.abc import Callable
 from typing import Any
 
 import atlas
-import bmesh
 import bpy
 import numpy as np
 import pytest
 from atlas import add, place
+from shapes import ball
 
 from addon.blender.session import reports
 
 BOUNCES = 1
-
-
-def ball() -> Any:
-    """A smooth open sphere of 0.9 units: its lower half is missing, so that light enters it."""
-    bm = bmesh.new()
-    bm.loops.layers.uv.new("UVMap")
-    bmesh.ops.create_uvsphere(bm, u_segments=48, v_segments=24, radius=0.45, calc_uvs=True)
-    bmesh.ops.delete(bm, geom=[v for v in bm.verts if v.co.z < -0.2], context="VERTS")
-    mesh = bpy.data.meshes.new("Ball")
-    bm.to_mesh(mesh)
-    bm.free()
-    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
-    return mesh
 
 
 def shader(kind: str, **settings: Any) -> atlas.Maker:

@@ -8,49 +8,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import animations
-import bench
-import choose
 import claims
-import compare
-import export
-import extraction
-import growth
 import inspector
 import numpy as np
-import overlay_picture
-import package
-import pictures
 import pytest
-import render
-import reported
-import stability
-import thesis
+from commands import COMMANDS
 from one_line import told
 
 from addon.core.base import native
 from addon.core.choose import auto
 from addon.core.report import results
 from addon.core.scene import workload
-
-COMMANDS = {
-    "animations": animations,
-    "bench": bench,
-    "choose": choose,
-    "claims": claims,
-    "compare": compare,
-    "export": export,
-    "extraction": extraction,
-    "growth": growth,
-    "inspector": inspector,
-    "overlay_picture": overlay_picture,
-    "package": package,
-    "pictures": pictures,
-    "render": render,
-    "reported": reported,
-    "stability": stability,
-    "thesis": thesis,
-}
 
 HUGE = "99999999999"
 
@@ -287,7 +255,7 @@ def test_a_journal_that_cannot_be_read_is_one_line(
     words = f"{tmp_path / results.JOURNAL}: cannot be read: "
     assert words in told(COMMANDS[name], [*arguments, "--out", str(tmp_path)], capsys)
     if name == "bench":
-        assert words in told(bench, [str(tmp_path), "--merge", "--out", str(tmp_path / "new")], capsys)
+        assert words in told(COMMANDS["bench"], [str(tmp_path), "--merge", "--out", str(tmp_path / "new")], capsys)
 
 
 def test_everything_that_ends_a_build_is_told() -> None:

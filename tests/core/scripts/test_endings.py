@@ -16,7 +16,7 @@ import dependencies
 import mutations
 import pytest
 import test
-from test_command_lines import COMMANDS
+from commands import COMMANDS
 
 from addon.core.base import command, native
 

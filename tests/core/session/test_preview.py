@@ -8,33 +8,12 @@ import math
 import time
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from fake_native import FakeNative
+from fake_native import LONG, SETTINGS, FakeNative, scene_of, view_from
 
-from addon.core.scene.scene import Camera, Geometry, Material, Scene, World
 from addon.core.session import preview
-from addon.core.session.preview import Preview, View
+from addon.core.session.preview import Preview
 from addon.core.session.stock import Stock
-from addon.core.structures.settings import RenderSettings
-
-SETTINGS = RenderSettings(1, 1, samples=4)
-LONG = 300.0
-"""Seconds in which everything here must have happened."""
-
-
-def scene_of(height: float = 0.0, *, grey: float = 0.5) -> Scene:
-    """A triangle at some height, in some grey."""
-    vertices = np.array([[0, 0, height], [1, 0, height], [0, 1, height]], np.float32)
-    geometry = Geometry(vertices, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
-    return Scene(geometry, (Material("grey", (grey, grey, grey)),), (), World())
-
-
-def view_from(height: float) -> View:
-    """64 × 48 pixels seen from some height."""
-    to_world = np.eye(4)
-    to_world[2, 3] = height
-    return View(Camera("perspective", to_world, (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0), 64, 48)
 
 
 def until_idle(seen: Preview) -> list[tuple[int, int]]:

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_native import FakeNative
-from test_preview import LONG, SETTINGS, scene_of, view_from
+from fake_native import LONG, SETTINGS, FakeNative, scene_of, view_from
 
 from addon.core.base.denoise import DenoiseError
 from addon.core.scene.scene import Scene
