@@ -20,6 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from lab.base import inside
+
+if __name__ == "__main__":
+    inside.adopt("bench")
+
 from addon.core.base import interrupt
 
 if __name__ == "__main__":

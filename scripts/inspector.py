@@ -16,6 +16,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from lab.base import inside
+
+if __name__ == "__main__":
+    inside.adopt("inspector")
+
 from addon.core.base import interrupt
 
 if __name__ == "__main__":

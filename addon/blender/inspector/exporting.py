@@ -15,7 +15,7 @@ from ...core.inspector import csv_files, page
 from ...core.report import results
 from ..measure import cost_maps, pictures
 from ..overlay import picking, replaying
-from ..session import trees
+from ..session import failures, trees
 from . import levels, second, worst
 
 WHAT = (
@@ -119,9 +119,8 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
             else:
                 content = page_of(context.scene) if self.what == "PAGE" else text(context.scene, self.what)
                 results.write(path, content)
-        except (*native.FAILURES, OSError) as error:
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error)
         self.report({"INFO"}, f"Wrote {path}")
         return {"FINISHED"}
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -16,10 +15,8 @@ from ...core.choose import auto
 from ...core.inspector import levels as measuring
 from ...core.inspector.levels import Levels
 from ...core.measure.reference import Reference, affordable
-from ..session import trees
+from ..session import failures, trees
 from . import second, worst
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +95,8 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
         assert tree is not None, "see poll"
         try:
             measure(context.scene, tree)
-        except native.FAILURES as error:
-            log.error("Halfspace could not measure the levels", exc_info=error)
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error, "measure the levels")
         trees.redraw_panels()
         return {"FINISHED"}
 

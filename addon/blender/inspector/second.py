@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 from typing import Any
 
@@ -15,10 +14,8 @@ from ...core.overlay.cells import Path
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
 from ..overlay import picking
-from ..session import trees
+from ..session import failures, trees
 from ..session.trees import Tree
-
-log = logging.getLogger(__name__)
 
 _known: dict[int, tuple[int, Tree]] = {}
 """By the scene's `session_uid`: the number of the first tree, and the second."""
@@ -94,10 +91,8 @@ class HALFSPACE_OT_build_second(bpy.types.Operator):
         assert first is not None, "see poll"
         try:
             find(context.scene, first)
-        except native.FAILURES as error:
-            log.error("Halfspace could not build the second structure", exc_info=error)
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error, "build the second structure")
         trees.redraw_panels()
         return {"FINISHED"}
 

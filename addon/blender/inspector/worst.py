@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,13 +24,11 @@ from ...core.measure.reference import Reference, affordable
 from ...core.scene.workload import Workload
 from ..measure import workloads
 from ..overlay import picking
-from ..session import trees
+from ..session import failures, trees
 from . import second
 
 MOST = 1000
 """Number of rays of an order that can be visited."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -224,10 +221,8 @@ class HALFSPACE_OT_worst_ray(bpy.types.Operator):
             found = find(scene, tree)
             is_shown = found.shown == (settings.rays, settings.order)
             show(scene, tree, found, found.place + self.move if self.move and is_shown else 0)
-        except native.FAILURES as error:
-            log.error("Halfspace could not find the worst rays", exc_info=error)
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error, "find the worst rays")
         return {"FINISHED"}
 
 

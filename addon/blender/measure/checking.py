@@ -6,7 +6,6 @@ Panels only read results; the operator measures.
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import bpy
@@ -15,11 +14,9 @@ from ...core.base import native
 from ...core.choose import choice
 from ...core.measure import check
 from ...core.measure.check import Check
-from ..session import building, reports, trees
+from ..session import building, failures, reports, trees
 from ..settings import properties
 from . import workloads
-
-log = logging.getLogger(__name__)
 
 _checks: dict[int, Check] = {}
 """By the tree's number; only the last tree's check is kept."""
@@ -73,10 +70,8 @@ class HALFSPACE_OT_check(bpy.types.Operator):
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
                 pass
-        except native.FAILURES as error:
-            log.error("Halfspace could not measure the structure", exc_info=error)
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error, "measure the structure")
         for line in workload.notes:
             self.report({"WARNING"}, line)
         _checks.clear()

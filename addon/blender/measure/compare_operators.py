@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,12 @@ from bpy.props import StringProperty
 
 from ...core.base import native
 from ...core.session.session import POLL_SECONDS
-from ..session import trees
+from ..session import failures, trees
 from ..settings import presets
 from . import compare_files, comparing
 
 STOP_SECONDS = 10.0
 """Time limit for the running step when the add-on is unregistered, in seconds."""
-
-log = logging.getLogger(__name__)
 
 
 class _Modal:
@@ -57,16 +54,16 @@ class _Modal:
             work = self._begin(context.scene)
             while not work.step(POLL_SECONDS):
                 pass
-        except Exception as error:
-            return self._failed(error)
+        except BaseException as error:
+            return failures.reported(self, error, "measure")
         return self._done(work)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Work while Blender stays usable."""
         try:
             self._work = self._begin(context.scene)
-        except Exception as error:
-            return self._failed(error)
+        except BaseException as error:
+            return failures.reported(self, error, "measure")
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(2 * POLL_SECONDS, window=context.window)
@@ -89,9 +86,9 @@ class _Modal:
             return {"CANCELLED"}
         try:
             ended = self._work.step(0.0)
-        except Exception as error:
+        except BaseException as error:
             self._end(context)
-            return self._failed(error)
+            return failures.reported(self, error, "measure")
         if ended:
             self._end(context)
             return self._done(self._work)
@@ -114,11 +111,6 @@ class _Modal:
         manager.progress_end()
         context.workspace.status_text_set(None)
         trees.redraw_panels()
-
-    def _failed(self, error: Exception) -> set[str]:
-        log.error("Halfspace could not measure", exc_info=error)
-        self.report({"ERROR"}, " ".join(str(error).split()) or type(error).__name__)  # type: ignore[attr-defined]
-        return {"CANCELLED"}
 
 
 class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
@@ -181,9 +173,8 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
         folder = Path(bpy.path.abspath(self.directory))
         try:
             compare_files.write_report(folder, found)
-        except (*native.FAILURES, OSError) as error:
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error)
         self.report({"INFO"}, f"Wrote {folder / 'report.html'}")
         return {"FINISHED"}
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,14 +22,13 @@ from ...core.scene.workload import View, Workload
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit
 from ...core.structures.specs import structure_of
-from ..session import trees
+from ..session import failures, trees
 from ..settings import properties, signals
 from ..settings.inspector_settings import range_name
 from . import map_pictures, workloads
 from .map_pictures import Look
 
 IMAGE = "Halfspace Costs"
-log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -101,10 +99,8 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
             window.cursor_set("WAIT")
         try:
             picture = draw(scene, self.width, lambda line: self.report({"WARNING"}, line))
-        except native.FAILURES as error:
-            log.error("Halfspace could not draw the cost map", exc_info=error)
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error, "draw the cost map")
         finally:
             if window is not None:
                 window.cursor_set("DEFAULT")

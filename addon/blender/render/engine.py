@@ -35,6 +35,8 @@ from .result import Result, copy, summary
 from .viewport import Viewport
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ...core.base.arrays import F32, F64
     from ...core.scene.scene import Camera, Scene
 
@@ -86,31 +88,39 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: Any) -> None:
         """Render one view layer of one frame. An error is reported once, and no incomplete result is kept."""
-        if not running.closing():
-            with running.picture(self):
-                self._render(Preview(self, depsgraph) if self.is_preview else _Picture(self, depsgraph))
+        self._render(lambda: Preview(self, depsgraph) if self.is_preview else _Picture(self, depsgraph))
 
     def bake(self, depsgraph: Any, item: Any, pass_type: str, pass_filter: int, width: int, height: int) -> None:
         """Bake one object into one image. An error is reported once, and no incomplete result is kept."""
-        if not running.closing():
-            with running.picture(self):
-                self._render(Bake(self, depsgraph, item, pass_type, pass_filter, (width, height)))
+        self._render(lambda: Bake(self, depsgraph, item, pass_type, pass_filter, (width, height)))
 
-    def _render(self, picture: _Picture | Preview | Bake) -> None:
-        try:
-            picture.render()
-        except Cancelled:
-            picture.discard()
-        except KeyboardInterrupt:
-            # Blender would continue without an error, and overwrite the last picture with an empty one.
-            picture.discard()
+    def _render(self, begin: Callable[[], _Picture | Preview | Bake]) -> None:
+        if running.closing():
+            return
+        with running.picture(self):
+            picture = None
+            try:
+                picture = begin()
+                picture.render()
+            except BaseException as error:
+                # An exception that leaves this function is lost: Blender overwrites the last picture with an empty one.
+                try:
+                    self._failed(error)
+                finally:
+                    if picture is not None:
+                        picture.discard()
+
+    def _failed(self, error: BaseException) -> None:
+        """Report what ended a render, unless the user cancelled it."""
+        if isinstance(error, Cancelled):
+            return
+        if isinstance(error, KeyboardInterrupt):
             self._refuse(INTERRUPTED)
-        except Exception as error:
-            # With Blender as a module, the calling program reports the failure itself.
-            level = logging.DEBUG if bpy.app.module else logging.ERROR
-            log.log(level, "Halfspace could not render", exc_info=error)
-            picture.discard()
-            self._refuse(" ".join(str(error).split()) or type(error).__name__)
+            return
+        # With Blender as a module, the calling program reports the failure itself.
+        level = logging.DEBUG if bpy.app.module else logging.ERROR
+        log.log(level, "Halfspace could not render", exc_info=error)
+        self._refuse(native.reason(error))
 
     def _refuse(self, message: str) -> None:
         """Report an error to Blender, so that it writes no picture."""

@@ -77,28 +77,41 @@ class Viewport:
             self._origin = scene.geometry.origin
             self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene), clean_from(group))
             self._problem, self._skipped = "", notes.lines()
-        except Exception as error:
-            log.exception("Halfspace could not read the scene for the viewport")
-            self._preview = None
-            self._problem = " ".join(str(error).split()) or type(error).__name__
+        except BaseException as error:
+            self._fail(error, "read the scene for the viewport")
         self._work(engine)
 
     def draw(self, engine: Any, context: Any) -> None:
         """Draw the newest picture."""
         preview = self._preview
-        if preview is not None:
-            pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
-            preview.look(views.seen(context, self._origin, pixel))
-            preview.advance()
-            if preview.picture is None:
-                self._wait(preview)
-            start = time.perf_counter()
-            if preview.picture is not self._drawn:
-                self._upload(preview.picture)
-                preview.showing_seconds = time.perf_counter() - start
-            self._show(engine, context)
+        try:
+            if preview is not None:
+                self._draw(preview, engine, context)
+            else:
+                self._show(engine, context)  # the last picture, below the reason in the status line
+        except BaseException as error:
+            self._fail(error, "draw the viewport")
         engine.update_stats("Halfspace", self.status())
         self._work(engine)
+
+    def _draw(self, preview: Preview, engine: Any, context: Any) -> None:
+        pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
+        preview.look(views.seen(context, self._origin, pixel))
+        preview.advance()
+        if preview.picture is None:
+            self._wait(preview)
+        start = time.perf_counter()
+        if preview.picture is not self._drawn:
+            self._upload(preview.picture)
+            preview.showing_seconds = time.perf_counter() - start
+        self._show(engine, context)
+
+    def _fail(self, error: BaseException, what: str) -> None:
+        """Stop the work, and show the error in the status line until the next edit."""
+        problem = native.reason(error)
+        log.error("Halfspace could not %s", what, exc_info=error)
+        self.stop()
+        self._problem = problem
 
     def status(self) -> str:
         """The status line in the corner of the view."""

@@ -13,6 +13,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.base import native
 from ...core.scene import workload
+from ..session import failures
 from . import camera
 
 if TYPE_CHECKING:
@@ -71,9 +72,8 @@ class HALFSPACE_OT_import_arrays(bpy.types.Operator, ImportHelper):
         try:
             limit = native.load().free_memory()
             loaded = workload.load_npz(Path(bpy.path.abspath(self.filepath)), memory_limit=limit)
-        except workload.WorkloadError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        except BaseException as error:
+            return failures.reported(self, error)
         item = add(context.scene, loaded)
         item.select_set(True)
         context.view_layer.objects.active = item

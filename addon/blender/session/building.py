@@ -18,10 +18,13 @@ from ...core.session.session import POLL_SECONDS, Building
 from ...core.structures.settings import memory_limit
 from ..read import extract
 from ..settings import properties, signals
-from . import trees
+from . import failures, trees
 
 REST_SECONDS = 0.4
 """Time without changes before a scene is rebuilt automatically, in seconds."""
+
+WORK = "build the structure"
+"""What the operator does, for its errors."""
 
 log = logging.getLogger(__name__)
 
@@ -127,11 +130,11 @@ def _tick() -> float | None:
     """The timer's callback. Returns the seconds until the next call, or None to end."""
     try:
         return _advance()
-    except Exception as error:
+    except BaseException as error:
         # A timer cannot report to the user: the panel shows the message.
-        log.exception("Halfspace could not build the structure")
+        _Background.problem = native.reason(error)
+        log.error("Halfspace could not %s", WORK, exc_info=error)
         _Background.job = None
-        _Background.problem = " ".join(str(error).split()) or type(error).__name__
         trees.redraw()
         return None
 
@@ -175,8 +178,8 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
         """Build and wait, for scripts."""
         try:
             job = build_now(context.scene, context.evaluated_depsgraph_get())
-        except Exception as error:
-            return _failed(self, error)
+        except BaseException as error:
+            return failures.reported(self, error, WORK)
         return _told(self, job)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
@@ -184,8 +187,8 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
         stop()
         try:
             self._job = Job(context.scene, context.evaluated_depsgraph_get())
-        except Exception as error:
-            return _failed(self, error)
+        except BaseException as error:
+            return failures.reported(self, error, WORK)
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
@@ -204,9 +207,9 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
             return {"PASS_THROUGH"}
         try:
             done = self._job.step()
-        except Exception as error:
+        except BaseException as error:
             self._end(context)
-            return _failed(self, error)
+            return failures.reported(self, error, WORK)
         if done:
             self._end(context)
             return _told(self, self._job)
@@ -231,12 +234,6 @@ def _told(operator: Any, job: Job) -> set[str]:
         operator.report({"WARNING"}, line)
     operator.report({"INFO"}, f"{job.label} over {job.triangles:,} triangles")
     return {"FINISHED"}
-
-
-def _failed(operator: Any, error: Exception) -> set[str]:
-    log.error("Halfspace could not build the structure", exc_info=error)
-    operator.report({"ERROR"}, " ".join(str(error).split()) or type(error).__name__)
-    return {"CANCELLED"}
 
 
 class HALFSPACE_OT_free_structure(bpy.types.Operator):

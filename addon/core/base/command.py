@@ -13,7 +13,7 @@ from typing import Any
 
 from . import interrupt
 from .interrupt import STOPPED
-from .native import FAILURES, in_one_line
+from .native import FAILURES, in_one_line, reason
 
 BAD_INPUT = 2
 
@@ -53,6 +53,12 @@ def run(
         if line == INTERRUPTED:
             return _stopped(name, None)
         _tell(f"{name}: {line}")
+        return BAD_INPUT
+    except BaseException as error:
+        if isinstance(error, Exception):
+            raise
+        # A panic of the native module; Python would end with the status of wrong answers.
+        _tell(f"{name}: {reason(error)}")
         return BAD_INPUT
 
 

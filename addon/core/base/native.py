@@ -45,6 +45,18 @@ def _lines(error: BaseException) -> list[str]:
     return [line for line in found if line]
 
 
+def reason(error: BaseException) -> str:
+    """The text of an error that ends a piece of work, in one line. Raises what ends the program: KeyboardInterrupt,
+    SystemExit, GeneratorExit.
+
+    For all others: a panic of the native module reaches Python as an exception that is no `Exception`.
+    """
+    if isinstance(error, KeyboardInterrupt | SystemExit | GeneratorExit):
+        raise error
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if isinstance(error, Exception) else f"internal error: {text}"
+
+
 FAILURES = (ValueError, RuntimeError, MemoryError)
 """Exceptions of the native module, of wrong configurations and of a missing module, all reported in one line."""
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base import denoise
 from ..base.equality import same
+from ..base.native import reason
 from ..structures.settings import RenderSettings
 from ..structures.specs import structure_of
 from . import refits
@@ -230,9 +231,9 @@ class Preview:
             self._take_structure()
             traced = self._trace()
             return self._take_clean() or traced
-        except Exception as error:
+        except BaseException as error:
             # Show any exception of the native module to the user; the next edit tries again.
-            self.problem = " ".join(str(error).split()) or type(error).__name__
+            self.problem = reason(error)
             self.stop()
             self._ready = None
             return True

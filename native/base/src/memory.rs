@@ -11,30 +11,77 @@ const SMALL: u64 = 64 << 20;
 
 /// Returns the limit in bytes that applies unless the user sets one: seven eighths of the free memory of the
 /// machine, the container or the process (`ulimit -v`), whichever is smallest. Work that exceeds it would swap, or
-/// end the process.
+/// end the process. Where neither is reported, as without `/proc` and `/sys`, the largest number.
 pub fn default_limit() -> u64 {
-    let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
-    let system = System::new_with_specifics(kind);
-    // Count the file cache of a container as free, as that of the machine: it is released when memory is short.
-    let container = system
-        .cgroup_limits()
-        .map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
-    let read = |name| fs::read_to_string(format!("/proc/self/{name}")).unwrap_or_default();
-    let process = left_to_process(&read("limits"), &read("status"));
-    match system.available_memory().min(container) {
-        // The system does not report its free memory.
-        0 => process,
+    let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
+    let process = left_to_process(&read("/proc/self/limits"), &read("/proc/self/status"));
+    match free_in_machine().min(left_to_container(read)) {
+        u64::MAX => process,
         free => free.min(process) / 8 * 7,
     }
+}
+
+/// Free memory of the machine in bytes, the largest number where it is not reported.
+fn free_in_machine() -> u64 {
+    let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+    let system = System::new_with_specifics(kind);
+    if system.total_memory() == 0 {
+        // Linux without `/proc`, as in a bare chroot: a system call remains.
+        return free_without_files();
+    }
+    system.available_memory()
+}
+
+/// Free memory by Linux's call `sysinfo`, at least half of the whole: the call counts the file cache, which is released
+/// when memory is short, as used.
+#[cfg(target_os = "linux")]
+fn free_without_files() -> u64 {
+    let found = rustix::system::sysinfo();
+    let bytes = |units: u64| units.saturating_mul(u64::from(found.mem_unit));
+    bytes(found.freeram.saturating_add(found.bufferram)).max(bytes(found.totalram) / 2)
+}
+
+/// The largest number: other systems report their memory without files.
+#[cfg(not(target_os = "linux"))]
+fn free_without_files() -> u64 {
+    u64::MAX
+}
+
+/// Bytes that a Linux container may still use, the largest number without a limit. The file cache counts as free, as
+/// that of the machine. read: returns the text of a file, empty if there is none.
+fn left_to_container(read: impl Fn(&str) -> String) -> u64 {
+    // Version 2 of control groups, then version 1.
+    [
+        (
+            "/sys/fs/cgroup/memory.max",
+            "/sys/fs/cgroup/memory.stat",
+            "anon ",
+        ),
+        (
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/memory.stat",
+            "total_rss ",
+        ),
+    ]
+    .into_iter()
+    // "max" is no number: there is no limit.
+    .filter_map(|(limit, used, key)| {
+        let limit = read(limit).trim().parse::<u64>().ok()?;
+        Some(limit.saturating_sub(first_number(&read(used), key).unwrap_or(0)))
+    })
+    .min()
+    .unwrap_or(u64::MAX)
+}
+
+/// The number at the beginning of the rest of the line that begins with `name`.
+fn first_number(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    line.split_whitespace().next()?.parse().ok()
 }
 
 /// Bytes that the process may still map, from the texts of Linux's `/proc/self/limits` and `/proc/self/status`; the
 /// largest number where there is no limit, or no such files.
 fn left_to_process(limits: &str, status: &str) -> u64 {
-    let first_number = |text: &str, name: &str| {
-        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-        line.split_whitespace().next()?.parse::<u64>().ok()
-    };
     [
         ("Max address space", "VmSize:"),
         ("Max data size", "VmData:"),
@@ -89,6 +136,34 @@ mod tests {
                 .starts_with("origins: needs 18446744073710 MB"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn limits_of_a_container_are_read() {
+        fn left(files: &[(&str, &str)]) -> u64 {
+            left_to_container(|path| {
+                let found = files.iter().find(|(name, _)| path.ends_with(name));
+                found.map_or_else(String::new, |(_, text)| (*text).to_owned())
+            })
+        }
+        assert_eq!(left(&[]), u64::MAX);
+        assert_eq!(left(&[("cgroup/memory.max", "max\n")]), u64::MAX);
+        let stat = ("cgroup/memory.stat", "anon 300\nfile 500\nanon_thp 7\n");
+        assert_eq!(left(&[("cgroup/memory.max", "1000\n"), stat]), 700);
+        assert_eq!(left(&[("cgroup/memory.max", "1000\n")]), 1000);
+        assert_eq!(left(&[("cgroup/memory.max", "200\n"), stat]), 0);
+        let first = [
+            ("memory/memory.limit_in_bytes", "4096\n"),
+            ("memory/memory.stat", "cache 5\ntotal_rss 96\n"),
+        ];
+        assert_eq!(left(&first), 4000);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn memory_is_known_without_files() {
+        let free = free_without_files();
+        assert!((1 << 20..1 << 50).contains(&free), "{free}");
     }
 
     #[test]

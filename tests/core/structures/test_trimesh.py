@@ -109,3 +109,82 @@ def test_our_module_takes_the_place_of_the_one_for_embree(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, name, ModuleType(name))
     assert foreign_tests.module(name).RayMeshIntersector.__module__ == "halfspace.trimesh"
     assert sys.modules[name].__file__ == str(foreign_tests.INTERSECTOR)
+
+
+def ball(count: int = 12) -> tuple[Any, Any]:
+    """Vertices and faces of a sphere of radius 1."""
+    theta, phi = np.linspace(0, np.pi, count), np.linspace(0, 2 * np.pi, 2 * count, endpoint=False)
+    ring = np.stack([np.cos(phi), np.sin(phi)], axis=1)
+    rows = [np.c_[np.sin(angle) * ring, np.full(2 * count, np.cos(angle))] for angle in theta]
+    a = np.add.outer(np.arange(count - 1) * 2 * count, np.arange(2 * count))
+    b = np.add.outer(np.arange(count - 1) * 2 * count, (np.arange(2 * count) + 1) % (2 * count))
+    below = 2 * count
+    quads = np.stack([a, a + below, b + below, b], axis=-1).reshape(-1, 4)
+    return np.concatenate(rows), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+
+
+@pytest.mark.parametrize("distance", [10.0, 1e3, 1e6, 1e9])
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e20])
+def test_rays_that_begin_far_away_hit_as_those_nearby(module: Any, distance: float, scale: float) -> None:
+    rng = np.random.default_rng(5)
+    vertices, faces = ball()
+    ways = rng.normal(size=(2000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    aims = rng.uniform(-0.57, 0.57, size=(2000, 3))  # within the sphere
+    intersector = module.RayMeshIntersector(SimpleNamespace(vertices=scale * vertices, faces=faces))
+    hit = intersector.intersects_any(scale * (aims - distance * ways), scale * ways)
+    assert hit.sum() == 2000
+    assert not intersector.intersects_any(scale * (aims + distance * ways), ways).any()
+    assert not intersector.intersects_any(scale * (aims + 4 * np.cross(ways, aims) - distance * ways + 9), ways).all()
+    _, rays, points = intersector.intersects_id(
+        scale * (aims - distance * ways), ways, max_hits=1, return_locations=True
+    )
+    # The points lie on their rays, up to the roundings of an origin far away.
+    off = points / scale - aims[rays]
+    away = np.linalg.norm(off - (off * ways[rays]).sum(axis=1, keepdims=True) * ways[rays], axis=1)
+    assert away.max() < max(1e-5, 4e-15 * distance)
+
+
+@pytest.mark.parametrize("value", [1e9, -1e300, np.nan, np.inf])
+def test_vertices_that_no_face_uses_change_nothing(module: Any, value: float) -> None:
+    mesh = sheets(2)
+    mesh.vertices = np.concatenate([mesh.vertices, [[value, 0, 0]]])
+    intersector = module.RayMeshIntersector(mesh)
+    assert intersector.intersects_id(*UP)[0].tolist() == [0, 2]
+    # A face that uses it is left out, or is where it is; the others stay.
+    mesh.faces = np.concatenate([mesh.faces, [[0, 1, 8]]])
+    found = module.RayMeshIntersector(mesh).intersects_id(*UP)[0].tolist()
+    assert found == [0, 2] or np.isfinite(value)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("column", ["ray_origins", "ray_directions"])
+def test_rays_that_are_not_finite_are_refused_by_name(module: Any, value: float, column: str) -> None:
+    rays = {"ray_origins": UP[0].copy(), "ray_directions": UP[1].copy()}
+    rays[column][1, 2] = value
+    intersector = module.RayMeshIntersector(sheets(1))
+    for query in (intersector.intersects_any, intersector.intersects_first, intersector.intersects_id):
+        with pytest.raises(ValueError, match=rf"{column}\[1\]: expected finite numbers"):
+            query(**rays)
+
+
+@pytest.mark.parametrize("length", [1e-320, 1e-200, 1e200, 1e308])
+def test_directions_have_any_length(module: Any, length: float) -> None:
+    intersector = module.RayMeshIntersector(sheets(4))
+    ways = np.array([[0, 0, length]] * 3)
+    assert intersector.intersects_first(UP[0], ways).tolist() == [0, -1, 4]
+
+
+@pytest.mark.parametrize(
+    "faces", [[[0, 1, 2**32 + 2]], [[0, 1, -1]], np.array([[0, 1, 2**64 - 1]], np.uint64), [[0, 1, 2.5]], [[0, 1]]]
+)
+def test_indices_that_are_none_are_refused(module: Any, faces: Any) -> None:
+    mesh = SimpleNamespace(vertices=sheets(1).vertices, faces=faces)
+    with pytest.raises(ValueError, match=r"index|expected whole numbers|expected shape"):
+        module.RayMeshIntersector(mesh).intersects_any(*UP)
+
+
+def test_whole_numbers_of_any_type_are_indices(module: Any) -> None:
+    for kind in (np.uint8, np.int16, np.uint64, np.float64):
+        mesh = SimpleNamespace(vertices=sheets(1).vertices, faces=sheets(1).faces.astype(kind))
+        assert module.RayMeshIntersector(mesh).intersects_any(*UP).tolist() == [True, False, False]

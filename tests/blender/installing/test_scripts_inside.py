@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scripts inside a Blender use package and native module of the enabled extension, or refuse it in one line."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import halfspace_native
+import package
+import pytest
+from user_session import built_wheel, made_zip, session
+
+from lab.base import inside
+
+STEPS = "installing/script_steps.py"
+
+SCRIPT = ("export", "grid", "--out", "tree.npz")
+
+
+def test_a_script_takes_the_extension_of_any_repository(zips: dict[str, str], tmp_path: Path) -> None:
+    found = session(tmp_path, STEPS, "run", zips["rebuilt"], str(package.ROOT), *SCRIPT)
+    assert found["installed"] == ""
+    assert found["status"] == 0, found["log"] + found["errors"]
+    assert found["out"].startswith("[export] Halfspace 0.1.0 (bl_ext.laboratory.halfspace, halfspace_native_")
+    (folder,) = found["package"]
+    assert Path(folder).resolve().is_relative_to(tmp_path.resolve())
+    assert (tmp_path / "tree.npz").is_file()
+
+
+def test_another_version_is_refused_in_one_line(tmp_path: Path) -> None:
+    changes = {"core/base/native.py": lambda text: text.replace('VERSION = "0.1.0"', 'VERSION = "0.0.9"')}
+    archive = made_zip(tmp_path, "other", built_wheel(), changes)
+    found = session(tmp_path, STEPS, "run", str(archive), str(package.ROOT), *SCRIPT)
+    assert found["status"] == 2
+    assert found["errors"].splitlines() == [
+        (
+            "export: the enabled extension (bl_ext.laboratory.halfspace) is Halfspace 0.0.9, this repository is 0.1.0: "
+            "use the same version"
+        )
+    ]
+    assert not (tmp_path / "tree.npz").exists()
+
+
+def test_the_native_module_has_the_interface_of_the_repository() -> None:
+    assert inside.differences(halfspace_native) == []
+
+
+@pytest.mark.parametrize(
+    ("lacks", "named"),
+    [("build", "build"), ("Monitor", "Monitor"), ("free_memory", "free_memory")],
+)
+def test_what_another_build_lacks_is_named(lacks: str, named: str) -> None:
+    names = [name for name in dir(halfspace_native) if name != lacks]
+    other = SimpleNamespace(**{name: getattr(halfspace_native, name) for name in names})
+    assert inside.differences(other) == [named]
+
+
+def test_other_methods_and_parameters_are_named() -> None:
+    def build(vertices: Any, triangles: Any) -> None:
+        """Has fewer parameters."""
+
+    everything = {name: getattr(halfspace_native, name) for name in dir(halfspace_native)}
+    assert inside.differences(SimpleNamespace(**(everything | {"build": build}))) == ["build"]
+    methods = [name for name in dir(halfspace_native.Structure) if not name.startswith("_") and name != "refit"]
+    fewer = SimpleNamespace(**{name: getattr(halfspace_native.Structure, name) for name in methods})
+    found = inside.differences(SimpleNamespace(**(everything | {"Structure": fewer})))
+    assert "Structure.refit" in found
+
+
+def test_scripts_that_run_inside_a_blender_begin_with_the_extension() -> None:
+    for path in (package.ROOT / "scripts").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if "Inside Blender" not in text:
+            continue
+        names = [
+            module
+            for item in ast.parse(text).body
+            if isinstance(item, ast.ImportFrom) and (module := item.module or "").split(".")[0] in ("addon", "lab")
+        ]
+        assert names[0] == "lab.base", path
+        assert f'inside.adopt("{path.stem}")' in text
