@@ -119,11 +119,11 @@ class _Ears:
         if self._bend(ear) <= 0:
             return False
         before, tip, after = self.flat[ear]
-        others = np.setdiff1d(self.rest, ear, assume_unique=True)
         # Only few corners lie in the box around the triangle.
         box = self.flat[ear]
-        places = self.flat[others]
-        others = others[((places >= box.min(axis=0)) & (places <= box.max(axis=0))).all(axis=1)]
+        low, high, (x, y) = box.min(axis=0), box.max(axis=0), self.flat[self.rest].T
+        others = self.rest[(x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])]
+        others = others[~np.isin(others, ear)]
         places = self.flat[others]
         inside = np.ones(len(others), np.bool_)
         for p, q in ((before, tip), (tip, after), (after, before)):
