@@ -17,14 +17,14 @@ Blender's `mathutils`, vectors are NumPy arrays of three float32. The class diff
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _compiled
+from . import _arrays, _compiled
 
 native = _compiled.module()
 
@@ -42,6 +42,9 @@ NOTHING: Found = (None, None, None, None)
 
 _MOST = 1e300
 """As good as no limit for distances of float32, and no product with it overflows."""
+
+SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+"""Types of Blender's objects that have triangles."""
 
 FAR = 1.84467e19
 """Largest distance of nearest polygons unless another is given, as in Blender."""
@@ -71,8 +74,8 @@ class BVHTree:
         polygons: npt.ArrayLike | None = None,
         normals: npt.ArrayLike | None = None,
     ) -> None:
-        self._vertices = _float32(np.asarray(vertices, np.float64).reshape(-1, 3))
-        indices = np.asarray(triangles, np.int64).reshape(-1, 3)
+        self._vertices = _float32(_corners(vertices))
+        indices = _arrays.indices("triangles", triangles)
         self._structure = native.build(self._vertices, indices, "bvh-sah")
         self._triangles = indices
         self._polygons = np.arange(len(indices)) if polygons is None else np.asarray(polygons, np.int64)
@@ -86,24 +89,26 @@ class BVHTree:
     @classmethod
     def FromPolygons(  # noqa: N802 (the name in Blender)
         cls,
-        vertices: npt.ArrayLike,
-        polygons: Sequence[Sequence[int]] | npt.NDArray[Any],
+        vertices: npt.ArrayLike | Iterable[Sequence[float]],
+        polygons: Iterable[Iterable[int]] | npt.NDArray[Any],
         all_triangles: bool = False,
         epsilon: float = 0.0,  # noqa: ARG003 (in Blender's order)
     ) -> BVHTree:
         """The tree of polygons over vertices.
 
-        vertices: (n, 3). polygons: the indices of the vertices of each, those of fewer than three are never found.
+        vertices: (n, 3). polygons: the indices of the vertices of each, those of fewer than three are never found. Both
+        may be generators.
         Polygons of more than three are cut into triangles in their plane, a quadrilateral at its second and fourth
         vertex if this diagonal lies inside. all_triangles: promises that all have three. epsilon: without effect.
         Raises ValueError for indices out of range, and for other polygons than promised.
         """
-        points = np.asarray(vertices, np.float64).reshape(-1, 3)
-        _check(polygons, len(points), 3 if all_triangles else None)
+        points = _corners(vertices)
+        listed = polygons if isinstance(polygons, np.ndarray) else [tuple(polygon) for polygon in polygons]
+        _check(listed, len(points), 3 if all_triangles else None)
         if all_triangles:
-            return cls(points, np.asarray(polygons, np.int64))
+            return cls(points, np.asarray(listed, np.int64))
         # Round the vertices first: the triangles must suit what is traced.
-        return cls(points, *_cut(_float32(points).astype(np.float64), polygons))
+        return cls(points, *_cut(_float32(points).astype(np.float64), listed))
 
     @classmethod
     def FromObject(  # noqa: N802 (the name in Blender)
@@ -114,22 +119,29 @@ class BVHTree:
         cage: bool = False,
         epsilon: float = 0.0,  # noqa: ARG003 (in Blender's order)
     ) -> BVHTree:
-        """The tree of a mesh object of Blender as `depsgraph` evaluates it, in the object's space.
+        """The tree of an object of Blender as `depsgraph` evaluates it, in the object's space: of a mesh, or of the
+        surface of a curve, text, surface or metaball.
 
         Its triangles are those that Blender makes, and as there each has its own normal. epsilon: without effect.
-        Raises ValueError for an object without mesh, and for deform=False or cage=True: Python cannot reach these.
+        Raises ValueError for an object without surface, and for deform=False or cage=True: Python cannot reach these.
         """
         if not deform or cage:
             raise ValueError("deform, cage: only deform=True and cage=False are offered")
-        if object.type != "MESH":
-            raise ValueError(f"object: expected a mesh, got {object.type}")
-        mesh = object.evaluated_get(depsgraph).data
-        count = len(mesh.loop_triangles)
-        vertices = np.empty(3 * len(mesh.vertices), np.float32)
-        triangles, polygons = np.empty(3 * count, np.int32), np.empty(count, np.int32)
-        mesh.vertices.foreach_get("co", vertices)
-        mesh.loop_triangles.foreach_get("vertices", triangles)
-        mesh.loop_triangles.foreach_get("polygon_index", polygons)
+        if object.type not in SURFACES:
+            raise ValueError(f"object: expected a mesh or a surface, got {object.type}")
+        evaluated = object.evaluated_get(depsgraph)
+        mesh = evaluated.to_mesh()
+        try:
+            if mesh is None or (object.type != "MESH" and not len(mesh.polygons)):
+                raise ValueError(f"object: expected a mesh or a surface, got {object.type} without one")
+            count = len(mesh.loop_triangles)
+            vertices = np.empty(3 * len(mesh.vertices), np.float32)
+            triangles, polygons = np.empty(3 * count, np.int32), np.empty(count, np.int32)
+            mesh.vertices.foreach_get("co", vertices)
+            mesh.loop_triangles.foreach_get("vertices", triangles)
+            mesh.loop_triangles.foreach_get("polygon_index", polygons)
+        finally:
+            evaluated.to_mesh_clear()
         return cls(vertices, triangles, polygons)
 
     @classmethod
@@ -238,6 +250,14 @@ class BVHTree:
         return points, normals, polygons, np.where(none, np.float32(np.inf), distances)
 
 
+def _corners(vertices: Any) -> Doubles:
+    """Vertices as (n, 3) float64, from an array, flat or not, or from anything to iterate over. Raises ValueError."""
+    array = np.asarray(vertices if isinstance(vertices, np.ndarray) else list(vertices), np.float64)
+    if array.size and (array.shape[1:] != (3,) if array.ndim != 1 else array.size % 3):
+        raise ValueError(f"vertices: expected shape (n, 3), got {array.shape}")
+    return array.reshape(-1, 3)
+
+
 def _float32(numbers: Doubles) -> Floats:
     """Numbers rounded to float32; those beyond its range become infinite."""
     with np.errstate(over="ignore", under="ignore"):
@@ -287,6 +307,8 @@ def _check(polygons: Sequence[Sequence[int]] | npt.NDArray[Any], count: int, siz
         for index in polygon:
             if not 0 <= index < count:
                 raise ValueError(f"polygons[{number}]: index {index} is out of range for {count} vertices")
+            if int(index) != index:
+                raise ValueError(f"polygons[{number}]: index {index} is no whole number")
 
 
 def _cut(points: Doubles, polygons: Sequence[Sequence[int]] | npt.NDArray[Any]) -> tuple[Integers, Integers, Doubles]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _compiled
+from . import _arrays, _compiled
 
 if TYPE_CHECKING:
     from halfspace_native import Structure
@@ -39,16 +39,33 @@ DIRECTIONS = np.random.default_rng(20).normal(size=(16, 3)).astype(np.float32)
 """Directions of rays that tell inside from outside, tried in turn where a ray meets an edge."""
 
 
+BY_MATRICES = ("intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px")
+BY_ANGLE = ("fov_deg", "center", "eye", "up", "width_px", "height_px")
+"""Arguments of the two forms of create_rays_pinhole(), in Open3D's order."""
+
+SHAPES = {"intrinsic_matrix": (3, 3), "extrinsic_matrix": (4, 4), "center": (3,), "eye": (3,), "up": (3,)}
+
+
 class RaycastingScene:
     """Triangles of one or more geometries. The structure is built at the first query after a geometry is added.
 
-    nthreads: threads of the build, 0 = all. device: None or a device of Open3D, which must be the CPU. structure: a
-    configuration of the family `bvh-sah`, or for rays alone any other; the answers are the same. Raises ValueError.
+    nthreads: threads of the build, 0 = all, or another scene, as `other`, to copy it. device: None or a device of
+    Open3D, which must be the CPU. structure: a configuration of the family `bvh-sah`, or for rays alone any other; the
+    answers are the same. Raises ValueError.
     """
 
     INVALID_ID = INVALID
 
-    def __init__(self, nthreads: int = 0, device: Any = None, *, structure: str = "bvh-sah") -> None:
+    def __init__(
+        self, nthreads: Any = 0, device: Any = None, *, other: RaycastingScene | None = None, structure: str = "bvh-sah"
+    ) -> None:
+        source = nthreads if isinstance(nthreads, RaycastingScene) else other
+        if source is not None:
+            # Arrays and structures never change, only the lists of them.
+            self.__dict__.update(
+                {name: list(one) if isinstance(one, list) else one for name, one in vars(source).items()}
+            )
+            return
         if device is not None and not str(device).upper().startswith("CPU"):
             raise ValueError(f"device: expected the CPU, got {device}")
         self._nthreads, self._spec = nthreads, structure
@@ -57,21 +74,29 @@ class RaycastingScene:
         self._built: _Built | None = None
         self._tensor: Any = None  # the class of tensors, if a geometry is one
 
-    def add_triangles(self, vertex_positions: Any, triangle_indices: Any = None) -> int:
+    def __copy__(self) -> RaycastingScene:
+        """Another scene with the same geometries."""
+        return RaycastingScene(other=self)
+
+    def __deepcopy__(self, _memo: Any) -> RaycastingScene:
+        """Another scene with the same geometries."""
+        return RaycastingScene(other=self)
+
+    def add_triangles(self, vertex_positions: Any = None, triangle_indices: Any = None, *, mesh: Any = None) -> int:
         """Add a geometry and return its number, counted from 0.
 
-        vertex_positions: (n, 3), rounded to float32, or a mesh of Open3D (`open3d.t.geometry.TriangleMesh`).
+        vertex_positions: (n, 3), rounded to float32, or a mesh of Open3D (`open3d.t.geometry.TriangleMesh`), as `mesh`.
         triangle_indices: (m, 3) integers, not with a mesh. Raises ValueError for other shapes.
         """
         if triangle_indices is None:
-            mesh = vertex_positions
+            mesh = vertex_positions if mesh is None else mesh
             vertex_positions, triangle_indices = mesh.vertex.positions, mesh.triangle.indices
         if _is_tensor(vertex_positions):
             self._tensor = type(vertex_positions)
-        vertices, triangles = _array(vertex_positions), np.asarray(_numpy(triangle_indices), np.int64)
-        for name, found in (("vertex_positions", vertices), ("triangle_indices", triangles)):
-            if found.ndim != 2 or found.shape[1] != 3:
-                raise ValueError(f"{name}: expected shape (n, 3), got {found.shape}")
+        vertices = _array(vertex_positions)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"vertex_positions: expected shape (n, 3), got {vertices.shape}")
+        triangles = _arrays.indices("triangle_indices", _numpy(triangle_indices))
         self._vertices.append(vertices)
         self._triangles.append(triangles)
         self._built = None
@@ -178,6 +203,35 @@ class RaycastingScene:
             open_points = open_points[np.unique(rays[on_edge])]
         return self._like(query_points, inside.reshape(shape))
 
+    @staticmethod
+    def create_rays_pinhole(*arguments: Any, **named: Any) -> Any:
+        """The rays of a pinhole camera through the centres of its pixels: (height_px, width_px, 6) float32.
+
+        Either intrinsic_matrix, (3, 3), extrinsic_matrix, (4, 4) from the world to the camera, width_px and height_px;
+        or fov_deg, the horizontal angle, center, the point in the middle, eye, up, width_px and height_px. The depth of
+        a direction is 1, so that t_hit is the depth of a hit. Raises TypeError and ValueError for other arguments.
+        """
+        names = BY_MATRICES if len(arguments) + len(named) == len(BY_MATRICES) else BY_ANGLE
+        given = dict(zip(names, arguments, strict=False)) | named
+        if len(arguments) + len(named) != len(names) or given.keys() != set(names):
+            raise TypeError(f"create_rays_pinhole: expected {', '.join(BY_MATRICES)}, or {', '.join(BY_ANGLE)}")
+        tensor = next((type(one) for one in given.values() if _is_tensor(one)), None)
+        width, height = (int(given.pop(name)) for name in ("width_px", "height_px"))
+        camera = {name: _shaped(name, value, SHAPES.get(name, ())) for name, value in given.items()}
+        if names is BY_ANGLE:
+            turn = _turned(camera["eye"], camera["center"], camera["up"])
+            eye = camera["eye"]
+            focus = 0.5 * width / np.tan(np.radians(camera["fov_deg"]) / 2)
+            inverse = np.array([[1 / focus, 0, -width / 2 / focus], [0, 1 / focus, -height / 2 / focus], [0, 0, 1]])
+        else:
+            turn, shift = camera["extrinsic_matrix"][:3, :3], camera["extrinsic_matrix"][:3, 3]
+            eye = -turn.T @ shift
+            inverse = np.linalg.inv(camera["intrinsic_matrix"])
+        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ (turn.T @ inverse).T
+        rays = np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=-1).astype(np.float32)
+        return rays if tensor is None else tensor.from_numpy(rays)
+
     def _like(self, example: Any, found: npt.NDArray[Any]) -> Any:
         """The array, as a tensor if the example or a geometry is one."""
         kind = type(example) if _is_tensor(example) else self._tensor
@@ -274,6 +328,24 @@ def _rays(rays: Any) -> tuple[Floats, Floats, tuple[int, ...]]:
         raise ValueError(f"rays: expected shape (..., 6), got {both.shape}")
     flat = both.reshape(-1, 6)
     return np.ascontiguousarray(flat[:, :3]), np.ascontiguousarray(flat[:, 3:]), both.shape[:-1]
+
+
+def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """A value of this shape in float64. Raises ValueError."""
+    found = np.asarray(_numpy(value), np.float64)
+    if found.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {found.shape}")
+    return found
+
+
+def _turned(eye: Any, center: Any, up: Any) -> npt.NDArray[np.float64]:
+    """The rows of a rotation from the world to a camera whose z axis points at `center` and its y axis along `up`."""
+    z = center - eye
+    x = np.cross(up, z)
+    if not x.any():
+        raise ValueError("create_rays_pinhole: expected center apart from eye, and up not along the view")
+    y = np.cross(z, x)
+    return np.array([axis / np.linalg.norm(axis) for axis in (x, y, z)])
 
 
 def _points(points: Any) -> tuple[Floats, tuple[int, ...]]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import re
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 
 class UsageError(ValueError):
@@ -19,6 +19,12 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise UsageError with argparse's message."""
         raise UsageError(message)
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Refuse empty values, which commands would take for options that are not given."""
+        if action.type is None and not arg_string.strip():
+            raise argparse.ArgumentError(action, f"expected a value, got {arg_string!r}")
+        return super()._get_value(action, arg_string)
 
 
 def output(text: str) -> Path:

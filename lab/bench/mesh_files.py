@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Triangles of .ply, .stl and .obj files, read without Blender.
 
-Polygons are split into fans around their first corner. As in Blender's importers, the coordinates of .ply and .stl are
+Polygons are cut into triangles within their outline. As in Blender's importers, the coordinates of .ply and .stl are
 kept, and those of .obj, whose y axis points up, are rotated so that z does.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import F32, I32
 from addon.core.base.native import first_line
-from addon.core.scene import workload
+from addon.core.scene import polygons, workload
 from addon.core.scene.workload import Workload, WorkloadError, framing_view
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -116,14 +116,30 @@ def read_ply(data: bytes) -> Mesh:
     rows = _ascii_rows(body) if not order else _binary_rows(body, order)
     for element in elements:
         tables[element.name] = rows(element)
-    vertex, face = tables.get("vertex"), tables.get("face")
+    vertex = tables.get("vertex")
     if vertex is None or not {"x", "y", "z"} <= vertex.keys():
         raise MeshError("its element vertex has no x, y and z")
-    items = next((name for name in ("vertex_indices", "vertex_index") if face and f"{name}#" in face), None)
-    if face is None or items is None:
-        raise MeshError("its element face has no list vertex_indices")
     corners = np.stack([vertex[axis] for axis in "xyz"], axis=1)
-    return corners, _fans(face[items].astype(np.int64), face[f"{items}#"].astype(np.int64))
+    found = []
+    for name in ("face", "tristrips"):
+        table = tables.get(name, {})
+        items = next((key for key in ("vertex_indices", "vertex_index") if f"{key}#" in table), None)
+        if items is None:
+            continue
+        numbers, counts = table[items].astype(np.int64), table[f"{items}#"].astype(np.int64)
+        found.append(_strips(numbers, counts) if name == "tristrips" else _polygons(corners, numbers, counts))
+    if not found:
+        raise MeshError("its element face has no list vertex_indices, and there are no tristrips")
+    return corners, np.concatenate(found)
+
+
+def _polygons(
+    vertices: NDArray[np.float64], corners: NDArray[np.int64], counts: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """The triangles of polygons, (m, 3), by the vertices as they are traced, in float32. Raises MeshError."""
+    with np.errstate(over="ignore"):
+        traced = vertices.astype(np.float32).astype(np.float64)
+    return polygons.triangles(traced, _checked(corners, len(vertices)), counts)
 
 
 def _ply_header(lines: list[str]) -> tuple[str, list[Element]]:
@@ -223,15 +239,30 @@ def _empty(element: Element) -> Columns:
     return {name: np.zeros(0) for name in names}
 
 
-def _fans(corners: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Polygons as triangles, (m, 3). corners: of all polygons, end to end. counts: number of corners of each polygon;
-    polygons with fewer than 3 are dropped.
+def _strips(items: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The triangles of strips, (m, 3).
+
+    items: the vertices of all lists, end to end, -1 between strips. counts: number of items of each list.
     """
-    starts = np.cumsum(counts) - counts
-    parts = np.maximum(counts - 2, 0)
-    first = np.repeat(starts, parts)
-    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+    # A list ends its last strip, too.
+    ends = np.cumsum(counts)
+    items = np.insert(items, ends, -1)
+    whole = np.stack([items[:-2], items[1:-1], items[2:]], axis=1) if len(items) > 2 else np.zeros((0, 3), np.int64)
+    # Every second triangle of a strip is turned, counted from its beginning.
+    begin = np.maximum.accumulate(np.where(np.r_[-1, items[:-1]] < 0, np.arange(len(items)), 0))[: len(whole)]
+    is_odd = (np.arange(len(whole)) - begin) % 2 == 1
+    whole[is_odd] = whole[is_odd][:, [1, 0, 2]]
+    a, b, c = whole.T
+    # Strips turn by triangles with a corner twice.
+    found: NDArray[np.int64] = whole[(whole >= 0).all(axis=1) & (a != b) & (b != c) & (c != a)]
+    return found
+
+
+def _checked(corners: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Indices of vertices. Raises MeshError if one is not among `count`."""
+    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
+        raise MeshError(f"a triangle has a vertex that is not among the {count:,} of the file")
+    return corners
 
 
 def read_stl(data: bytes) -> Mesh:
@@ -266,10 +297,13 @@ def read_obj(data: bytes) -> Mesh:
         elif words[0] == b"f":
             # An index counts from 1; a negative one counts back from the newest vertex.
             indices = [int(word.partition(b"/")[0]) for word in words[1:]]
+            if 0 in indices:
+                raise MeshError(f"face {len(counts) + 1:,} has the index 0, and indices count from 1")
             corners += [index - 1 if index > 0 else index + len(vertices) for index in indices]
             counts.append(len(indices))
     x, y, z = np.array(vertices, np.float64).reshape(-1, 3).T
-    return np.stack([x, -z, y], axis=1), _fans(np.array(corners, np.int64), np.array(counts, np.int64))
+    turned = np.stack([x, -z, y], axis=1)
+    return turned, _polygons(turned, np.array(corners, np.int64), np.array(counts, np.int64))
 
 
 def _obj_lines(data: bytes) -> Iterator[list[bytes]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from bpy.props import StringProperty
+from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ...core.base import native
@@ -64,6 +64,17 @@ class HALFSPACE_OT_import_arrays(bpy.types.Operator, ImportHelper):
     filename_ext = ".npz"
     filter_glob: StringProperty(default="*.npz", options={"HIDDEN"})  # type: ignore[valid-type]
 
+    up_axis: EnumProperty(  # type: ignore[valid-type]
+        name="Up Axis",
+        description="Axis of the file that points upwards in Blender",
+        items=[
+            ("FILE", "As in the File", "The axis that the file names, or Z", 0),
+            ("X", "X", "", 1),
+            ("Y", "Y", "", 2),
+            ("Z", "Z", "", 3),
+        ],
+    )
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return native.problem() is None and context.scene is not None
@@ -74,7 +85,7 @@ class HALFSPACE_OT_import_arrays(bpy.types.Operator, ImportHelper):
             loaded = workload.load_npz(Path(bpy.path.abspath(self.filepath)), memory_limit=limit)
         except BaseException as error:
             return failures.reported(self, error)
-        item = add(context.scene, loaded)
+        item = add(context.scene, loaded.upright(loaded.up_axis if self.up_axis == "FILE" else self.up_axis.lower()))
         item.select_set(True)
         context.view_layer.objects.active = item
         return {"FINISHED"}

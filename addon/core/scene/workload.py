@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -104,7 +105,7 @@ class Workload:
 
     vertices: (n, 3) float32. triangles: (m, 3) int32. extra: the scene's own ray sets, in addition to those of the
     view. render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, if the file has them.
-    peer: another renderer whose pictures are compared, too.
+    peer: another renderer whose pictures are compared, too. up_axis: x, y or z, as the file names it.
     Raises WorkloadError.
     """
 
@@ -117,6 +118,7 @@ class Workload:
     render_camera: Camera | None = None
     notes: tuple[str, ...] = field(default=())
     peer: Peer | None = None
+    up_axis: str = "z"
 
     def __post_init__(self) -> None:
         vertices, triangles = self.vertices, self.triangles
@@ -130,6 +132,13 @@ class Workload:
             raise WorkloadError(f"{self.name}: triangles: an index is out of range for {len(vertices)} vertices")
         if not np.isfinite(vertices[triangles.ravel()]).all(axis=1).any():
             raise WorkloadError(f"{self.name}: vertices: none is finite")
+
+    def upright(self, up_axis: str) -> Workload:
+        """The triangles and the view, rotated so that this axis points along z, as Blender's importers do."""
+        order, signs = _ROTATIONS[up_axis]
+        vertices: F32 = self.vertices[:, order] * np.array(signs, np.float32)
+        eye, target, up = (one[order] * np.array(signs) for one in (self.view.eye, self.view.target, self.view.up))
+        return Workload(self.name, vertices, self.triangles, replace(self.view, eye=eye, target=target, up=up))
 
     def fingerprint(self) -> str:
         """A hash of everything that is measured: equal for equal triangles, view and extra rays."""
@@ -227,7 +236,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
     published: as it was measured in a publication, where the file records it: without the triangles that stand for
     quadrics, and only the rendered part of the film.
     """
-    arrays = _arrays(path, (*_KEYS, *_PUBLISHED) if published else _KEYS, memory_limit)
+    arrays = _arrays(path, (*_KEYS, *_OPTIONAL, *(_PUBLISHED if published else ())), memory_limit)
     with _naming(path):
         whole = _whole(path.stem, arrays)
         return _as_published(whole, arrays) if published else whole
@@ -235,7 +244,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
 
 def load_both(path: Path) -> tuple[Workload, Workload]:
     """A scene and its published part, from one reading, as by `load_npz`. Raises WorkloadError."""
-    arrays = _arrays(path, (*_KEYS, *_PUBLISHED), None)
+    arrays = _arrays(path, (*_KEYS, *_OPTIONAL, *_PUBLISHED), None)
     with _naming(path):
         whole = _whole(path.stem, arrays)
         return whole, _as_published(whole, arrays)
@@ -245,19 +254,37 @@ def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict
     """Those of the wanted arrays that the file has. Raises WorkloadError."""
     try:
         # Open it here, because NumPy leaves a damaged file open.
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+        with path.open("rb") as raw, _archive(raw) as file:
             unpacked = sum(member.file_size for member in file.zip.infolist())
             if memory_limit is not None and unpacked > memory_limit:
                 raise WorkloadError(f"{path}: needs {unpacked:,} bytes of memory, of {memory_limit:,} that are free")
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
-            return {key: file[key] for key in wanted if key in file.files}
+            return {key: _array(file, key) for key in wanted if key in file.files}
     except WorkloadError:
         raise
     except Exception as error:
         # A damaged archive makes its readers raise anything, from struct.error to NotImplementedError.
         raise WorkloadError(f"{path}: cannot be read as .npz: {first_line(error)}") from error
+
+
+def _archive(raw: Any) -> Any:
+    """The arrays of an open file. Raises ValueError if it is none: NumPy's own message advises to run what is in it."""
+    if not zipfile.is_zipfile(raw):
+        raise ValueError("it is no NumPy archive")
+    raw.seek(0)
+    return np.load(raw, allow_pickle=False)
+
+
+def _array(file: Any, key: str) -> Any:
+    """An array of an archive. Raises ValueError if it holds objects of Python, without NumPy's advice."""
+    try:
+        return file[key]
+    except ValueError as error:
+        if "pickle" in str(error):
+            raise ValueError(f"{key}: expected numbers, got objects of Python") from error
+        raise
 
 
 @contextlib.contextmanager
@@ -282,7 +309,14 @@ def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
         least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
         if not 0 <= least <= most < len(vertices):
             raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
-    return Workload(name, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
+    up_axis = "z"
+    if "up_axis" in arrays:
+        found = arrays["up_axis"]
+        up_axis = str(found.reshape(-1)[0]).lower() if found.size == 1 and found.dtype.kind == "U" else ""
+        if up_axis not in ("x", "y", "z"):
+            raise WorkloadError(f"up_axis: expected x, y or z, got {found.tolist()!r}")
+    triangles = np.ascontiguousarray(arrays["triangles"], np.int32)
+    return Workload(name, vertices, triangles, view, up_axis=up_axis)
 
 
 def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
@@ -307,6 +341,10 @@ def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
 
 
 _KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
+_OPTIONAL = ("up_axis",)
+_ROTATIONS = {"x": ([2, 1, 0], (-1, 1, 1)), "y": ([0, 2, 1], (1, -1, 1)), "z": ([0, 1, 2], (1, 1, 1))}
+"""Order of the old axes and their signs, by the axis that becomes z."""
+
 _PUBLISHED = ("triangle_from_quadric", "camera_crop", "camera_right")
 
 

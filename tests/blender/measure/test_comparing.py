@@ -243,7 +243,6 @@ class Operator:
     _use: Any = compare_operators._Modal._use
     _done = compare_operators._Modal._done
     _end = compare_operators._Modal._end
-    _failed = compare_operators._Modal._failed
 
     def __init__(self) -> None:
         self.said: list[str] = []

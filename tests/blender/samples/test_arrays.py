@@ -57,3 +57,42 @@ def test_a_bad_file_is_named_and_adds_nothing(scene: Any, tmp_path: Path, bad: d
     with pytest.raises(RuntimeError, match=r"bad(\.npz)?: "):
         bpy.ops.halfspace.import_arrays(filepath=str(path))
     assert not scene.objects
+
+
+@pytest.mark.parametrize(
+    ("up", "option", "expected"),
+    [
+        ("y", "FILE", (0, -1, 2)),
+        ("Y", "FILE", (0, -1, 2)),
+        ("x", "FILE", (-1, 2, 0)),
+        ("z", "FILE", (0, 2, 1)),
+        (None, "FILE", (0, 2, 1)),
+        ("y", "Z", (0, 2, 1)),
+        (None, "Y", (0, -1, 2)),
+    ],
+)
+def test_the_up_axis_points_upwards(
+    scene: Any, tmp_path: Path, up: str | None, option: str, expected: tuple[float, ...]
+) -> None:
+    vertices = np.array([[0, 2, 1], [1, 0, 0], [0, 0, 5]], np.float32)
+    view = {"camera_eye": [9.0, 8.0, 7.0], "camera_up": [0.1, 1.0, 0.2]}
+    path = written(
+        tmp_path / "up.npz", vertices=vertices, triangles=[[0, 1, 2]], **view, **({} if up is None else {"up_axis": up})
+    )
+    assert bpy.ops.halfspace.import_arrays(filepath=str(path), up_axis=option) == {"FINISHED"}
+    item = bpy.context.view_layer.objects.active
+    assert tuple(item.data.vertices[0].co) == expected
+    # The camera sees the same picture: places relative to it are those of the file.
+    loaded = load_npz(path).view
+    right, above, ahead = loaded.axes()
+    for place, vertex in zip(item.data.vertices, vertices, strict=True):
+        local = scene.camera.matrix_world.inverted() @ place.co
+        assert np.allclose(local, [(vertex - loaded.eye) @ axis for axis in (right, above, -ahead)], atol=1e-5)
+
+
+@pytest.mark.parametrize("up", ["w", "", 2, ["y", "z"]])
+def test_an_up_axis_that_is_none_is_refused(scene: Any, tmp_path: Path, up: Any) -> None:
+    path = written(tmp_path / "bad.npz", up_axis=up)
+    with pytest.raises(RuntimeError, match="up_axis: expected x, y or z"):
+        bpy.ops.halfspace.import_arrays(filepath=str(path))
+    assert not scene.objects

@@ -166,7 +166,7 @@ def test_objects_and_bmeshes_have_their_polygons(scene: Any, add: Any) -> None:
     edited.free()
     with pytest.raises(ValueError, match="deform, cage"):
         bvhtree.BVHTree.FromObject(item, depsgraph, deform=False)
-    with pytest.raises(ValueError, match="expected a mesh, got CAMERA"):
+    with pytest.raises(ValueError, match="expected a mesh or a surface, got CAMERA"):
         bvhtree.BVHTree.FromObject(add("Camera", bpy.data.cameras.new("Camera")), depsgraph)
 
 
@@ -179,3 +179,55 @@ def test_quadrilaterals_have_blenders_diagonal(turn: int) -> None:
         one, other = (tree.ray_cast(Vector((x, y, 5)), Vector((0, 0, -1))) for tree in trees)
         assert one[3] == pytest.approx(other[3])
         assert (one[1] - other[1]).length < 1e-6
+
+
+ADD = {
+    "META": bpy.ops.object.metaball_add,
+    "SURFACE": bpy.ops.surface.primitive_nurbs_surface_sphere_add,
+    "FONT": bpy.ops.object.text_add,
+    "CURVE": bpy.ops.curve.primitive_bezier_circle_add,
+    "MESH": bpy.ops.mesh.primitive_monkey_add,
+}
+"""Operators by the type of the object that they add."""
+
+
+@pytest.mark.parametrize("kind", ADD)
+@pytest.mark.parametrize("modified", [False, True])
+def test_objects_of_all_types_have_blenders_surface(scene: Any, kind: str, modified: bool) -> None:
+    ADD[kind]()
+    item = bpy.context.object
+    assert item.type == kind
+    if kind == "CURVE":
+        item.data.bevel_depth = 0.2
+    if modified and kind != "META":
+        item.modifiers.new("Array", "ARRAY")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    ours, theirs = bvhtree.BVHTree.FromObject(item, depsgraph), BVHTree.FromObject(item, depsgraph)
+    for point in 6 * np.random.default_rng(4).random((100, 3), np.float32) - 3:
+        one, other = ours.find_nearest(point), theirs.find_nearest(Vector(point))
+        assert one[3] == pytest.approx(other[3], rel=1e-4, abs=1e-6)
+        assert (one[0] - other[0]).length < 1e-4 or one[2] != other[2]
+
+
+@pytest.mark.parametrize("kind", ["CURVE", "EMPTY", "CAMERA"])
+def test_objects_without_a_surface_are_refused_as_in_blender(scene: Any, kind: str) -> None:
+    if kind == "CURVE":
+        bpy.ops.curve.primitive_bezier_circle_add()
+    else:
+        bpy.ops.object.add(type=kind)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for make in (bvhtree.BVHTree, BVHTree):
+        with pytest.raises(ValueError, match=r"expected a mesh or a surface|Cannot get a mesh"):
+            make.FromObject(bpy.context.object, depsgraph)
+
+
+def test_generators_are_read_as_in_blender() -> None:
+    mesh = bpy.data.meshes.new("Square")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    found = [
+        make.FromPolygons((v.co for v in mesh.vertices), (p.vertices for p in mesh.polygons)).ray_cast(
+            Vector((0.2, 0.3, 2)), Vector((0, 0, -1))
+        )
+        for make in (bvhtree.BVHTree, BVHTree)
+    ]
+    assert found[0] == found[1]

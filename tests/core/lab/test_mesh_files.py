@@ -140,3 +140,70 @@ def test_a_benchmark_reads_meshes_where_blender_is_missing(tmp_path: Path, monke
     (tmp_path / "a.glb").touch()
     with pytest.raises(ValueError, match="needs Blender"):
         scenes.loader(str(tmp_path / "a.glb"), (8, 8))
+
+
+ARROW = [(2, 2, 0), (0, 1, 0), (-2, 2, 0), (0, 0, 0)]
+"""A concave square of area 2, whose reflex corner is not the first."""
+
+
+def area(loaded: Workload) -> float:
+    """The area of all triangles."""
+    a, b, c = loaded.vertices[loaded.triangles].astype(float).transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+@pytest.mark.parametrize("shift", range(4))
+@pytest.mark.parametrize("name", ["a.obj", "a.ply"])
+def test_concave_polygons_have_their_area(tmp_path: Path, name: str, shift: int) -> None:
+    corners = ARROW[shift:] + ARROW[:shift]
+    if name == "a.obj":
+        data = "".join("v {} {} {}\n".format(*corner) for corner in corners) + "f 1 2 3 4\n"
+    else:
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        data = f"ply\nformat ascii 1.0\nelement vertex 4\n{axes}element face 1\nproperty list uchar int vertex_index\n"
+        data += "end_header\n" + "".join("{} {} {}\n".format(*corner) for corner in corners) + "4 0 1 2 3\n"
+    assert area(load(tmp_path / name, data.encode())) == pytest.approx(2)
+
+
+def strips(lists: list[list[int]], form: str) -> bytes:
+    """A PLY file of strips over a row of vertices at the heights 0 and 1."""
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat {form} 1.0\nelement vertex 8\n{axes}element tristrips {len(lists)}\n"
+    data = (head + "property list int int vertex_indices\nend_header\n").encode()
+    corners = [(i // 2, i % 2, 0) for i in range(8)]
+    if form == "ascii":
+        rows = [*corners, *([len(one), *one] for one in lists)]
+        return data + "".join(" ".join(map(str, row)) + "\n" for row in rows).encode()
+    data += b"".join(struct.pack("<3f", *corner) for corner in corners)
+    return data + b"".join(struct.pack(f"<{len(one) + 1}i", len(one), *one) for one in lists)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize(
+    ("lists", "expected"),
+    [
+        ([[0, 2, 1, 3]], [[0, 2, 1], [1, 2, 3]]),
+        ([[0, 2, 1, 3, -1, 4, 6, 5, 7, -1]], [[0, 2, 1], [1, 2, 3], [4, 6, 5], [5, 6, 7]]),
+        ([[0, 2, 1], [2, 4, 3, 5, 5, 6]], [[0, 2, 1], [2, 4, 3], [3, 4, 5]]),
+        ([[0, 2, 1, -1, -1, 3, 4, 5, 6]], [[0, 2, 1], [3, 4, 5], [5, 4, 6]]),
+        ([[], [0, 1], [0, 2, 1]], [[0, 2, 1]]),
+    ],
+)
+def test_strips_turn_every_second_triangle(
+    tmp_path: Path, form: str, lists: list[list[int]], expected: list[list[int]]
+) -> None:
+    found = load(tmp_path / "a.ply", strips(lists, form)).triangles.tolist()
+    # A triangle may begin at any of its corners.
+    assert [one[one.index(min(one)) :] + one[: one.index(min(one))] for one in found] == [
+        one[one.index(min(one)) :] + one[: one.index(min(one))] for one in expected
+    ]
+
+
+def test_strips_have_no_vertex_of_another_file(tmp_path: Path) -> None:
+    with pytest.raises(WorkloadError, match="a vertex that is not among the 8"):
+        load(tmp_path / "a.ply", strips([[0, 1, 99]], "ascii"))
+
+
+def test_the_index_0_of_an_obj_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorkloadError, match="face 1 has the index 0"):
+        load(tmp_path / "a.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n")

@@ -157,8 +157,22 @@ def test_a_file_that_changes_while_it_is_read(
 
 def test_objects_in_a_file_are_never_loaded(tmp_path: Path) -> None:
     path = save(tmp_path, vertices=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(WorkloadError, match="cannot be read"):
+    with pytest.raises(
+        WorkloadError, match=r"cannot be read as \.npz: vertices: expected numbers, got objects"
+    ) as error:
         workload.load_npz(path)
+    assert "pickle" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"v 0 0 0\n", b"ply\nformat ascii 1.0\n", b"\x93NUMPY\x01\x00", b"\x80\x04N.", "é".encode()]
+)
+def test_another_file_of_this_name_is_refused_without_advice(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "text.npz"
+    path.write_bytes(content)
+    with pytest.raises(WorkloadError) as error:
+        workload.load_npz(path)
+    assert str(error.value) == f"{path}: cannot be read as .npz: it is no NumPy archive"
 
 
 def test_a_single_array_is_no_scene(tmp_path: Path) -> None:

@@ -132,3 +132,39 @@ def test_nothing_is_found_in_an_empty_tree(module: Any) -> None:
     for tree in (module.BVHTree.FromPolygons([], []), module.BVHTree.FromPolygons(VERTICES, [(0, 1)])):
         assert tree.find_nearest((0, 0, 0)) == tree.ray_cast((0, 0, 1), (0, 0, -1)) == (None, None, None, None)
         assert tree.find_nearest_range((0, 0, 0)) == tree.overlap(tree) == []
+
+
+def test_generators_are_read_once(module: Any) -> None:
+    whole = module.BVHTree.FromPolygons(VERTICES, POLYGONS)
+    for vertices, polygons in (
+        ((tuple(v) for v in VERTICES), (polygon for polygon in POLYGONS)),
+        (iter(VERTICES), (iter(polygon) for polygon in POLYGONS)),
+        (map(list, VERTICES), map(np.array, POLYGONS)),
+    ):
+        made = module.BVHTree.FromPolygons(vertices, polygons)
+        for point in ((0.3, 0.2, 2.0), (5, 5, 5)):
+            assert str(made.find_nearest(point)) == str(whole.find_nearest(point))
+    triangles = (polygon[:3] for polygon in POLYGONS)
+    assert (
+        module.BVHTree.FromPolygons(iter(VERTICES), triangles, all_triangles=True).find_nearest((0, 0, 9))[2]
+        is not None
+    )
+
+
+@pytest.mark.parametrize(
+    ("vertices", "polygons"),
+    [
+        ([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]),
+        ([(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)], [(0, 1, 2)]),
+        (VERTICES, [(0, 1, 2**32 + 2)]),
+        (VERTICES, [(0, 1, 2.5)]),
+        (VERTICES, [(0, 1, math.nan)]),
+    ],
+)
+def test_what_is_no_vertex_and_no_index_is_refused(module: Any, vertices: Any, polygons: Any) -> None:
+    for all_triangles in (False, True):
+        with pytest.raises(ValueError, match=r"expected shape|out of range|no whole number"):
+            module.BVHTree.FromPolygons(vertices, polygons, all_triangles)
+    if len(vertices) == len(VERTICES):
+        with pytest.raises(ValueError, match=r"range|whole numbers"):
+            module.BVHTree(vertices, polygons)

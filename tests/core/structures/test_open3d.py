@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import copy
+import inspect
 from typing import Any
 
 import foreign_tests
@@ -139,3 +141,91 @@ def test_a_scene_without_triangles_is_empty(module: Any) -> None:
     assert scene.cast_rays(RAYS)["geometry_ids"].tolist() == [scene.INVALID_ID] * 3
     assert scene.count_intersections(RAYS).tolist() == [0, 0, 0]
     assert scene.compute_distance(np.zeros((2, 3))).tolist() == [np.inf, np.inf]
+
+
+METHODS = {
+    "add_triangles": ["vertex_positions", "triangle_indices", "mesh"],
+    "cast_rays": ["rays", "nthreads"],
+    "compute_closest_points": ["query_points", "nthreads"],
+    "compute_distance": ["query_points", "nthreads"],
+    "compute_occupancy": ["query_points", "nthreads", "nsamples"],
+    "compute_signed_distance": ["query_points", "nthreads", "nsamples"],
+    "count_intersections": ["rays", "nthreads"],
+    "create_rays_pinhole": ["arguments", "named"],
+    "list_intersections": ["rays", "nthreads"],
+    "test_occlusions": ["rays", "tnear", "tfar", "nthreads"],
+}
+"""The methods of Open3D's class in version 0.20, with their arguments."""
+
+
+def test_every_method_of_open3d_is_there(module: Any) -> None:
+    scene = module.RaycastingScene
+    assert {name for name in dir(scene) if not name.startswith("_")} == {*METHODS, "INVALID_ID"}
+    for name, arguments in METHODS.items():
+        assert [one for one in inspect.signature(getattr(scene, name)).parameters if one != "self"] == arguments
+
+
+def test_rays_of_a_pinhole_camera_go_through_the_centres_of_pixels(module: Any) -> None:
+    create = module.RaycastingScene.create_rays_pinhole
+    rays = create(90.0, [1, 2, 0], [1, 2, 3], [0, 2, 0], 5, 3)
+    assert rays.shape == (3, 5, 6)
+    assert rays.dtype == np.float32
+    assert (rays[..., :3] == [1, 2, 3]).all()
+    np.testing.assert_allclose(rays[1, 2, 3:], [0, 0, -1], atol=1e-7)
+    # The field of view is that of the width; the depth of each direction is 1.
+    np.testing.assert_allclose(rays[..., 5], -1, atol=1e-7)
+    np.testing.assert_allclose(np.abs(rays[1, [0, 4], 3]), 0.8, atol=1e-6)
+    np.testing.assert_allclose(np.diff(rays[:, 2, 4]), 0.4, atol=1e-6)
+    # The same camera by its matrices.
+    turn = np.array([[-1, 0, 0], [0, 1, 0], [0, 0, -1.0]])
+    extrinsic = np.eye(4)
+    extrinsic[:3, :3], extrinsic[:3, 3] = turn, -turn @ [1, 2, 3]
+    intrinsic = np.array([[2.5, 0, 2.5], [0, 2.5, 1.5], [0, 0, 1]])
+    np.testing.assert_allclose(create(intrinsic, extrinsic, 5, 3), rays, atol=1e-6)
+    named = create(intrinsic_matrix=intrinsic, extrinsic_matrix=extrinsic, width_px=5, height_px=3)
+    np.testing.assert_allclose(named, rays, atol=1e-6)
+    assert create(fov_deg=60, center=[0, 0, 0], eye=[-1, -1, -1], up=[0, 0, 1], width_px=4, height_px=2).shape == (
+        2,
+        4,
+        6,
+    )
+    assert isinstance(create(Tensor(intrinsic), Tensor(extrinsic), 5, 3), Tensor)
+    scene = module.RaycastingScene()
+    scene.add_triangles(*box())
+    found = scene.cast_rays(create(20, [0.5, 0.5, 0.5], [0.5, 0.5, 5], [0, 1, 0], 8, 8))
+    assert found["t_hit"][3:5, 3:5].ravel().tolist() == pytest.approx([4] * 4)
+
+
+def test_bad_cameras_are_named(module: Any) -> None:
+    create = module.RaycastingScene.create_rays_pinhole
+    with pytest.raises(TypeError, match="expected intrinsic_matrix, extrinsic_matrix, width_px, height_px, or fov_deg"):
+        create(90.0, [0, 0, 0])
+    with pytest.raises(TypeError, match="expected intrinsic_matrix"):
+        create(90.0, [0, 0, 0], [0, 0, 1], [0, 1, 0], 5, tall=3)
+    with pytest.raises(ValueError, match=r"extrinsic_matrix: expected shape \(4, 4\), got \(3, 3\)"):
+        create(np.eye(3), np.eye(3), 5, 3)
+    for center, up in (([0, 0, 1], [0, 1, 0]), ([0, 0, 0], [0, 0, 1])):
+        with pytest.raises(ValueError, match="apart from eye"):
+            create(90.0, center, [0, 0, 1], up, 5, 3)
+
+
+def test_scenes_are_copied(module: Any) -> None:
+    scene = module.RaycastingScene()
+    scene.add_triangles(*box())
+    scene.cast_rays(RAYS)
+    for made in (module.RaycastingScene(scene), module.RaycastingScene(other=scene), copy.deepcopy(scene)):
+        assert made.add_triangles(*box(8.5, 9.5)) == 1
+        assert made.cast_rays(RAYS)["geometry_ids"].tolist() == [0, 0, 1]
+    assert scene.cast_rays(RAYS)["geometry_ids"].tolist() == [0, 0, scene.INVALID_ID]
+
+
+@pytest.mark.parametrize("value", [2**32 + 2, 2**63, -1, 1.5])
+def test_indices_that_are_none_are_refused(module: Any, value: Any) -> None:
+    scene = module.RaycastingScene()
+
+    def add() -> None:
+        scene.add_triangles(box()[0], np.array([[0, 1, value]]))
+        scene.cast_rays(RAYS)
+
+    with pytest.raises(ValueError, match=r"index out of range|expected whole numbers"):
+        add()
