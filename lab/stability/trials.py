@@ -38,7 +38,7 @@ CASES_PER_SEED = 60
 EXACT_PAIRS = 3_000_000
 """Number of ray-triangle pairs per trial that exact arithmetic decides."""
 
-VERSION = 3
+VERSION = 4
 """Version of the trials: increment when a number's scene or a row's content changes; older runs are not continued."""
 
 BLOCK = 64
@@ -192,6 +192,15 @@ def _boxes(count: int, random: Random) -> NDArray[Any]:
     return np.asarray(corners @ turn)
 
 
+def _sizes_away(count: int, random: Random) -> NDArray[Any]:
+    """Clusters of triangles, each from a tenth to 10^7 of its sizes away from the origin and from the others."""
+    units = 10.0 ** -random.integers(-1, 8, 5)
+    at = random.uniform(-1, 1, (5, 3))
+    own = random.integers(0, 5, count)
+    corners = random.uniform(-1, 1, (count, 1, 3)) + 0.5 * random.uniform(-1, 1, (count, 3, 3))
+    return np.asarray(at[own][:, None] + units[own][:, None, None] * corners).reshape(-1, 3)
+
+
 SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]], int], ...] = (
     ("random: soup", _soup, MANY),
     ("random: whole numbers", _lattice, MANY),
@@ -201,6 +210,7 @@ SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]], int], ...] = (
     ("random: one float apart", _nudged, FEW),
     ("random: closed surface", _closed, MANY),
     ("random: touching boxes", _boxes, MANY),
+    ("random: sizes away", _sizes_away, MANY),
 )
 """Kinds of random scenes: name, generator of (3 n, 3) corners of about n triangles, and number of rays."""
 
@@ -223,9 +233,15 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
         kinds = [chosen[:, 0], (chosen[:, 0] + chosen[:, 1]) / 2, inside, anywhere, np.rint(anywhere)]
         return np.choose(random.integers(0, len(kinds), count)[:, None], kinds)
 
+    # Origins up to 10^7 sizes of a triangle away from it, where weights need most digits.
+    def afar() -> NDArray[Any]:
+        chosen = corners[random.integers(0, len(corners), count)].astype(np.float64)
+        size = np.abs(chosen - chosen[:, :1]).max(axis=(1, 2))[:, None]
+        return chosen[:, 0] + size * 10.0 ** random.uniform(-1, 7, (count, 1)) * random.uniform(-1, 1, (count, 3))
+
     # Directions to points, random, along axes, and with single components scaled towards underflow.
     with np.errstate(all="ignore"):
-        origins = point().astype(np.float32)
+        origins = np.where(random.random((count, 1)) < 0.125, afar(), point()).astype(np.float32)
         to_point = point().astype(np.float32) - origins
         any_way = random.normal(size=(count, 3)) * half.max()
         along = random.choice([-1.0, 0.0, -0.0, 1.0], (count, 3)) * half.max()

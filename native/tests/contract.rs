@@ -7,6 +7,7 @@ mod far_scenes;
 mod hard;
 #[path = "hard/turns.rs"]
 mod turns;
+mod watertight;
 
 use all_ways::{specs, with};
 use halfspace::base::Monitor;
@@ -106,11 +107,7 @@ fn brute_force_answers_like_exact_arithmetic() {
         let hits = closest(&build(&scene, "brute", 1), &rays);
         for (ray, hit) in rays.iter().zip(&hits) {
             let exact = exact_closest(&scene, ray).hit;
-            assert_eq!(
-                (hit.t, hit.triangle),
-                (exact.t, exact.triangle),
-                "{name}: {ray:?}"
-            );
+            assert!(same(hit, &exact), "{name}: {ray:?} {hit:?} {exact:?}");
         }
     }
 }

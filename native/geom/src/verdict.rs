@@ -3,8 +3,8 @@
 //!
 //! Every structure, traversal, instruction set and packet width calls this one function for each candidate it
 //! finds; therefore all give the same answer. The verdict is exact for the f32 inputs: hit or miss is decided on the
-//! closed triangle without error, and `t` is the correctly rounded distance. f64 decides where its error bound
-//! allows; exact arithmetic decides the rest.
+//! closed triangle without error, and `t`, `u` and `v` are correctly rounded: each is the f32 nearest to the exact
+//! value, and none is -0.0. f64 decides where its error bound allows; exact arithmetic decides the rest.
 //!
 //! Edge functions follow Woop, Benthin and Wald 2013, section 3, without their shear; the bounds are in the manner
 //! of Shewchuk 1997, section 4.3, coarser and cheaper.
@@ -27,9 +27,9 @@ const WELL_CONDITIONED: f64 = 4_194_304.0;
 pub struct Verdict {
     /// Distance in units of the ray's direction, correctly rounded to f32; may be negative.
     pub t: f32,
-    /// Barycentric weight of the second vertex.
+    /// Barycentric weight of the second vertex, correctly rounded to f32, from 0 to 1.
     pub u: f32,
-    /// Barycentric weight of the third vertex.
+    /// Barycentric weight of the third vertex, correctly rounded to f32, from 0 to 1.
     pub v: f32,
 }
 
@@ -75,6 +75,27 @@ impl Seen {
         cross(self.sides[1], self.sides[2])
     }
 
+    /// Rounds the shares of the second and third vertex as [`rounded`], with bounds that are several times smaller and
+    /// take longer.
+    #[cold]
+    fn rounded(
+        &self,
+        direction: Vec3,
+        sum_error: f64,
+        inverse: f64,
+        shares: [f64; 2],
+    ) -> Option<[f32; 2]> {
+        let slack = [1, 2].map(|vertex: usize| {
+            let corner = self.corners[(vertex + 1) % 3].map(f64::abs);
+            let side = self.sides[vertex].map(f64::abs);
+            let minor = |i: usize, j: usize| corner[i] * side[j] + corner[j] * side[i];
+            let minors = [minor(1, 2), minor(2, 0), minor(0, 1)];
+            let error = PERMANENT_ERROR * dot(direction.map(f64::abs), minors);
+            (error + sum_error) * inverse.abs() * WEIGHT_SLACK
+        });
+        rounded(shares, slack)
+    }
+
     /// Returns bounds on the errors of the edge functions, of their sum, and of `t` multiplied by it, for
     /// directions with components up to `longest`.
     #[inline(always)]
@@ -88,6 +109,16 @@ impl Seen {
         }
     }
 }
+
+/// Factor from the error bounds of a weight and of the sum, added up and divided by the sum, to an error bound of the
+/// weight of a hit in units of the sum, `u` or `v`. Derived: these are at most 1, and the bound of the sum is at least
+/// five epsilon of it; half of that covers the two roundings of the quotient, that of an interval's end, and the error
+/// of the sum in the denominator.
+pub const WEIGHT_SLACK: f64 = 1.5;
+
+/// Relative error of a 3x3 determinant as in [`DETERMINANT_ERROR`], in the sum of the absolute values of its six
+/// products. Derived: seven roundings of each, of half an epsilon.
+const PERMANENT_ERROR: f64 = 4.0 * f64::EPSILON;
 
 /// Error bounds of the terms of a verdict.
 #[derive(Debug, Clone, Copy)]
@@ -167,23 +198,19 @@ pub fn verdict_within(
     let seen = Seen::new(widen(o), map(v, widen));
     let errors = seen.errors(largest(direction));
     let mut w = map(seen.normals(), |normal| dot(direction, normal));
-    // Reject by the signs of the edge functions; compute uncertain signs exactly.
+    // Reject by the signs of the edge functions where they are certain.
     let most = larger(larger(w[0], w[1]), w[2]);
     let least = smaller(smaller(w[0], w[1]), w[2]);
     if most > errors.weight && least < -errors.weight {
         return None;
     }
-    if most >= -errors.weight
-        && least <= errors.weight
-        && !settle_signs(o, d, v, &mut w, errors.weight)
-    {
-        return None;
-    }
+    let unsure = most >= -errors.weight && least <= errors.weight;
 
     // Compute the distance if the sum of the weights is accurate enough.
     let normal = seen.normal();
     let sum = dot(direction, normal);
-    if sum.abs() > WELL_CONDITIONED * (errors.sum + errors.weight) {
+    let errors_of_both = errors.sum + errors.weight;
+    if sum.abs() > WELL_CONDITIONED * errors_of_both {
         let inverse = 1.0 / sum;
         let t = dot(seen.corners[0], normal) * inverse;
         // 1 / (sum - error) is at most 1 + 2^-22 times 1 / sum.
@@ -191,24 +218,44 @@ pub fn verdict_within(
             + 2.0 * f64::EPSILON * t.abs();
         #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
         let (low, high) = ((t - slack) as f32, (t + slack) as f32);
+        // Leave out what the span excludes before its signs are settled: of the triangles around a vertex most are.
         if high < span[0] || low > span[1] {
             return None;
         }
-        // Accept the distance only if the whole error interval rounds to one f32.
-        if low == high {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
-            return Some(Verdict {
-                t: low + 0.0, // -0.0 becomes 0.0
-                u: (w[1] * inverse) as f32,
-                v: (w[2] * inverse) as f32,
-            });
+        if unsure && !settle_signs(o, d, v, &mut w, errors.weight) {
+            return None;
         }
+        // Accept the numbers only if the whole error interval of each rounds to one f32.
+        let t = low + 0.0; // -0.0 becomes 0.0
+        let shares = [w[1] * inverse, w[2] * inverse];
+        let slack = errors_of_both * inverse.abs() * WEIGHT_SLACK;
+        if low == high
+            && let Some([u, v]) = rounded(shares, [slack; 2])
+                .or_else(|| seen.rounded(direction, errors.sum, inverse, shares))
+        {
+            return Some(Verdict { t, u, v });
+        }
+    } else if unsure && !settle_signs(o, d, v, &mut w, errors.weight) {
+        return None;
     }
     exact_verdict(o, d, v)
 }
 
-/// Replaces each edge function whose sign f64 cannot determine by one with the exact sign. Returns whether the ray
-/// still hits.
+/// Rounds both shares if all numbers in the error interval of each round to the same f32. A share of 0 is exactly 0:
+/// others have a sign, which is certain.
+#[inline(always)]
+fn rounded(shares: [f64; 2], slack: [f64; 2]) -> Option<[f32; 2]> {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
+    let ends = [0, 1].map(|i: usize| {
+        let (x, slack) = (shares[i], if shares[i] == 0.0 { 0.0 } else { slack[i] });
+        [(x - slack) as f32 + 0.0, (x + slack) as f32 + 0.0]
+    });
+    let sure = ends[0][0] == ends[0][1] && ends[1][0] == ends[1][1];
+    sure.then_some([ends[0][0], ends[1][0]])
+}
+
+/// Replaces each edge function whose sign f64 cannot determine by a number with the exact sign, which differs from it
+/// by at most the error bound, or by zero. Returns whether the ray still hits.
 #[cold]
 fn settle_signs(
     o: [f32; 3],
@@ -217,14 +264,17 @@ fn settle_signs(
     weights: &mut [f64; 3],
     error: f64,
 ) -> bool {
-    let signs = edge_signs(o, d, v);
-    for (w, sign) in weights.iter_mut().zip(signs) {
-        if w.abs() <= error {
-            // The magnitude is below the error bound and meaningless; the sign is now certain.
-            *w = f64::from(sign) * w.abs();
+    #[cfg(test)]
+    tests::SETTLED.with(|count| count.set(count.get() + 1));
+    let unsure = weights.map(|w| w.abs() <= error);
+    let signs = edge_signs(o, d, v, unsure);
+    for ((w, sign), unsure) in weights.iter_mut().zip(signs).zip(unsure) {
+        if unsure {
+            *w = f64::from(sign) * error;
         }
     }
-    signs.contains(&1) != signs.contains(&-1)
+    let has = |side: f64| weights.iter().any(|w| w * side > 0.0);
+    has(1.0) != has(-1.0)
 }
 
 /// Decides in exact arithmetic.
@@ -249,6 +299,7 @@ pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exact::tests::ANY_SIZE;
     use halfspace_oracle::cases::Random;
     use proptest::prelude::*;
     use std::cell::Cell;
@@ -256,22 +307,21 @@ mod tests {
     thread_local! {
         /// Number of verdicts that this thread decided in exact arithmetic.
         pub static EXACT: Cell<u32> = const { Cell::new(0) };
+        /// Number of verdicts for which signs of weights were settled.
+        pub static SETTLED: Cell<u32> = const { Cell::new(0) };
     }
 
     fn agrees_with_exact(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) {
         let fast = verdict(o, d, v);
         let slow = exact_verdict(o, d, v);
+        let bits = |h: Verdict| [h.t, h.u, h.v].map(f32::to_bits);
         assert_eq!(
-            fast.map(|h| h.t),
-            slow.map(|h| h.t),
-            "o {o:?} d {d:?} v {v:?}"
+            fast.map(bits),
+            slow.map(bits),
+            "{fast:?} {slow:?} o {o:?} d {d:?} v {v:?}"
         );
-        if let (Some(f), Some(s)) = (fast, slow) {
-            assert!(
-                (f.u - s.u).abs() <= 1e-5 && (f.v - s.v).abs() <= 1e-5,
-                "{f:?} {s:?}"
-            );
-        }
+        let sound = |x: f32| x.is_sign_positive() && x <= 1.0;
+        assert!(fast.is_none_or(|h| sound(h.u) && sound(h.v)), "{fast:?}");
     }
 
     /// Generates coordinates of few bits, which meet edges, vertices and planes exactly, and others of any
@@ -326,22 +376,70 @@ mod tests {
         }
     }
 
-    /// Errors must grow only linearly with the distance: each pixel of a picture may show one of these.
+    /// Errors must grow only linearly with the distance: each pixel of a picture may show one triangle, or several.
     #[test]
-    fn f64_decides_on_triangles_of_a_hundredth_of_a_pixel() {
-        let mut random = Random(11);
-        let before = EXACT.get();
-        let mut hits = 0;
-        for _ in 0..20_000 {
-            let o = random.point(-1.0, 1.0);
-            let v: [[f32; 3]; 3] = std::array::from_fn(|_| random.point(-1e-5, 1e-5));
-            let [s, t, _] = random.point(0.0, 0.5);
-            let d =
-                std::array::from_fn(|k| v[0][k] * (1.0 - s - t) + v[1][k] * s + v[2][k] * t - o[k]);
-            hits += u32::from(verdict(o, d, v).is_some());
+    fn f64_decides_on_triangles_of_a_pixel_and_on_most_of_a_hundredth() {
+        for (size, most) in [(1e-3, 100), (1e-5, 5)] {
+            let mut random = Random(11);
+            let before = EXACT.get();
+            let mut hits = 0;
+            for _ in 0..20_000 {
+                let o = random.point(-1.0, 1.0);
+                let v: [[f32; 3]; 3] = std::array::from_fn(|_| random.point(-size, size));
+                let [s, t, _] = random.point(0.0, 0.5);
+                let d = std::array::from_fn(|k| {
+                    v[0][k] * (1.0 - s - t) + v[1][k] * s + v[2][k] * t - o[k]
+                });
+                hits += u32::from(verdict(o, d, v).is_some());
+            }
+            let exact = EXACT.get() - before;
+            assert!(hits > 15_000 && most * exact < hits, "{exact} of {hits}");
         }
+    }
+
+    /// Rays through vertices and edges of a terrain, from above and aslant, which have weights of 0, need no integers of
+    /// any size.
+    #[test]
+    fn rays_through_vertices_need_only_short_integers() {
+        let height = |x: f32, y: f32| 3.0 * (0.1 * x).sin() * (0.07 * y).cos();
+        let mut random = Random(12);
+        let (before, any_size) = (EXACT.get(), ANY_SIZE.get());
+        let mut hits = [0_u32; 2];
+        for i in 0..20_000_u16 {
+            let [x, y] = [i % 199, i / 199].map(f32::from);
+            let v = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[i, j]: [f32; 2]| {
+                [x + i, y + j, height(x + i, y + j)]
+            });
+            let at = if i % 2 == 0 { v[0] } else { [x + 0.5, y + 0.5, 0.0] };
+            hits[0] += u32::from(verdict([at[0], at[1], 50.0], [0.0, 0.0, -1.0], v).is_some());
+            // Aim at a vertex that few bits describe.
+            let [o, a] = [random.point(-50.0, 50.0), random.point(-9.0, 9.0)];
+            let o = o.map(|x| x.round() / 4.0);
+            let v = [a.map(|x| x.round() / 8.0), v[1], v[2]];
+            let d = std::array::from_fn(|k| v[0][k] - o[k]);
+            hits[1] += u32::from(verdict(o, d, v).is_some());
+        }
+        assert_eq!(hits[0], 20_000);
+        assert!(hits[1] > 19_900, "{hits:?}");
         let exact = EXACT.get() - before;
-        assert!(hits > 15_000 && 200 * exact < hits, "{exact} of {hits}");
+        assert!(exact < 2_000, "{exact}");
+        assert_eq!(ANY_SIZE.get() - any_size, 0);
+    }
+
+    /// Of six triangles around a vertex, all at one distance, only the first needs the signs of its weights.
+    #[test]
+    fn triangles_that_cannot_precede_a_hit_need_no_signs() {
+        let rim = [[1.0, 0.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, -1.0]];
+        let rim = rim.map(|[x, y]: [f32; 2]| [x, y, 0.1 * x - 0.3 * y]);
+        let before = SETTLED.get();
+        let mut end = f32::INFINITY;
+        for i in 0..6 {
+            let fan = [[0.0, 0.0, 0.25], rim[i], rim[(i + 1) % 6]];
+            let found = verdict_within([0.0, 0.0, 9.0], [0.0, 0.0, -1.0], fan, [0.0, end]);
+            assert_eq!(found.map(|hit| hit.t), (i == 0).then_some(8.75));
+            end = 8.75_f32.next_down();
+        }
+        assert_eq!(SETTLED.get() - before, 1);
     }
 
     #[test]

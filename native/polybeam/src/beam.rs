@@ -5,8 +5,8 @@ use crate::form::Form;
 use crate::line::{Ahead, Line, Side};
 use crate::polygon::Polygon;
 
-/// Largest number of lines. Lines that no longer touch the polygon are dropped; one that finds no place is left out, and
-/// rays beyond it may then be tested in the leaves of two beams.
+/// Largest number of lines. Of the lines of two axes, two bound a beam; only those of planes behind the origin are kept
+/// beside them. The rays of a beam that has no place for another line go on singly.
 const SIDES: usize = 16;
 
 /// Number of lines from which on those that no longer touch the polygon are looked for.
@@ -45,6 +45,10 @@ pub struct Beam {
     pub density: f64,
     /// Index of the ray that the beam's work is counted for.
     pub payer: u32,
+    /// Number of times that the beam was split since its rays were counted.
+    pub splits: u8,
+    /// Whether a line found no place, so that its rays may be those of another part too.
+    pub unbounded: bool,
 }
 
 /// The corners of a polygon compared with a line.
@@ -71,24 +75,34 @@ impl Sides {
         &self.sides[..self.count]
     }
 
+    /// Whether no ray is on this side and on all others, by comparison with each.
     #[inline(always)]
-    fn push<F: Form>(&mut self, form: &F, side: Side, polygon: &Polygon) {
+    fn exclude<F: Form>(&self, form: &F, side: &Side) -> bool {
+        let mut all = self.all().iter();
+        all.any(|old| form.contains(&old.opposite(), side) == Some(true))
+    }
+
+    /// Adds a side; returns `false` if there is no place.
+    #[inline(always)]
+    fn push<F: Form>(&mut self, form: &F, side: Side, polygon: &Polygon) -> bool {
         // Of two sides of which one contains the other, keep the inner one.
         for old in &mut self.sides[..self.count] {
             if let Some(contains) = form.contains(&side, old) {
                 if !contains {
                     *old = side;
                 }
-                return;
+                return true;
             }
         }
         if self.count >= MANY {
             self.drop_far(form, polygon);
         }
-        if self.count < SIDES {
+        let room = self.count < SIDES;
+        if room {
             self.sides[self.count] = side;
             self.count += 1;
         }
+        room
     }
 
     /// Drops the lines that are certainly farther from all rays in the polygon than its rounding.
@@ -114,11 +128,21 @@ impl Sides {
 }
 
 impl Beam {
-    /// Sets the density from the number of open rays.
+    /// Sets the density from the counted number of open rays.
     #[inline(always)]
     pub fn estimate(&mut self, rays: u32, densest: f64) {
+        self.splits = 0;
         let area = self.polygon.area().max(f64::MIN_POSITIVE);
         self.density = (f64::from(rays) / area).min(densest);
+    }
+
+    /// The beam, split once more since its rays were counted.
+    #[inline(always)]
+    pub fn split(self) -> Self {
+        Self {
+            splits: self.splits.saturating_add(1),
+            ..self
+        }
     }
 
     /// Compares the beam with the line of two planes.
@@ -144,6 +168,10 @@ impl Beam {
     /// The polygon is cut a little outside the line, so that it contains all rays of the part in spite of rounding.
     #[inline(always)]
     pub fn part<F: Form>(&self, form: &F, side: Side) -> Option<Self> {
+        // Where many lines pass through one point, as on a diagonal of the cells, parts without rays would multiply.
+        if self.sides.exclude(form, &side) {
+            return None;
+        }
         let heights = self.polygon.heights(form.coefficients(&side.line));
         let tolerance = form.tolerance(&side.line);
         let mut part = *self;
@@ -162,7 +190,7 @@ impl Beam {
                 part.polygon = self.polygon.above(&heights, -tolerance);
             }
         }
-        part.sides.push(form, side, &part.polygon);
+        part.unbounded |= !part.sides.push(form, side, &part.polygon);
         Some(part)
     }
 }

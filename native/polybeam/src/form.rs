@@ -50,8 +50,8 @@ pub trait Form: Copy {
     /// Whether no ray crosses either plane of a line, whatever its way.
     fn is_along(&self, line: &Line) -> bool;
 
-    /// Whether all rays on the side `old` are on the side `new` too, or those of `new` on `old`; `None` if neither is
-    /// known.
+    /// Whether all rays on the side `old` are on the side `new` too; if not, all those of `new` are on `old`. `None` if
+    /// neither is known. Exact: two sides of one line contain each other.
     fn contains(&self, new: &Side, old: &Side) -> Option<bool>;
 
     /// The points `p`, `q` of eight rays in the plane of polygons, in which all beams are convex.
@@ -126,8 +126,23 @@ impl Form for Eye {
     }
 
     #[inline(always)]
-    fn contains(&self, _: &Side, _: &Side) -> Option<bool> {
-        None
+    fn contains(&self, new: &Side, old: &Side) -> Option<bool> {
+        if new.lower_first != old.lower_first || new.line.axes() != old.line.axes() {
+            return None;
+        }
+        // A ray crosses the plane of the lower axis first if the quotient of its speeds, upper by lower, is at most that of
+        // the offsets. Quotients of different f32 remain different in f64.
+        let quotient = |side: &Side| {
+            let [a, b] = side.line.ahead();
+            let endless = f64::INFINITY.copysign(b + 0.0);
+            (a >= 0.0).then_some(if a > 0.0 { b / a } else { endless })
+        };
+        let (new_quotient, old_quotient) = (quotient(new)?, quotient(old)?);
+        Some(if new.lower_first {
+            new_quotient >= old_quotient
+        } else {
+            new_quotient <= old_quotient
+        })
     }
 
     #[inline(always)]

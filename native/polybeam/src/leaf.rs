@@ -259,14 +259,14 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                     };
                     count.case(|| SINGLE);
                     // Find where the ray enters the leaf. A reversed ray begins anew at its own origin, and so does one
-                    // that has not begun, or is too far for steps.
+                    // that has not begun, is too far for steps, or may be in another part of the beam.
                     let enter = if Q::ANY {
                         0.0
                     } else {
                         octant.form.enter(&self.sorted, i, near)
                     };
                     let begun = enter >= frame.t_min && self.tree.is_near(frame.o);
-                    if Q::ANY || !(octant.form.origin().is_some() || begun) {
+                    if Q::ANY || beam.unbounded || !(octant.form.origin().is_some() || begun) {
                         let ray = RayRef { ray, frame };
                         self.answers[id] =
                             single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);

@@ -49,10 +49,19 @@ pub fn small_triangles(random: &mut Random, count: usize) -> Triangles {
 }
 
 pub fn tree_over(scene: &Triangles, frame: &Frame) -> (Octree, Blocks) {
-    let cube = Cube::new(frame, 7, true);
+    deep_tree_over(scene, frame, 7, 1)
+}
+
+fn deep_tree_over(
+    scene: &Triangles,
+    frame: &Frame,
+    depth: u32,
+    leaf_size: usize,
+) -> (Octree, Blocks) {
+    let cube = Cube::new(frame, depth, true);
     let params = Params {
         cube,
-        leaf_size: 1,
+        leaf_size,
         budget: 8,
         margin: cube.step_margin(frame),
     };
@@ -133,8 +142,12 @@ struct Setup {
 
 impl Setup {
     fn new(scene: Triangles) -> Self {
+        Self::deep(scene, 7, 1)
+    }
+
+    fn deep(scene: Triangles, depth: u32, leaf_size: usize) -> Self {
         let frame = Frame::new(scene.bounds());
-        let (tree, blocks) = tree_over(&scene, &frame);
+        let (tree, blocks) = deep_tree_over(&scene, &frame, depth, leaf_size);
         Self {
             scene,
             frame,
@@ -259,6 +272,82 @@ fn each_ray_is_in_one_beam_in_the_cells_on_its_way() {
         compared > 50_000 && longest > 20 && inside > 0,
         "{compared} {longest} {inside}"
     );
+}
+
+/// Small triangles in a cell of this size at a place, and one at the other end of a scene of size 100.
+fn cluster(random: &mut Random, at: f32, size: f32) -> Triangles {
+    let mut corners = vec![[0.0; 3], [100.0; 3], [99.9, 100.0, 99.8]];
+    for _ in 0..60 {
+        let centre = random.point();
+        for _ in 0..3 {
+            let aside = random.point();
+            corners.push(std::array::from_fn(|k| {
+                at + size * (0.5 + 0.48 * centre[k] + 0.02 * aside[k])
+            }));
+        }
+    }
+    let numbers = (0..61).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    Triangles::new(corners, numbers.collect()).unwrap()
+}
+
+/// Rays of a view of 100 degrees, 32 by 32 of them, from an eye.
+fn view(o: [f32; 3], towards: [f32; 3]) -> Vec<Ray> {
+    let most = (0..3).max_by(|i, j| towards[*i].abs().total_cmp(&towards[*j].abs()));
+    let most = most.unwrap();
+    let (mut across, mut up) = ([0.0; 3], [0.0; 3]);
+    let ([x, y], size) = ([(most + 1) % 3, (most + 2) % 3], towards[most]);
+    // Both lie across the direction.
+    (across[x], across[most]) = (size, -towards[x]);
+    (up[y], up[most]) = (size, -towards[y]);
+    let rays = (0..1024).map(|i| {
+        let (u, v) = ((i % 32) as f32 / 13.0 - 1.2, (i / 32) as f32 / 13.0 - 1.2);
+        Ray {
+            o,
+            d: std::array::from_fn(|k| towards[k] + u * across[k] + v * up[k]),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        }
+    });
+    rays.collect()
+}
+
+/// Many cells meet on a diagonal of the root, all with the same lines: parts of beams must not multiply from cell to cell.
+#[test]
+fn beams_along_symmetries_of_deep_trees_end() {
+    let mut random = Random(7);
+    let mut compared = 0;
+    for (depth, at) in [(16, 4e-5), (18, 0.0), (20, 3e-4)] {
+        let place = Setup::deep(cluster(&mut random, at, 1e-4), depth, 0);
+        let Setup { frame, tree, .. } = &place;
+        let cube = tree.cube();
+        let corner = cube.corner[0];
+        assert_eq!(cube.corner, [corner; 3]);
+        let middle = corner + 0.5 * cube.side;
+        // Stand on diagonals, in planes of the octants, at face centres, edges and vertices of the root and of small cells.
+        let unit = cube.unit();
+        let cell = corner + ((at - corner) / unit).floor() * unit;
+        let places = [at, 0.3 * at + 7e-5, cell, cell + 0.5 * unit, middle, corner, corner + cube.side];
+        let mut eyes = Vec::new();
+        for x in places {
+            eyes.extend([[x; 3], [x, x, middle], [middle, x, cell], [x, cell, cell + unit]]);
+        }
+        for (i, eye) in eyes.into_iter().enumerate() {
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let towards = [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -1.0, 1.0]];
+            for towards in [towards[0], towards[1 + i % 3]] {
+                let rays = view(eye, towards.map(|x: f32| x * sign));
+                let own = |ray: &Ray| {
+                    let signs = (0..3).map(|k| u32::from(ray.d[k].is_sign_negative()) << k);
+                    let octant = Octant::new(tree, signs.sum(), Eye(frame.point(eye)));
+                    let longest = ray.d.iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+                    let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
+                    visits(tree, &octant, ray.d.map(|x| x.abs() / unit))
+                };
+                compared += compare(&place, &rays, own)[0];
+            }
+        }
+    }
+    assert!(compared > 100_000, "{compared}");
 }
 
 #[test]

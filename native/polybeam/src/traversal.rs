@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The traversal: beams go from leaf to leaf, through links, until all rays have ended.
+//!
+//! It ends: each beam goes through leaves in their order along the octant, and comes by at most [`SPLITS`] splits from one
+//! whose rays were counted and not zero. Each ray is in one of the parts of a beam, or goes on singly.
 
 use crate::beam::{Beam, Entry, Position, Sides};
 use crate::form::Form;
@@ -35,6 +38,9 @@ const EMPTY: usize = 5;
 
 /// Largest estimate of the number of rays per area, relative to that of the whole image (chosen).
 const DENSEST: f64 = 4.0;
+
+/// Number of splits after which the rays of a beam are counted, although its polygon is large enough for some (chosen).
+const SPLITS: u8 = 8;
 
 /// A batch of rays through one tree.
 pub struct Traversal<'a, F: Form, Q, C> {
@@ -165,6 +171,8 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
             low: [0; 3],
             entry: Entry::Inside,
             payer: self.sorted.ids[first],
+            splits: 0,
+            unbounded: false,
         };
         let near = octant.planes([0; 3]);
         let far = octant.planes([octant.grid.size; 3]);
@@ -209,6 +217,11 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
     fn visit<S: Simd>(&mut self, simd: S, octant: &Octant<F>, group: &Group, mut beam: Beam) {
         loop {
             let node = self.tree.node(beam.node);
+            if beam.unbounded {
+                self.scan(group, &beam);
+                self.go_on_singly(simd, octant, node, &beam);
+                return;
+            }
             if node.is_inner() {
                 self.count_visit(octant, group, &mut beam, |counters| counters.step_boxes());
                 if !self.descend(octant, node, &mut beam) {
@@ -223,11 +236,12 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
             // Find the rays where triangles may hit them, or where few are left.
             let likely = beam.density * beam.polygon.area();
             let few = likely < f64::from(self.least);
-            if few || leaf.count != 0 {
+            let doubtful = few || beam.splits >= SPLITS;
+            if doubtful || leaf.count != 0 {
                 beam.sides.drop_far(&octant.form, &beam.polygon);
                 let mut found = self.scan(group, &beam);
                 // The rows of a narrow polygon contain more rays than it does, and its parts would have no end.
-                if few && found >= self.least as usize {
+                if doubtful && found >= self.least as usize {
                     found = self.count_own(simd, octant, &mut beam);
                 }
                 if found == 0 {
@@ -343,6 +357,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                         counters.case(|| CLIP);
                         counters.case(|| SPLIT);
                         let near = Line::first(face, mid);
+                        let part = part.split();
                         parts[i].0 = part.part(&octant.form, near);
                         parts[count] =
                             (part.part(&octant.form, near.opposite()), child | 1 << axis);
@@ -383,7 +398,8 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
         let whole = *beam;
         let mut kept = false;
         for axis in 0..3 {
-            let mut part = Some(whole);
+            let across = order.contains(&Position::Across);
+            let mut part = Some(if across { whole.split() } else { whole });
             for ((x, y), order) in pairs.into_iter().zip(order) {
                 if x != axis && y != axis {
                     continue;

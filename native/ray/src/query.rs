@@ -173,7 +173,8 @@ impl Best {
         }
         counters.verdict();
         // Transform the vertices of instances, then compute the exact hit.
-        let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
+        let best = HitKey::new(self.hit.t, self.hit.triangle);
+        let span = [ray.t_min, keep_min(best.last_before(id), ray.t_max)];
         let corners = match frame.instance {
             None => corners(),
             Some(instance) => match instance.corners(corners()) {

@@ -82,6 +82,17 @@ impl HitKey {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
     }
 
+    /// Returns the largest distance at which a triangle would precede this hit: its own, or, if the triangle has a larger
+    /// number, the one below.
+    #[inline(always)]
+    pub fn last_before(self, triangle: u32) -> f32 {
+        if triangle > self.triangle {
+            self.t.next_down()
+        } else {
+            self.t
+        }
+    }
+
     /// Returns the order of two hits, whose distances are not NaN.
     pub fn order(self, other: Self) -> std::cmp::Ordering {
         let distances = self.t.partial_cmp(&other.t);

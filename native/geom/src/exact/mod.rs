@@ -4,28 +4,25 @@
 //! With a ray `o + t d` and a triangle `a b c`, let `A = a - o` and so on. The three edge functions are
 //! `w_a = det[d, B, C]`, `w_b = det[d, C, A]`, `w_c = det[d, A, B]`, and
 //! `t = det[A, B, C] / (w_a + w_b + w_c)`. All of them are polynomials in the fifteen f32 inputs, so their values
-//! are exact in integers once points and direction are each scaled to a common exponent. 128 bits suffice unless
-//! coordinates of very different size meet. Otherwise, signs come from sums in fixed point (`wide`) and values
-//! from integers of any size.
+//! are exact in integers once points and direction are each scaled to a common exponent. Signs that f64 computes without
+//! rounding ([`short`]) need no integers. Otherwise, numbers of 64 bits suffice
+//! for these, and [`long`] ones for their determinants, unless coordinates of very different size meet. Otherwise,
+//! signs come from sums in fixed point ([`wide`]) and values from integers of any size.
 
 mod determinant;
+mod long;
+mod short;
 mod wide;
 
 use crate::vec3::{Vec3, sub};
-use determinant::{Factor, determinant, sign, weights};
+use determinant::{Factor, determinant, sign, weight, weights};
+use long::{Long, power};
 use num_bigint::{BigInt, Sign};
+use std::cmp::Ordering;
 
-/// Largest number of binary places of numbers whose difference fits into 64 bits.
+/// Largest number of binary places of numbers whose difference fits into 64 bits, and whose determinants are below
+/// 2^187: eighteen products of a direction and two differences, each of which takes one place more.
 const WORD: i32 = 60;
-
-/// Largest number of binary places for which 128 bits hold the edge functions and their sum, where those of the
-/// points count twice. Derived: eighteen products of a direction and two differences, each of which takes one
-/// place more than the points, and a sign.
-const SIGN_PLACES: i32 = 120;
-
-/// Largest number of binary places of the points for which 128 bits hold `det[A, B, C]`: six products of three
-/// differences.
-const POINT_PLACES: i32 = 40;
 
 /// Returns whether the triangle has no area: its vertices lie exactly on one line.
 pub fn is_degenerate(v: [Vec3; 3]) -> bool {
@@ -47,19 +44,38 @@ pub struct ExactHit {
     pub zeros: usize,
 }
 
-/// Returns the signs (-1, 0, 1) of the three edge functions.
-pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> [i32; 3] {
+/// Returns the signs (-1, 0, 1) of the edge functions of the vertices that `asked` names; 0 for the others.
+pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], asked: [bool; 3]) -> [i32; 3] {
     // A ray within an axis-aligned wall is the most common case, and needs only comparisons.
     if (0..3).any(|k| d[k] == 0.0 && v.iter().all(|p| p[k] == o[k])) {
         return [0; 3];
     }
-    let units = Units::of(o, d, v);
-    if units.hold_signs() {
-        let (d, corners) = units.small(o, d, v);
-        weights(&d, &corners).map(|w| sign(&w))
-    } else {
-        wide::edge_signs(o, d, v)
+    // Two weights of 0 are those of a ray through the third vertex.
+    let vertex = [0, 1, 2].into_iter().find(|&k: &usize| !asked[k]);
+    if let ([false, true, true] | [true, false, true] | [true, true, false], Some(vertex)) =
+        (asked, vertex)
+        && short::passes_through(o, d, v[vertex])
+    {
+        return [0; 3];
     }
+    let mut units = None;
+    [0, 1, 2].map(|vertex: usize| {
+        if !asked[vertex] {
+            return 0;
+        }
+        let edge = [v[(vertex + 1) % 3], v[(vertex + 2) % 3]];
+        if let Some(sign) = short::edge_sign(o, d, edge) {
+            return sign;
+        }
+        let units = units.get_or_insert_with(|| {
+            let units = Units::of(o, d, v);
+            units.are_small().then(|| units.small(o, d, v))
+        });
+        match units {
+            Some((d, corners)) => sign(&weight(d, corners, vertex)),
+            None => wide::edge_sign(o, d, v, vertex),
+        }
+    })
 }
 
 /// Intersects a ray's line with a closed triangle in exact arithmetic. A line in the triangle's plane misses it.
@@ -67,12 +83,14 @@ pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> [i32; 3] {
 pub fn intersect(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<ExactHit> {
     let units = Units::of(o, d, v);
     let unit = units.points.low - units.direction.low;
-    if units.hold_signs() && units.points.count() <= POINT_PLACES {
+    if units.are_small() {
         let (d, corners) = units.small(o, d, v);
         hit(&d, &corners, |n, d, scaled| {
             quotient(*n, *d, if scaled { unit } else { 0 })
         })
     } else {
+        #[cfg(test)]
+        tests::ANY_SIZE.with(|count| count.set(count.get() + 1));
         let (d, corners) = units.large(o, d, v);
         hit(&d, &corners, |n, d, scaled| {
             round_to_f32(n, d, if scaled { unit } else { 0 })
@@ -119,11 +137,10 @@ impl Units {
         }
     }
 
-    /// Returns whether 128 bits hold the edge functions and their sum.
+    /// Returns whether 64 bits hold the direction, and differences of the points.
     #[inline(always)]
-    fn hold_signs(&self) -> bool {
-        let (points, direction) = (self.points.count(), self.direction.count());
-        points.max(direction) <= WORD && 2 * points + direction <= SIGN_PLACES
+    fn are_small(&self) -> bool {
+        self.points.count().max(self.direction.count()) <= WORD
     }
 
     /// Returns the direction, and the vertices relative to the origin, as 64-bit integers.
@@ -191,7 +208,7 @@ impl Places {
         reason = "a whole number of few places"
     )]
     fn small(&self, numbers: [f32; 3]) -> [i64; 3] {
-        let unit = f64::from_bits(u64::from((1023 - self.low).cast_unsigned()) << 52);
+        let unit = power(-self.low);
         let scaled = |x: f32| (f64::from(x) * unit) as i64;
         [scaled(numbers[0]), scaled(numbers[1]), scaled(numbers[2])]
     }
@@ -230,18 +247,34 @@ pub fn parts(x: f32) -> (i32, i32) {
 
 /// Returns `numerator / denominator 2^unit`, rounded once to the nearest f32, ties to even. f64 decides unless its
 /// error of three roundings leaves two results possible.
-fn quotient(numerator: i128, denominator: i128, unit: i32) -> f32 {
-    let value = numerator as f64 / denominator as f64 * 2.0_f64.powi(unit);
+fn quotient(numerator: Long, denominator: Long, unit: i32) -> f32 {
+    let value = numerator.to_f64() / denominator.to_f64() * power(unit);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
     // Round both ends of the error interval.
-    let (one, other) = (
-        (value * (1.0 - 4.0 * f64::EPSILON)) as f32,
-        (value * (1.0 + 4.0 * f64::EPSILON)) as f32,
+    let (low, high) = (
+        (value.abs() * (1.0 - 4.0 * f64::EPSILON)) as f32,
+        (value.abs() * (1.0 + 4.0 * f64::EPSILON)) as f32,
     );
-    if one == other {
-        return one;
-    }
-    round_to_f32(&BigInt::from(numerator), &BigInt::from(denominator), unit)
+    let size = if low == high {
+        low
+    } else {
+        // Compare with the middle of these neighbours, whose mantissa takes one bit more.
+        let (mantissa, exponent) = parts(low);
+        let middle = (2 * mantissa + 1).cast_unsigned();
+        let (n, d) = (numerator.abs(), denominator.abs().times(middle));
+        let shift = unit - (exponent - 1);
+        let beside = if shift >= 0 {
+            n.shifted(shift.unsigned_abs()).cmp(&d)
+        } else {
+            n.cmp(&d.shifted(shift.unsigned_abs()))
+        };
+        match beside {
+            Ordering::Less => low,
+            Ordering::Equal if mantissa % 2 == 0 => low,
+            _ => high,
+        }
+    };
+    if value < 0.0 { -size } else { size }
 }
 
 /// Returns `numerator / denominator 2^unit`, rounded once to the nearest f32, ties to even.
@@ -281,10 +314,16 @@ pub fn from_origin(o: Vec3, v: [Vec3; 3]) -> [Vec3; 3] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::vec3::widen;
     use proptest::prelude::*;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Number of intersections that this thread computed with integers of any size.
+        pub static ANY_SIZE: Cell<u32> = const { Cell::new(0) };
+    }
 
     const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
@@ -300,12 +339,12 @@ mod tests {
 
     #[test]
     fn signs_are_exact_over_all_exponents() {
-        let third = |o, d| edge_signs(o, d, TRIANGLE)[2];
+        let third = |o, d| edge_signs(o, d, TRIANGLE, [true; 3])[2];
         assert_eq!(third([1e20, 0.0, 1.0], [1.0, 1e-20, -1.0]), -1);
         assert_eq!(third([0.5, 0.0, 1.0], [0.0, 0.0, -1.0]), 0);
         assert_eq!(third([0.5, 1e-38, 1.0], [0.0, 0.0, -1.0]).abs(), 1);
         assert_eq!(
-            edge_signs([0.1, 0.2, 0.0], [0.3, -0.7, 0.0], TRIANGLE),
+            edge_signs([0.1, 0.2, 0.0], [0.3, -0.7, 0.0], TRIANGLE, [true; 3]),
             [0; 3]
         );
     }
@@ -346,7 +385,7 @@ mod tests {
             prop_assume!(d.iter().all(|x| x.is_finite()));
             let plain = plainly(o, d, corners);
             prop_assert_eq!(intersect(o, d, corners), plain);
-            let signs = edge_signs(o, d, corners);
+            let signs = edge_signs(o, d, corners, [true; 3]);
             prop_assert_eq!(signs.contains(&1) != signs.contains(&-1), plain.is_some());
         }
     }
@@ -358,7 +397,7 @@ mod tests {
         fn nothing_overflows_at_the_limits(
             corners in prop::array::uniform4(prop::array::uniform3(0usize..5)),
             d in prop::array::uniform3(0usize..5),
-            places in prop::sample::select(vec![(40, 40), (44, 32), (48, 24), (49, 24), (60, 24)]),
+            places in prop::sample::select(vec![(40, 40), (60, 24), (60, 60), (64, 24), (24, 64), (24, 72)]),
         ) {
             let number = |k: usize, places: i32| {
                 let large = 16_777_215.0 * 2.0_f32.powi(places - 24);
@@ -369,7 +408,7 @@ mod tests {
             prop_assert_eq!(intersect(o, d, [a, b, c]), plainly(o, d, [a, b, c]));
             let (long, seen) = Units::of(o, d, [a, b, c]).large(o, d, [a, b, c]);
             let signs = weights(&long, &seen).map(|w| sign(&w));
-            prop_assert_eq!(edge_signs(o, d, [a, b, c]), signs);
+            prop_assert_eq!(edge_signs(o, d, [a, b, c], [true; 3]), signs);
         }
     }
 
@@ -377,7 +416,7 @@ mod tests {
     fn rounding_is_to_nearest_even() {
         let ratio = |n: i128, d: i128| {
             let long = round_to_f32(&BigInt::from(n), &BigInt::from(d), 0);
-            assert_eq!(quotient(n, d, 0), long, "{n} / {d}");
+            assert_eq!(quotient(Long::product(1, n), Long::product(1, d), 0), long, "{n} / {d}");
             long
         };
         assert_eq!(ratio(1, 3), 1.0 / 3.0);
@@ -386,8 +425,14 @@ mod tests {
         assert_eq!(ratio(((1 << 24) + 1) * 1000 + 1, 1000), 16_777_218.0);
         assert_eq!(ratio((1 << 100) + (1 << 76), 1 << 76), 16_777_216.0);
         assert_eq!(ratio((1 << 100) + (1 << 76) + 1, 1 << 76), 16_777_218.0);
-        assert_eq!(quotient(3, 1, -150), f32::from_bits(2));
-        assert_eq!(quotient(1, 1, 200), f32::INFINITY);
+        let whole = |n: i128, unit| quotient(Long::product(1, n), Long::product(1, 1), unit);
+        assert_eq!(whole(3, -150), f32::from_bits(2));
+        assert_eq!(whole(1, -150).to_bits(), 0);
+        assert_eq!(whole(1, 200), f32::INFINITY);
+        // The largest float, the middle between it and 2^128, and the last number below that.
+        assert_eq!(whole((1 << 24) - 1, 104), f32::MAX);
+        assert_eq!(whole((1 << 25) - 1, 103), f32::INFINITY);
+        assert_eq!(whole((1 << 60) - (1 << 35) - 1, 68), f32::MAX);
     }
 
     #[test]

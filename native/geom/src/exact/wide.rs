@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Signs of edge functions whose terms differ too much in size for integers of 128 bits.
+//! Signs of edge functions whose coordinates differ too much in size for integers of 64 bits.
 //!
 //! Expanded, `det[d, b - o, c - o] = det[d, b, c] + det[d, c, o] + det[d, o, b]`: eighteen products of three f32.
 //! Each is an integer of 72 bits at some binary place, and they are added to a fixed-point number that covers all
@@ -21,18 +21,16 @@ const LIMBS: usize = 3 * 253 / LIMB + 5;
 /// A mantissa and its exponent.
 type Part = (i32, i32);
 
-/// Returns the signs (-1, 0, 1) of the three edge functions of a ray and a triangle, all finite.
+/// Returns the sign (-1, 0, 1) of the edge function of a vertex, for a ray and a triangle, all finite.
 #[cold]
-pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> [i32; 3] {
+pub fn edge_sign(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], vertex: usize) -> i32 {
     let (o, d) = (o.map(parts), d.map(parts));
-    let [a, b, c] = v.map(|p| p.map(parts));
-    [[b, c], [c, a], [a, b]].map(|[p, q]| {
-        let mut sum = Sum::default();
-        sum.add_determinant(&d, &p, &q);
-        sum.add_determinant(&d, &q, &o);
-        sum.add_determinant(&d, &o, &p);
-        sum.sign()
-    })
+    let (p, q) = (v[(vertex + 1) % 3].map(parts), v[(vertex + 2) % 3].map(parts));
+    let mut sum = Sum::default();
+    sum.add_determinant(&d, &p, &q);
+    sum.add_determinant(&d, &q, &o);
+    sum.add_determinant(&d, &o, &p);
+    sum.sign()
 }
 
 /// A fixed-point number. Limbs are signed, and carries are propagated only at the end.
@@ -123,12 +121,13 @@ mod tests {
             prop_assume!(d.iter().all(|x: &f32| x.is_finite()));
             let (long, seen) = Units::of(o, d, corners).large(o, d, corners);
             let plain = weights(&long, &seen).map(|w| sign(&w));
-            prop_assert_eq!(edge_signs(o, d, corners), plain);
+            prop_assert_eq!([0, 1, 2].map(|vertex| edge_sign(o, d, corners, vertex)), plain);
         }
     }
 
     #[test]
     fn the_largest_and_the_smallest_meet() {
+        let edge_signs = |o, d, v| [0, 1, 2].map(|vertex| edge_sign(o, d, v, vertex));
         let (big, small) = (f32::MAX, f32::from_bits(1));
         // The largest products cancel except for the smallest one.
         let corners = [[big, 0.0, 0.0], [0.0, big, 0.0], [0.0, 0.0, 0.0]];

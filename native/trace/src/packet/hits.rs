@@ -86,14 +86,14 @@ impl Packet {
     /// Applies the exact verdict to one ray's candidate and takes the hit if it precedes the best one.
     #[inline(never)]
     fn verdict<Q: Query>(&mut self, ray: &Ray, i: usize, triangle: StoredTriangle, job: Job<'_>) {
-        let (best, id) = (self.t[i], triangle.id);
+        let id = triangle.id;
+        let best = HitKey::new(self.t[i], self.id[i]);
         let corners = triangle.scene_corners(job);
-        let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
+        let span = [ray.t_min, best.last_before(id)];
+        let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
             return;
         };
-        if !ray.reaches(found.t)
-            || !HitKey::new(found.t, id).precedes(HitKey::new(best, self.id[i]))
-        {
+        if !ray.reaches(found.t) || !HitKey::new(found.t, id).precedes(best) {
             return;
         }
         if Q::ANY {

@@ -126,14 +126,14 @@ impl<const R: usize> Tile<R> {
         triangle: StoredTriangle,
         job: Job<'_>,
     ) {
-        let (best, id) = (self.t[row][lane], triangle.id);
+        let id = triangle.id;
+        let best = HitKey::new(self.t[row][lane], self.id[row][lane]);
         let corners = triangle.scene_corners(job);
-        let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
+        let span = [ray.t_min, best.last_before(id)];
+        let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
             return;
         };
-        if !ray.reaches(found.t)
-            || !HitKey::new(found.t, id).precedes(HitKey::new(best, self.id[row][lane]))
-        {
+        if !ray.reaches(found.t) || !HitKey::new(found.t, id).precedes(best) {
             return;
         }
         self.t[row][lane] = found.t;

@@ -6,7 +6,7 @@
 use crate::tile::{self, Deferred, LANES, Row, Tile, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, f64x8, mask32x16, mask64x8, u32x16};
 use halfspace_geom::vec3::widen;
-use halfspace_geom::verdict::{DETERMINANT_ERROR, FromOrigin};
+use halfspace_geom::verdict::{DETERMINANT_ERROR, FromOrigin, WEIGHT_SLACK};
 use halfspace_leaf::Job;
 use halfspace_ray::Hit;
 use halfspace_ray::frame::PRUNE;
@@ -152,8 +152,8 @@ pub fn any<S: Simd>(simd: S, rays: &Segments<'_>, corners: [[f32; 3]; 3], open: 
 }
 
 /// Computes the hits of sixteen rays as in [`any`], each with a triangle that it certainly hits. Returns the
-/// mask of those that f64 determines to the last bit, and their `t` and the weights of the second and third
-/// vertices.
+/// mask of those of which f64 determines all numbers to the last bit, and their `t` and the weights of the second and
+/// third vertices.
 #[inline(always)]
 pub fn apart<S: Simd>(
     simd: S,
@@ -173,13 +173,25 @@ pub fn apart<S: Simd>(
     // The hit is certain if both bounds on its distance round to the same f32.
     let early = simd.narrow_f64x8(low.early, high.early);
     let late = simd.narrow_f64x8(low.late, high.late);
-    let certain = (low.hit & low.well) | (high.hit & high.well) << HALF;
+    let hit = (low.hit & low.well) | (high.hit & high.well) << HALF;
+    let (certain, [u, v]) = shares(simd, &low, &high);
     let mut out = [[0.0; LANES]; 3];
     // Adding zero turns -0.0 into 0.0.
     (early + splat(simd, 0.0)).store_slice(&mut out[0]);
-    simd.narrow_f64x8(low.u, high.u).store_slice(&mut out[1]);
-    simd.narrow_f64x8(low.v, high.v).store_slice(&mut out[2]);
-    (certain & tile::bits(early.simd_eq(late)), out)
+    u.store_slice(&mut out[1]);
+    v.store_slice(&mut out[2]);
+    (hit & certain & tile::bits(early.simd_eq(late)), out)
+}
+
+/// Returns the weights of the second and third vertices of sixteen hits, and the mask of the rays of which both ends of
+/// the error intervals of both round to the same f32.
+#[inline(always)]
+fn shares<S: Simd>(simd: S, low: &Half<S>, high: &Half<S>) -> (u16, [f32x16<S>; 2]) {
+    let u = simd.narrow_f64x8(low.u - low.slack, high.u - high.slack);
+    let v = simd.narrow_f64x8(low.v - low.slack, high.v - high.slack);
+    let u_end = simd.narrow_f64x8(low.u + low.slack, high.u + high.slack);
+    let v_end = simd.narrow_f64x8(low.v + low.slack, high.v + high.slack);
+    (tile::bits(u.simd_eq(u_end) & v.simd_eq(v_end)), [u, v])
 }
 
 /// The quantities of the verdict on eight triangles, each seen from an origin, for directions with components
@@ -294,7 +306,8 @@ fn take<S: Simd, const R: usize>(
     let best = load(simd, &tile.t[row]);
     // Drop hits that are certainly outside the interval, whatever their last bit.
     let open = open & !(tile::bits(late.simd_lt(t_min) | early.simd_gt(best)) & well);
-    let certain = hit & well & tile::bits(early.simd_eq(late));
+    let (sure, [u, v]) = shares(simd, &low, &high);
+    let certain = hit & well & sure & tile::bits(early.simd_eq(late));
     let nearer = tile::bits(early.simd_lt(best) & early.simd_ge(t_min));
     let taken = open & certain & nearer;
     if taken != 0 {
@@ -305,9 +318,7 @@ fn take<S: Simd, const R: usize>(
         let lanes = mask32x16::from_bitmask(simd, u64::from(taken));
         keep(simd, lanes, reach, &mut tile.reach[row]);
         keep(simd, lanes, t, &mut tile.t[row]);
-        let u = simd.narrow_f64x8(low.u, high.u);
         keep(simd, lanes, u, &mut tile.u[row]);
-        let v = simd.narrow_f64x8(low.v, high.v);
         keep(simd, lanes, v, &mut tile.v[row]);
         let known = u32x16::from_slice(simd, &tile.id[row]);
         let ids: u32x16<S> = lanes.select(ids, known);
@@ -329,6 +340,8 @@ struct Half<S: Simd> {
     late: f64x8<S>,
     u: f64x8<S>,
     v: f64x8<S>,
+    /// Error bound of `u` and of `v`.
+    slack: f64x8<S>,
 }
 
 /// Computes the verdict on eight rays.
@@ -345,9 +358,8 @@ fn half<S: Simd>(simd: S, triangle: &Triangles8<S>, d: Vector<S>, to_scene: f64x
     let sum = dot(d, triangle.normal);
     let epsilon = all(simd, 2.0 * f64::EPSILON);
     let sum_error = triangle.sum_error;
-    let well = sum
-        .abs()
-        .simd_gt((sum_error + triangle.weight_error) * all(simd, FromOrigin::WELL_CONDITIONED));
+    let both = sum_error + triangle.weight_error;
+    let well = (sum.abs()).simd_gt(both * all(simd, FromOrigin::WELL_CONDITIONED));
     let inverse = all(simd, 1.0) / sum;
     let t = triangle.distance * inverse;
     let error = triangle.distance_error + t.abs() * sum_error;
@@ -360,6 +372,7 @@ fn half<S: Simd>(simd: S, triangle: &Triangles8<S>, d: Vector<S>, to_scene: f64x
         late: (t + slack) * to_scene,
         u: w[1] * inverse,
         v: w[2] * inverse,
+        slack: both * inverse.abs() * all(simd, WEIGHT_SLACK),
     }
 }
 
