@@ -70,11 +70,12 @@ impl<
                 out.sample.roughness = bsdf.roughness();
             }
         }
-        // Light from behind reaches a surface only if it transmits.
+        // Light from behind reaches a surface only if it transmits. As in Cycles, the shading normal decides: normals
+        // that face away from the triangle's receive light from its other side.
         let normal = if bsdf.transmits() {
             Vec3::ZERO
         } else {
-            surface.geometric
+            surface.own
         };
         path.receiver = Receiver {
             point: surface.point,
