@@ -377,11 +377,16 @@ mod tests {
                     arrival.map_or(0.0, |arrival| arrival.radiance.x)
                 };
                 // The integral over the whole segment, with light samples spread evenly.
-                let (steps, end) = (40_000_u32, length.min(200.0));
+                let steps = 40_000_u32;
                 let spread = |i: u32| [i, i * 7919].map(|i| (i % 211) as f32 / 211.0 + 2e-3);
                 let each = (0..steps).map(|i| {
-                    let t = end * (i as f32 + 0.5) / steps as f32;
-                    f64::from(arriving(t, spread(i)) * end / steps as f32)
+                    let share = (i as f32 + 0.5) / steps as f32;
+                    let (t, stretch) = if length.is_finite() {
+                        (length * share, length)
+                    } else {
+                        (share / (1.0 - share), (1.0 - share).powi(-2))
+                    };
+                    f64::from(arriving(t, spread(i)) * stretch) / f64::from(steps)
                 });
                 let integral: f64 = each.sum();
                 let Some(chosen) = lights.choose_along(&segment, 0.5) else {

@@ -62,15 +62,15 @@ fn bent_to(want: f32, geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 {
 }
 
 /// Fraction of the light from a direction that a diffuse surface with a mapped normal receives, as in Cycles: 0 if
-/// the two normals disagree about the side, also where the mapped one points below the surface, otherwise the shadowing of facets that lean as far as the mapped
-/// normal. Conty Estevez, Lecocq and Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
-/// Terminator Problem", Ray Tracing Gems, chapter 12. All are unit vectors; `normal` is the surface's shading
-/// normal.
+/// the two normals disagree about the side or the mapped one points below the surface, otherwise the shadowing of
+/// facets that lean as far as the mapped normal. Conty Estevez, Lecocq and Stein 2019, "A Microfacet-Based Shadowing
+/// Function to Solve the Bump Terminator Problem", Ray Tracing Gems, chapter 12. All are unit vectors; `normal` is the
+/// surface's shading normal.
 #[inline(always)]
 pub fn bump_shadow(normal: Vec3, mapped: Vec3, direction: Vec3) -> f32 {
     // Cosines of the light and of the mapped normal with the surface's own.
     let (lit, lean) = (normal.dot(direction), normal.dot(mapped));
-    if lit * lean * mapped.dot(direction) < 0.0 {
+    if lean < 0.0 || (lit < 0.0) != (mapped.dot(direction) < 0.0) {
         return 0.0;
     }
     let tan2 = |cos: f32| {
@@ -98,9 +98,9 @@ mod tests {
         let below = vec3(0.995, 0.0, -0.0999);
         assert_eq!(bump_shadow(up, lean, below), 0.0, "behind the surface");
         assert_eq!(bump_shadow(up, up, vec3(1.0, 0.0, 0.0)), 1.0);
-        // A mapped normal beyond a right angle receives nothing from above the surface.
+        // A mapped normal beyond a right angle receives nothing, whatever the side of the light.
         let beyond = vec3(0.995, 0.0, -0.0999);
-        for light in [sixty, vec3(0.995, 0.0, 0.0999), vec3(0.6, 0.64, 0.48)] {
+        for light in [sixty, vec3(0.995, 0.0, 0.0999), vec3(0.6, 0.64, -0.48)] {
             assert_eq!(bump_shadow(up, beyond, light), 0.0, "{light:?}");
         }
     }

@@ -250,7 +250,8 @@ impl<'a> Surface<'a> {
             1.0 - flat / TERMINATOR
         };
         let amount = amount.clamp(0.0, 1.0);
-        let origin = offset_origin(self.point, side);
+        // Light from the far side of the triangle that the shading normal faces does not meet the triangle itself.
+        let origin = offset_origin(self.point, if flat < 0.0 { -side } else { side });
         if amount == 0.0 {
             return origin;
         }

@@ -103,11 +103,14 @@ impl Table {
     /// Albedo of facets that reflect by the Fresnel equations of a dielectric of relative index `eta`, as Cycles
     /// estimates it for what a layer leaves to those below: the albedo of white facets times the mean reflectance of the
     /// facets that are seen. It is up to 0.01 above the integral of the product, since facets that reflect much are
-    /// those whose light others catch.
+    /// those whose light others catch. Below an index of 1, where most facets reflect all light, it is the integral.
     pub fn dielectric_reflection(ggx: Ggx, eta: f32, points: Points) -> Self {
         let (own, lower_bound) = (fresnel::f0_from_ior(eta), fresnel::min_reflectance(eta));
         let above = |c: f32| fresnel::dielectric(c, eta).0.max(lower_bound) - own;
         Self::of(critical_cosine(eta), |cos| {
+            if eta < 1.0 {
+                return facets(ggx, cos, points, |c| own + above(c));
+            }
             let white = facets(ggx, cos, points, |_| 1.0);
             white * (own + seen(ggx, cos, points, above))
         })

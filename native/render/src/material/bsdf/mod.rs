@@ -66,6 +66,9 @@ pub struct LobeFilter {
     pub refractions: bool,
     /// Whether light walks below surfaces; they are diffuse otherwise.
     pub walks: bool,
+    /// Whether facets are seen. Where their normal faces away from the viewer they scatter nothing, but dim what lies
+    /// below them as at grazing angles, as in Cycles.
+    pub seen: bool,
 }
 
 impl LobeFilter {
@@ -75,6 +78,7 @@ impl LobeFilter {
         reflections: true,
         refractions: true,
         walks: true,
+        seen: true,
     };
 }
 
