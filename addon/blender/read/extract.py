@@ -387,7 +387,10 @@ class _Reader:
             if reason := texture_layers.unreadable(data, key):
                 self._unreadable.add(key)
                 self.notes.add(f"The attribute {key[1]!r} is black, its {reason} is not supported yet", item.name_full)
-        return meshes.read_mesh(data, uvs=self.uvs, layers=keys)
+        read = meshes.read_mesh(data, uvs=self.uvs, layers=keys)
+        if read.lost:
+            self.notes.add("Custom normals that are not finite are replaced by those of the faces", item.name_full)
+        return read
 
     def note_layers(self) -> None:
         """Note layers that materials read and no mesh has."""

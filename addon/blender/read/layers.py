@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
 Key = tuple[str, str]
 
-BLOCK = 1 << 14
-"""Number of triangles whose tangents are transformed at a time."""
-
 
 def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
     """Those of the layers that the mesh has, each (m, 3, 2 to 4) float32 by triangle and corner."""
@@ -53,9 +50,9 @@ def _width(mesh: Any, kind: str, name: str) -> int:
         return 3
     if kind == STRAND:
         return 0
-    if _uv_map(mesh, name) is None:
-        return 0
-    return 4 if kind == TANGENT else 2
+    if kind == TANGENT:
+        return 4 if _has_tangents(mesh, name) else 0
+    return 0 if _uv_map(mesh, name) is None else 2
 
 
 def _uv_map(mesh: Any, name: str) -> Any:
@@ -131,16 +128,23 @@ def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
     return np.repeat(rows.take(faces, axis=0), 3, axis=0)
 
 
+def _has_tangents(mesh: Any, name: str) -> bool:
+    """Whether a mesh has the tangents of a UV map: as in Cycles, a mesh without any has those of its coordinates."""
+    return _uv_map(mesh, name) is not None or not (name or len(mesh.uv_layers))
+
+
 def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
-    """Blender's own tangents (x, y, z) and the sign of the bitangent."""
+    """Blender's own tangents (x, y, z) and the sign of the bitangent, in the space of the mesh."""
+    if not _has_tangents(mesh, name):
+        return None
     uv_map = _uv_map(mesh, name)
     if uv_map is None:
-        return None
+        return _smooth_tangents(mesh, None, corners)
     try:
         mesh.calc_tangents(uvmap=uv_map.name)
     except RuntimeError:
         # Blender's tangents support only triangles and quads.
-        return _triangle_tangents(mesh, name, corners)
+        return _smooth_tangents(mesh, _uv(mesh, name, corners), corners)
     # Read tangents and signs per loop, then gather the triangles' corners.
     values = np.empty((len(mesh.loops), 4), np.float32)
     flat = np.empty(len(mesh.loops) * 3, np.float32)
@@ -153,25 +157,64 @@ def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     return values.take(corners, axis=0)
 
 
-def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
-    """The direction of increasing u on each triangle, for meshes with larger faces."""
-    uv = _uv(mesh, name, corners)
-    assert uv is not None
+def _smooth_tangents(mesh: Any, uv: F32 | None, corners: U32) -> F32:
+    """The direction of increasing u at the corners of triangles, for meshes with larger faces or (None) without a UV
+    map: u and v are then longitude and latitude around the mesh's origin.
+
+    As Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited", the mean of the triangles of one orientation around
+    a vertex, weighted by their angles.
+    """
     positions = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.attributes["position"].data.foreach_get("vector", positions)
     vertices = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
-    # Solve for the tangent from the edges in space and in uv.
-    p = positions.reshape(-1, 3).take(vertices.take(corners), axis=0).reshape(-1, 3, 3).astype(np.float64)
-    t = uv.reshape(-1, 3, 2).astype(np.float64)
-    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    d1, d2 = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
-    area = d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1]
-    tangent = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * np.sign(area)[:, None]
-    length = np.linalg.norm(tangent, axis=1, keepdims=True)
-    tangent /= np.where(length > 0, length, 1)
-    values = np.concatenate([tangent, np.where(area < 0, -1.0, 1.0)[:, None]], axis=1).astype(np.float32)
-    return np.repeat(values, 3, axis=0)
+    normals = np.empty(len(mesh.loops) * 3, np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    vertex = vertices.take(corners)
+    p = positions.reshape(-1, 3).take(vertex, axis=0).astype(np.float64)
+    n = normals.reshape(-1, 3).take(corners, axis=0).astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        t = _around(p) if uv is None else uv.reshape(-1, 3, 2).astype(np.float64)
+        p = p.reshape(-1, 3, 3)
+        # Solve for the tangents of the triangles from their edges in space and in uv.
+        e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        d1, d2 = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
+        sign = np.where(d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1] > 0, 1.0, -1.0)[:, None]
+        along = np.repeat((e1 * d2[:, 1:] - e2 * d1[:, 1:]) * sign, 3, axis=0)
+        # Add them up where vertex, normal and orientation are equal, each in the plane across the normal.
+        signs = np.repeat(sign, 3, axis=0)
+        to_next, to_last = ((p[:, order] - p).reshape(-1, 3) for order in ([1, 2, 0], [2, 0, 1]))
+        cosine = (_across(n, to_next) * _across(n, to_last)).sum(axis=1)
+        part = _across(n, along) * np.arccos(np.clip(cosine, -1, 1))[:, None]
+        keys = np.column_stack([vertex, n, signs, *(() if uv is None else (uv,))])
+        groups = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        part = np.nan_to_num(part, posinf=0, neginf=0)
+        total = np.column_stack([np.bincount(groups, part[:, axis])[groups] for axis in range(3)])
+        values = np.concatenate([np.nan_to_num(_unit(total)), signs], axis=1)
+    return values.astype(np.float32)
+
+
+def _around(positions: F64) -> F64:
+    """Longitude and latitude of the corners of triangles, positions (3 m, 3), in turns and half turns, (m, 3, 2). Where
+    a triangle crosses the end of the longitudes, they continue beyond it, as in Cycles.
+    """
+    x, y, z = positions.T
+    length = np.sqrt((positions**2).sum(axis=1))
+    u = np.where((x == 0) & (y == 0), 0.0, 0.5 - np.arctan2(x, y) / (2 * np.pi))
+    v = 1 - np.arccos(np.clip(z / length, -1, 1)) / np.pi
+    u = np.where(length > 0, u, 0.0).reshape(-1, 3)
+    u += (np.ptp(u, axis=1)[:, None] > 0.5) & (u < 0.5)
+    return np.stack([u, np.where(length > 0, v, 0.0).reshape(-1, 3)], axis=-1)
+
+
+def _across(normals: F64, vectors: F64) -> F64:
+    """The parts of vectors across unit normals, each (n, 3), as unit vectors."""
+    return _unit(vectors - normals * (normals * vectors).sum(axis=1, keepdims=True))
+
+
+def _unit(vectors: F64) -> F64:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
 
 
 READERS: dict[str, Callable[[Any, str, U32], F32 | None]] = {
@@ -219,38 +262,19 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
         if layer.shape[2] == 4:
             layer[..., 3] = 1
         start = 0
-        # Copy the mesh's values to all its instances; tangents are transformed, mirrored triangles flipped.
+        # Copy the mesh's values to all its instances; mirrored triangles are flipped.
         for p in placements:
             places, triangles = len(p.names), len(p.mesh.triangles)
             rows = layer[start : start + places * triangles].reshape(places, triangles, 3, -1)
             values = p.mesh.layers.get(key)
             if values is not None:
                 mirrored = np.linalg.det(p.matrices[:, :3, :3]) < 0
-                if key[0] == TANGENT:
-                    _turn(values[..., :3], p.matrices, out=rows[..., :3])
-                    signs = np.where(mirrored, -1, 1).astype(np.float32)
-                    np.multiply(signs[:, None, None], values[..., 3], out=rows[..., 3])
-                else:
-                    rows[..., : values.shape[2]] = values
+                rows[..., : values.shape[2]] = values
                 if mirrored.any():
                     rows[mirrored, :, 1:] = rows[mirrored, :, :0:-1]
             start += places * triangles
         out.append(layer)
     return tuple(out)
-
-
-def _turn(tangents: F32, matrices: F64, *, out: F32) -> None:
-    """Transform unit vectors (m, 3, 3) of a mesh into each of its instances, rounded once into `out` (k, m, 3, 3).
-
-    In blocks: in f64 all of them together would take several times the memory accounted for the layer.
-    """
-    places = max(BLOCK // max(len(tangents), 1), 1)
-    for m in range(0, len(tangents), BLOCK):
-        part = tangents[m : m + BLOCK].astype(np.float64)
-        for k in range(0, len(matrices), places):
-            turned = np.einsum("kij,mcj->kmci", matrices[k : k + places, :3, :3], part)
-            length = np.linalg.norm(turned, axis=-1, keepdims=True)
-            out[k : k + places, m : m + BLOCK] = turned / np.where(length > 0, length, 1)
 
 
 def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tuple[ObjectFrame, ...], U32]:

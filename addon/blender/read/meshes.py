@@ -48,7 +48,8 @@ class MeshArrays:
     positions: (n, 3) float32, infinite from UNBOUNDED on. triangles: (m, 3) int32 into positions. slots: (m,) int32
     material slots, or None if all are 0. normals: (k, 3) float32 as stored by Blender, one per vertex or per face
     corner, None for flat; normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: see
-    `layers.read_layers`. box: its texture space, see `layers.box`.
+    `layers.read_layers`. box: its texture space, see `layers.box`. lost: number of stored normals that were not finite,
+    in whose place are those of the triangles.
     """
 
     positions: F32
@@ -59,6 +60,7 @@ class MeshArrays:
     uvs: F32 | None
     layers: dict[texture_layers.Key, F32] = field(default_factory=dict)
     box: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    lost: int = 0
 
 
 def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
@@ -85,7 +87,9 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
         normal_rows = corners.reshape(-1, 3)
 
-    if normals is not None and not bounded:
+    lost = 0
+    if normals is not None and normal_rows is not None and not np.isfinite(_box(normals)).all():
+        lost = _repair(normals, normal_rows, positions, triangles) if bounded else 0
         normals[~np.isfinite(normals).all(axis=1)] = 0
 
     # Read the UV map and the layers of materials.
@@ -96,7 +100,18 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
     found = texture_layers.read_layers(mesh, layers)
     box = texture_layers.box(mesh) if bounded else texture_layers.box_around(positions)
-    return MeshArrays(positions, triangles, slots, normals, normal_rows, uv, found, box)
+    return MeshArrays(positions, triangles, slots, normals, normal_rows, uv, found, box, lost)
+
+
+def _repair(normals: F32, rows: NDArray[Any], positions: F32, triangles: I32) -> int:
+    """Replace stored normals that are not finite by the mean of those of the triangles there. Returns their number."""
+    bad = ~np.isfinite(normals).all(axis=1)
+    around = bad[rows].any(axis=1)
+    a, b, c = (positions[triangles[around, k]].astype(np.float64) for k in range(3))
+    total = np.zeros((len(normals), 3))
+    np.add.at(total, rows[around], np.cross(b - a, c - a)[:, None])
+    normals[bad] = _unit(total[bad])
+    return int(np.count_nonzero(bad))
 
 
 def _positions(mesh: Any) -> NDArray[Any]:

@@ -13,7 +13,6 @@ from ....core.base import native
 from ....core.base.arrays import F32, F64, I32
 from ..layers import Key
 from ..meshes import UNBOUNDED, MeshArrays
-from ..value_nodes import TANGENT
 from .programs import Displacement
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ def _offsets(
     origin = around.matrix[:3, 3]
     outward = normals @ inverse
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-30)
-    layers = [_at_corners(key, mesh.layers.get(key), corners, linear) for key in around.layers]
+    layers = [_at_corners(mesh.layers.get(key), corners) for key in around.layers]
     frame = {
         "to_object": np.column_stack([inverse, np.zeros(3)]).tolist(),
         "generated": mesh.box,
@@ -117,15 +116,11 @@ def _offsets(
     return offsets
 
 
-def _at_corners(key: Key, values: F32 | None, corners: NDArray[np.int64], linear: F64) -> F32 | None:
-    """A layer at some corners, three times each; tangents are turned to the world."""
+def _at_corners(values: F32 | None, corners: NDArray[np.int64]) -> F32 | None:
+    """A layer at some corners, three times each."""
     if values is None:
         return None
     rows = values.reshape(-1, values.shape[2])[corners]
-    if key[0] == TANGENT:
-        turned = rows[:, :3].astype(np.float64) @ linear.T
-        turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
-        rows = np.concatenate([turned.astype(np.float32), rows[:, 3:]], axis=1)
     return np.ascontiguousarray(np.repeat(rows[:, None], 3, axis=1), np.float32)
 
 

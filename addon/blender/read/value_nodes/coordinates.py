@@ -147,9 +147,11 @@ def _tangent(values: Values, node: Place) -> Operand:
     item = node.node
     if item.direction_type == "RADIAL":
         return values.coordinate(f"tangent_{item.axis.lower()}")
-    # The tangent of a UV map, perpendicular to the shading normal.
+    # The tangent of a UV map, perpendicular to the shading normal. As in Cycles it is transformed like a normal.
     raw, normal = values.layer(TANGENT, item.uv_map), values.coordinate("normal")
-    side = values.step("unit", values.step("vector_math", raw, normal, 0.0, kind="CROSS_PRODUCT"))
+    values.layers.objects = True
+    along = values.step("transform", raw, vector="NORMAL", **{"from": "OBJECT", "to": "WORLD"})
+    side = values.step("unit", values.step("vector_math", along, normal, 0.0, kind="CROSS_PRODUCT"))
     return values.step("unit", values.step("vector_math", normal, side, 0.0, kind="CROSS_PRODUCT"))
 
 

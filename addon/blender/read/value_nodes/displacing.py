@@ -47,7 +47,7 @@ def _scaled(values: Values, node: Place, amount: Operand) -> Operand:
 def _from_tangents(values: Values, offset: Operand) -> Operand:
     """A vector along the tangent, the normal and the bitangent of the active UV map, in object space."""
     raw = values.layer(TANGENT, "")
-    tangent = values.step("unit", _transformed(values, raw, "VECTOR", "WORLD", "OBJECT"))
+    tangent = values.step("unit", raw)
     normal = _transformed(values, values.coordinate("normal"), "NORMAL", "WORLD", "OBJECT")
     across = values.step("vector_math", normal, tangent, 0.0, kind="CROSS_PRODUCT")
     bitangent = values.step("vector_math", across, values.step("alpha", raw), 0.0, kind="MULTIPLY")

@@ -27,6 +27,7 @@ def _normal_map(values: Values, node: Place) -> Operand:
     color, strength = values.input(node, "Color"), values.input(node, "Strength")
     if item.space == "TANGENT":
         layer = values.layers.number(TANGENT, item.uv_map)
+        values.layers.objects = True
         return values.step("normal_map", color, strength, layer=layer)
     values.layers.objects |= item.space == "OBJECT"
     return values.step("normal_map_space", color, strength, object=item.space == "OBJECT")

@@ -106,6 +106,65 @@ impl Emission {
         if least > self.edge { least } else { 0.0 }
     }
 
+    /// Returns the part of a line that light reaches from a sphere around the origin: the first and the last distance,
+    /// which may be infinite; `None` where it reaches none. `from`: a point of the line; `direction`: unit vector;
+    /// `flat`: whether the lights in the sphere lie in the plane across the axis.
+    pub fn lit_part(
+        &self,
+        from: Vec3,
+        direction: Vec3,
+        radius: f32,
+        flat: bool,
+    ) -> Option<[f32; 2]> {
+        const WHOLE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+        let reach = self.spread + self.reach;
+        if self.is_all() || reach > FRAC_PI_2 {
+            return Some(WHOLE);
+        }
+        // All light leaves as from the tip of a cone behind the sphere. In f64, since far from the light the terms of
+        // the quadratic equation nearly cancel each other.
+        let (sine, cosine) = f64::from(reach).sin_cos();
+        let back = f64::from(radius) * if flat { cosine.max(0.0) } else { 1.0 } / sine;
+        let dot = |a: Vec3, b: Vec3| -> f64 {
+            let products = (a.array().into_iter()).zip(b.array());
+            products.map(|(a, b)| f64::from(a) * f64::from(b)).sum()
+        };
+        let (height, climb) = (dot(from, self.axis) + back, dot(direction, self.axis));
+        // Squared lengths and product of the vectors from the tip.
+        let square = dot(from, from) + 2.0 * back * dot(from, self.axis) + back * back;
+        let product = dot(from, direction) + back * climb;
+        // Points within the cone and its mirror image: a t² + 2 b t + c >= 0.
+        let narrow = if reach < FRAC_PI_2 {
+            cosine * cosine
+        } else {
+            0.0
+        };
+        let a = climb * climb - narrow;
+        let b = climb * height - narrow * product;
+        let c = height * height - narrow * square;
+        let root = (b * b - a * c).max(0.0).sqrt();
+        let q = -(b + root.copysign(b));
+        let (one, other) = (q / a, if q == 0.0 { 0.0 } else { c / q });
+        let [first, last] = [one.min(other), one.max(other)];
+        if !(first.is_finite() && last.is_finite()) {
+            // A line along the side of the cone.
+            return Some(WHOLE);
+        }
+        let [first, last] = if a > 0.0 {
+            // The line crosses both cones, and stays in one of them.
+            if climb > 0.0 {
+                [last, f64::INFINITY]
+            } else {
+                [f64::NEG_INFINITY, first]
+            }
+        } else if b * b - a * c < 0.0 || height + 0.5 * (first + last) * climb < 0.0 {
+            return None;
+        } else {
+            [first, last]
+        };
+        Some([first, last].map(|t| t as f32))
+    }
+
     /// Returns the measure of the directions, weighted by their cosines to the nearest axis.
     pub fn measure(&self) -> f32 {
         self.measure
@@ -188,6 +247,43 @@ mod tests {
             }
         }
         assert!(arrived > 1000, "{arrived}");
+    }
+
+    #[test]
+    fn lit_parts_of_lines_hold_all_lit_points_and_few_others() {
+        for (k, (axis, direction)) in directions(11).zip(directions(12)).take(200).enumerate() {
+            let reach = [0.02, 0.3, 0.8, 1.4, FRAC_PI_2][k % 5];
+            let (radius, flat) = ([0.0, 0.2][k / 5 % 2], k % 3 == 0);
+            let emission = Emission::around(axis, reach);
+            let across = Frame::around(axis);
+            for (start, point) in directions(k as u32).zip(directions(13)).take(20) {
+                let from = start * (0.5 + 3.0 * (k % 7) as f32);
+                let part = emission.lit_part(from, direction, radius, flat);
+                // The light's points: all of the sphere, or of the disc across the axis.
+                let points = if flat {
+                    (across.x * point.x + across.y * point.y) * radius
+                } else {
+                    point * radius
+                };
+                let (mut lit, mut found) = (0, 0);
+                for i in -400..400 {
+                    let t = 0.05 * i as f32;
+                    let to = from + direction * t - points;
+                    let inside = part.is_some_and(|[first, last]| (first..=last).contains(&t));
+                    found += u32::from(inside);
+                    if to.normalized().dot(axis) > reach.cos() {
+                        lit += 1;
+                        assert!(inside, "{k} {reach} {radius}: {t} {part:?}");
+                    }
+                }
+                // Without a size the bound is tight, but for the slack and the steps.
+                let wide = reach + 2.0 * SLACK < FRAC_PI_2;
+                assert!(
+                    radius > 0.0 || !wide || f64::from(found) <= 1.15 * f64::from(lit) + 8.0,
+                    "{k} {reach}: {found} of {lit}"
+                );
+            }
+        }
     }
 
     #[test]

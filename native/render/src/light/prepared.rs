@@ -53,6 +53,11 @@ impl Light {
         matches!(self.shape, Shape::Sun(_) | Shape::World)
     }
 
+    /// Whether the light lies in the plane across the axis of its emission.
+    pub(super) fn is_flat(&self) -> bool {
+        matches!(self.shape, Shape::Area(_))
+    }
+
     /// Returns the bounding sphere of a light at a finite distance.
     pub(super) fn bounding_sphere(&self, light: u32) -> Option<BoundingSphere> {
         let ((centre, radius), emission) = match &self.shape {

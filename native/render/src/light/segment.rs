@@ -3,7 +3,8 @@
 //!
 //! The light that arrives at a point of the segment falls with the square of the distance, so points are chosen by the
 //! angle under which the light sees them: equi-angular sampling, Kulla and Fajardo 2012, "Importance Sampling
-//! Techniques for Path Tracing in Participating Media". The light is chosen by the integral of its irradiance.
+//! Techniques for Path Tracing in Participating Media". The light is chosen by the integral of its irradiance. Only the
+//! part of the segment counts that the light reaches: the cone of a spot light, the front of an area light.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -35,11 +36,13 @@ pub struct Segment {
 pub struct Chosen {
     index: usize,
     probability: f32,
+    /// Where the part of the segment that the light reaches begins and ends.
+    pub span: [f32; 2],
     /// The angles under which the light sees the segment; `None` for a light infinitely far away.
     pub angles: Option<Angles>,
 }
 
-/// The angles between the perpendicular from a light to a line and the points of a segment of that line.
+/// The angles between the perpendicular from a light to a line and the points of a part of that line.
 #[derive(Debug, Clone, Copy)]
 pub struct Angles {
     /// Distance along the segment of the foot of the perpendicular.
@@ -48,8 +51,8 @@ pub struct Angles {
     height: f32,
     /// The angles of the start and of the end.
     ends: [f32; 2],
-    /// Length of the segment.
-    length: f32,
+    /// Distances along the segment of the start and of the end.
+    span: [f32; 2],
 }
 
 /// Returns the arctangent in radians.
@@ -76,8 +79,17 @@ fn about_angle(y: f32, x: f32) -> f32 {
 }
 
 impl Segment {
-    /// Returns the angles under which the centre of a light of this radius sees the segment.
-    pub fn angles(&self, centre: Vec3, radius: f32) -> Angles {
+    /// Returns where the part of the segment that the lights of a sphere reach begins and ends; `None` if they reach
+    /// none of it. `flat`: whether they lie in the plane across the axis of their emission.
+    fn lit(&self, sphere: &BoundingSphere, flat: bool) -> Option<[f32; 2]> {
+        let from = self.origin - sphere.centre;
+        let part = (sphere.emission).lit_part(from, self.direction, sphere.radius, flat)?;
+        let span = [part[0].max(0.0), part[1].min(self.length)];
+        (span[0] < span[1]).then_some(span)
+    }
+
+    /// Returns the angles under which the centre of a light of this radius sees a part of the segment.
+    pub fn angles(&self, centre: Vec3, radius: f32, span: [f32; 2]) -> Angles {
         let to_centre = centre - self.origin;
         let foot = to_centre.dot(self.direction);
         let away = (to_centre - self.direction * foot).length();
@@ -87,14 +99,21 @@ impl Segment {
         Angles {
             foot,
             height,
-            ends: [-foot, self.length - foot].map(|along| atan(along / height)),
-            length: self.length,
+            ends: span.map(|at| atan((at - foot) / height)),
+            span,
         }
     }
 
     /// Estimates the integral of the irradiance from a sphere over the segment: in vacuum within six percent, in a
-    /// medium by the transmittance to the nearest point. Lights are chosen by it, so that its error is noise alone.
+    /// medium by the transmittance to the nearest point. Lights are chosen by it, so that its error is noise alone; 0
+    /// only where they reach nothing.
     fn importance(&self, sphere: &BoundingSphere) -> f32 {
+        self.lit(sphere, false)
+            .map_or(0.0, |span| self.importance_of(sphere, span))
+    }
+
+    /// Like [`Self::importance`], of a part of the segment.
+    fn importance_of(&self, sphere: &BoundingSphere, [start, end]: [f32; 2]) -> f32 {
         let to_centre = sphere.centre - self.origin;
         let foot = to_centre.dot(self.direction);
         let away2 = to_centre.length2() - foot * foot;
@@ -105,10 +124,11 @@ impl Segment {
             .max(1e-24)
             .sqrt();
         // The angle between the directions from the centre to both ends, of which an infinite one is far away.
-        let length = self.length.min(1e3 * (foot.abs() + height));
-        let angle = about_angle(length * height, height * height - foot * (length - foot));
+        let end = end.min(start + 1e3 * ((foot - start).abs() + height));
+        let (before, after) = (start - foot, end - foot);
+        let angle = about_angle((end - start) * height, height * height + before * after);
         // What is left of the light at the point nearest the sphere.
-        let depth = self.extinction * (foot - sphere.radius).clamp(0.0, length);
+        let depth = self.extinction * (foot - sphere.radius).clamp(start, end);
         let through = (1.0 / (1.0 + depth * (1.0 + 0.5 * depth))).max(DIMMEST);
         sphere.brightness * through * (angle.max(1e-7) / height)
     }
@@ -135,7 +155,7 @@ impl Angles {
         let angle = self.ends[0] + u * (self.ends[1] - self.ends[0]);
         let (sine, cosine) = sin_cos_turns(angle.abs() / TAU);
         let tangent = (sine / cosine.max(1e-7)).copysign(angle);
-        (self.foot + self.height * tangent).clamp(0.0, self.length)
+        (self.foot + self.height * tangent).clamp(self.span[0], self.span[1])
     }
 
     /// Returns the density with which [`Self::sample`] finds this distance.
@@ -147,7 +167,7 @@ impl Angles {
 
 impl Lights {
     /// Chooses a light for a segment by a random number in [0, 1). Every light that could arrive at some point of the
-    /// segment may be chosen, since the sides to which lights shine are not considered. Returns `None` without lights.
+    /// segment may be chosen. Returns `None` if there is none.
     pub fn choose_along(&self, segment: &Segment, choice: f32) -> Option<Chosen> {
         let n = self.lights.len();
         let (index, probability) = if n == 1 {
@@ -170,12 +190,21 @@ impl Lights {
             let index = pick(&each[..n], choice * total)?;
             (index, each[index] / total)
         };
-        let sphere = self.lights[index].bounding_sphere(0);
-        let angles = sphere.map(|sphere| segment.angles(sphere.centre, sphere.radius));
+        let light = &self.lights[index];
+        let Some(sphere) = light.bounding_sphere(0) else {
+            return Some(Chosen {
+                index,
+                probability,
+                span: [0.0, segment.length],
+                angles: None,
+            });
+        };
+        let span = segment.lit(&sphere, light.is_flat())?;
         Some(Chosen {
             index,
             probability,
-            angles,
+            span,
+            angles: Some(segment.angles(sphere.centre, sphere.radius, span)),
         })
     }
 
@@ -248,7 +277,7 @@ mod tests {
             (vec3(30.0, 1.0, 0.0), 4.0, 3.0),
         ] {
             let segment = Segment { length, ..SEGMENT };
-            let angles = segment.angles(centre, radius);
+            let angles = segment.angles(centre, radius, [0.0, length]);
             // The share of distances below `t` is the integral of the density.
             let (n, mut below) = (4000, 0.0);
             for i in 0..n {
@@ -285,7 +314,7 @@ mod tests {
                 extinction: 0.0,
                 ..SEGMENT
             };
-            let exact = segment.angles(centre, radius);
+            let exact = segment.angles(centre, radius, [0.0, length]);
             let integral = 2.0 * exact.opening() / exact.height;
             let error = segment.importance(&sphere) / integral - 1.0;
             assert!(error.abs() < 0.06, "{centre:?}: {error}");
@@ -296,6 +325,93 @@ mod tests {
             };
             assert!((0.0..=1.06 * integral).contains(&dim.importance(&sphere)));
             assert!(dim.importance(&sphere) > 0.0);
+        }
+    }
+
+    #[test]
+    fn the_part_that_a_light_reaches_is_sampled_and_holds_all_of_its_light() {
+        let spot = |size: f32, radius: f32| LightKind::Spot {
+            radius,
+            size,
+            blend: 0.15,
+        };
+        let square = LightKind::Area {
+            shape: crate::light::AreaShape::Square,
+            size: 0.4,
+            size_y: 0.4,
+            spread: 1.0,
+        };
+        // Light falls from (0, 0, 1): across the segment, which begins outside of a cone or in it, or past its tip.
+        let kinds = [
+            spot(0.3, 0.0),
+            spot(1.2, 0.0),
+            spot(0.6, 0.05),
+            spot(std::f32::consts::PI, 0.0),
+            square,
+        ];
+        let ways = [
+            (vec3(-3.0, 0.1, -1.0), vec3(1.0, 0.0, 0.0), 7.0),
+            (vec3(0.05, 0.0, -1.0), vec3(0.6, 0.0, -0.8), f32::INFINITY),
+            (vec3(-0.02, 0.0, -4.0), vec3(0.0, 0.0, 1.0), 9.0),
+            (vec3(-2.0, 0.0, 3.0), vec3(0.6, 0.0, -0.8), 9.0),
+        ];
+        let (seen, varying) = (Visibility::ALL, Varying::default());
+        for kind in kinds {
+            let lamp = [light(kind, at(0.0, 0.0, 1.0), 1.0)];
+            let lights = Lights::new(&lamp, &[], None, seen, &[], &varying).unwrap();
+            for (origin, direction, length) in ways {
+                let segment = Segment {
+                    origin,
+                    direction,
+                    length,
+                    extinction: 0.2,
+                };
+                let arriving = |t: f32, u: [f32; 2]| {
+                    let receiver = Receiver {
+                        point: origin + direction * t,
+                        normal: Vec3::ZERO,
+                        sets: u32::MAX,
+                        each: false,
+                    };
+                    let arrival = lights.sample(receiver, 0.5, u);
+                    arrival.map_or(0.0, |arrival| arrival.radiance.x)
+                };
+                // The integral over the whole segment, with light samples spread evenly.
+                let steps = 40_000_u32;
+                let spread = |i: u32| [i, i * 7919].map(|i| (i % 211) as f32 / 211.0 + 2e-3);
+                let each = (0..steps).map(|i| {
+                    let share = (i as f32 + 0.5) / steps as f32;
+                    let (t, stretch) = if length.is_finite() {
+                        (length * share, length)
+                    } else {
+                        (share / (1.0 - share), (1.0 - share).powi(-2))
+                    };
+                    f64::from(arriving(t, spread(i)) * stretch) / f64::from(steps)
+                });
+                let integral: f64 = each.sum();
+                let Some(chosen) = lights.choose_along(&segment, 0.5) else {
+                    assert!(integral < 1e-9, "{kind:?} {origin:?}: {integral}");
+                    continue;
+                };
+                let angles = chosen.angles.unwrap();
+                let (mut mean, mut arrived) = (0.0, 0);
+                for i in 0..steps {
+                    let t = angles.sample((i as f32 + 0.5) / steps as f32);
+                    let value = arriving(t, spread(i));
+                    arrived += u32::from(value > 0.0);
+                    mean += f64::from(value / angles.density(t)) / f64::from(steps);
+                }
+                let error = (mean / integral - 1.0).abs();
+                assert!(error < 0.01, "{kind:?} {origin:?}: {mean} {integral}");
+                // Nearly every sample is lit; a light with a size has a bound that is less tight.
+                let least = if matches!(kind, LightKind::Spot { radius: 0.0, .. }) {
+                    0.95
+                } else {
+                    0.5
+                };
+                let share = f64::from(arrived) / f64::from(steps);
+                assert!(share > least, "{kind:?} {origin:?}: {share}");
+            }
         }
     }
 

@@ -1,22 +1,37 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Corrections for shading normals that a material computed: reflections below the surface, and the terminator.
+//! Corrections for shading normals that differ from the geometric one: reflections below the surface, and the
+//! terminator.
 
 use crate::math::vector::Vec3;
 
-/// Bends a mapped normal towards the geometric one until the mirror direction of the viewer leaves the surface;
-/// below it reflections would be black. `geometric` and `incoming` are unit vectors with a positive cosine.
+/// Bends a normal, mapped or interpolated, towards the geometric one until the mirror direction of the viewer leaves
+/// the surface; below it reflections would be black. `geometric` and `incoming` are unit vectors with a positive cosine.
+#[inline(always)]
+pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 {
+    // Keep the normal if its mirror direction is high enough already.
+    let iz = incoming.dot(geometric);
+    let want = (0.9 * iz).min(0.01);
+    if mirrored_height(geometric, incoming, mapped) >= want {
+        return mapped;
+    }
+    bent_to(want, geometric, incoming, mapped)
+}
+
+/// Returns the cosine between the geometric normal and the direction in which `normal` mirrors the viewer.
+#[inline(always)]
+fn mirrored_height(geometric: Vec3, incoming: Vec3, normal: Vec3) -> f32 {
+    2.0 * normal.dot(incoming) * normal.dot(geometric) - incoming.dot(geometric)
+}
+
+/// Returns the normal in the plane of both that mirrors the viewer to this height.
 ///
 /// In the plane of the two normals, with Ng as z axis and I = (x, z), a unit normal (sin, cos) mirrors I to a
 /// direction of height 2 (x sin + z cos) cos - z. The normal for a given height follows from a quadratic equation
 /// in cos².
-pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 {
+#[cold]
+#[inline(never)]
+fn bent_to(want: f32, geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 {
     let iz = incoming.dot(geometric);
-    // Keep the normal if its mirror direction is high enough already.
-    let height = |n: Vec3| 2.0 * n.dot(incoming) * n.dot(geometric) - iz;
-    let want = (0.9 * iz).min(0.01);
-    if height(mapped) >= want {
-        return mapped;
-    }
     // The tangent direction in the plane of both normals.
     let axis = (mapped - geometric * mapped.dot(geometric)).normalized_or(Vec3::ZERO);
     let ix = incoming.dot(axis);
@@ -38,7 +53,7 @@ pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 
         }
         let s = s.min(1.0);
         let n = axis * (1.0 - s).max(0.0).sqrt() + geometric * s.sqrt();
-        if height(n) >= want - 1e-4 && n.dot(mapped) > nearest {
+        if mirrored_height(geometric, incoming, n) >= want - 1e-4 && n.dot(mapped) > nearest {
             nearest = n.dot(mapped);
             best = n;
         }
@@ -47,15 +62,15 @@ pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 
 }
 
 /// Fraction of the light from a direction that a diffuse surface with a mapped normal receives, as in Cycles: 0 if
-/// the two normals disagree about the side, otherwise the shadowing of facets that lean as far as the mapped
-/// normal. Conty Estevez, Lecocq and Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
-/// Terminator Problem", Ray Tracing Gems, chapter 12. All are unit vectors; `normal` is the surface's shading
-/// normal.
+/// the two normals disagree about the side or the mapped one points below the surface, otherwise the shadowing of
+/// facets that lean as far as the mapped normal. Conty Estevez, Lecocq and Stein 2019, "A Microfacet-Based Shadowing
+/// Function to Solve the Bump Terminator Problem", Ray Tracing Gems, chapter 12. All are unit vectors; `normal` is the
+/// surface's shading normal.
 #[inline(always)]
 pub fn bump_shadow(normal: Vec3, mapped: Vec3, direction: Vec3) -> f32 {
     // Cosines of the light and of the mapped normal with the surface's own.
     let (lit, lean) = (normal.dot(direction), normal.dot(mapped));
-    if (lit < 0.0) != (mapped.dot(direction) < 0.0) {
+    if lean < 0.0 || (lit < 0.0) != (mapped.dot(direction) < 0.0) {
         return 0.0;
     }
     let tan2 = |cos: f32| {
@@ -83,6 +98,11 @@ mod tests {
         let below = vec3(0.995, 0.0, -0.0999);
         assert_eq!(bump_shadow(up, lean, below), 0.0, "behind the surface");
         assert_eq!(bump_shadow(up, up, vec3(1.0, 0.0, 0.0)), 1.0);
+        // A mapped normal beyond a right angle receives nothing, whatever the side of the light.
+        let beyond = vec3(0.995, 0.0, -0.0999);
+        for light in [sixty, vec3(0.995, 0.0, 0.0999), vec3(0.6, 0.64, -0.48)] {
+            assert_eq!(bump_shadow(up, beyond, light), 0.0, "{light:?}");
+        }
     }
 
     #[test]

@@ -105,17 +105,19 @@ pub struct LitPoint {
     pub weight: Vec3,
 }
 
-/// Samples the point of a segment of this length that receives light. `angles`: under which the light sees the segment;
-/// `None` for light from afar. `choice`, `u`: random numbers in [0, 1). Returns `None` where nothing scatters.
+/// Samples the point of a segment that receives light. `start`, `end`: of the part that the light reaches, distances from
+/// the start of the segment; `angles`: under which the light sees that part, `None` for light from afar. `choice`, `u`:
+/// random numbers in [0, 1). Returns `None` where nothing scatters.
 pub fn sample_lit(
     mixture: &Mixture,
     throughput: Vec3,
-    length: f32,
+    [start, end]: [f32; 2],
     angles: Option<Angles>,
     [choice, u]: [f32; 2],
 ) -> Option<LitPoint> {
     let extinction = mixture.extinction;
-    let share = shares(mixture, throughput)?;
+    let arriving = throughput * transmittance(extinction, start);
+    let share = shares(mixture, arriving)?;
     // Choose the technique, and use the number again for the distance.
     let by_angle = angles.filter(|_| u >= 0.5);
     let u = if angles.is_some() {
@@ -123,17 +125,18 @@ pub fn sample_lit(
     } else {
         u
     };
-    // Exponential distances within the segment; its share of all distances is the mass below its end.
+    // Exponential distances within the part; its share of all distances is the mass below its end.
+    let length = end - start;
     let mass = |c: f32| -(-c * length).exp_m1();
     let distance = match by_angle {
         Some(angles) => angles.sample(u),
         None => {
             let chosen = channel(extinction, share, choice);
-            (-(-u * mass(chosen)).ln_1p() / chosen).min(length)
+            (start - (-u * mass(chosen)).ln_1p() / chosen).min(end)
         }
     };
     // Weigh by the density over all channels and both techniques: the balance heuristic.
-    let through = transmittance(extinction, distance);
+    let through = transmittance(extinction, distance - start);
     let density = |share: f32, c: f32, through: f32| {
         if share > 0.0 {
             share * c * through / mass(c)
@@ -148,6 +151,7 @@ pub fn sample_lit(
         Some(angles) => 0.5 * (by_distance + angles.density(distance)),
         None => by_distance,
     };
+    let through = transmittance(extinction, distance);
     let weight = mixture.scattering() * through * (1.0 / density);
     (distance.is_finite() && density > 0.0 && density.is_finite() && weight.is_finite())
         .then_some(LitPoint { distance, weight })
@@ -237,11 +241,14 @@ mod tests {
         // The mean of weight · f is the integral of scattering · transmittance · f, here with f = 1 and 1 / distance².
         let medium = mixture(vec3(0.7, 0.2, 0.0), vec3(0.0, 0.1, 0.5));
         let centre = vec3(0.0, 0.3, 0.4);
-        for (length, near) in [
-            (2.0, false),
-            (2.0, true),
-            (f32::INFINITY, true),
-            (1e-4, true),
+        for (begin, length, near) in [
+            (0.0, 2.0, false),
+            (0.0, 2.0, true),
+            (0.0, f32::INFINITY, true),
+            (0.0, 1e-4, true),
+            (0.3, 2.0, false),
+            (0.3, 2.0, true),
+            (0.9, f32::INFINITY, true),
         ] {
             let segment = Segment {
                 origin: Vec3::ZERO,
@@ -249,7 +256,8 @@ mod tests {
                 length,
                 extinction: medium.extinction.mean(),
             };
-            let angles = near.then(|| segment.angles(centre, 0.05));
+            let span = [begin * length.min(1.0), length];
+            let angles = near.then(|| segment.angles(centre, 0.05, span));
             let arrives = |t: f32| {
                 let away = (centre - segment.direction * t).length2();
                 if near { 1.0 / away } else { 1.0 }
@@ -258,14 +266,14 @@ mod tests {
             let (mut mean, mut integral) = (Vec3::ZERO, Vec3::ZERO);
             for i in 0..n * n {
                 let random = [i % n, i / n].map(|k| (k as f32 + 0.5) / n as f32);
-                let lit = sample_lit(&medium, vec3(1.0, 0.8, 0.5), length, angles, random);
+                let lit = sample_lit(&medium, vec3(1.0, 0.8, 0.5), span, angles, random);
                 let LitPoint { distance, weight } = lit.unwrap();
-                assert!((0.0..=length).contains(&distance));
+                assert!((span[0]..=span[1]).contains(&distance));
                 mean += weight * (arrives(distance) / (n * n) as f32);
             }
-            let (steps, end) = (100_000, length.min(60.0));
+            let (steps, end) = (100_000, length.min(60.0) - span[0]);
             for i in 0..steps {
-                let t = end * (i as f32 + 0.5) / steps as f32;
+                let t = span[0] + end * (i as f32 + 0.5) / steps as f32;
                 let through = transmittance(medium.extinction, t);
                 integral += medium.scattering() * through * (arrives(t) * end / steps as f32);
             }
@@ -278,9 +286,9 @@ mod tests {
     fn nothing_is_lit_where_nothing_scatters_or_on_no_way() {
         let random = [0.3, 0.7];
         let black = mixture(Vec3::ZERO, Vec3::ONE);
-        assert!(sample_lit(&black, Vec3::ONE, 1.0, None, random).is_none());
+        assert!(sample_lit(&black, Vec3::ONE, [0.0, 1.0], None, random).is_none());
         let fog = mixture(Vec3::ONE, Vec3::ZERO);
-        assert!(sample_lit(&fog, Vec3::ZERO, 1.0, None, random).is_none());
-        assert!(sample_lit(&fog, Vec3::ONE, 0.0, None, random).is_none());
+        assert!(sample_lit(&fog, Vec3::ZERO, [0.0, 1.0], None, random).is_none());
+        assert!(sample_lit(&fog, Vec3::ONE, [0.0, 0.0], None, random).is_none());
     }
 }

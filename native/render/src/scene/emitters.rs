@@ -60,6 +60,7 @@ impl EmissionProbe<'_> {
                     weights,
                     position: a * weights[0] + b * weights[1] + c * weights[2],
                     normal,
+                    length: 1.0,
                     geometric: normal,
                     incoming: normal,
                     inside: false,

@@ -88,6 +88,7 @@ impl RenderScene {
             weights: [0.0; 3],
             position,
             normal: -ray.direction,
+            length: 1.0,
             geometric: -ray.direction,
             incoming: -ray.direction,
             inside: false,

@@ -20,26 +20,25 @@ pub struct Surface<'a> {
     pub point: Vec3,
     /// Geometric normal on the viewer's side.
     pub geometric: Vec3,
-    /// Shading normal of the facets, on the viewer's side.
+    /// Shading normal of the facets, on the viewer's side: bent so that the mirror direction leaves the surface.
     pub shading: Vec3,
+    /// Shading normal of the surface, before the material's, on the side of the triangle that the viewer is on. It may
+    /// face away from the viewer.
+    pub own: Vec3,
     /// Whether the viewer is on the back of the triangle.
     pub inside: bool,
     /// Material of the triangle.
     pub material: &'a Material,
-    /// Shading normal of the surface, before the material's.
-    own: Vec3,
-    /// Shading normal computed by the material, if it computes one.
+    /// Normal of the diffuse base where it is not that of the facets: the material's, or the surface's own.
     mapped: Option<Vec3>,
+    /// Length of the interpolated normal before it was normalized; 1 on flat surfaces.
+    length: f32,
     /// Barycentric weights of the triangle's corners.
     weights: [f32; 3],
     triangle: usize,
     corners: [[f32; 3]; 3],
     at: At<'a>,
 }
-
-/// Smallest cosine between shading normal and viewer: interpolated normals are bent that far. At 0 the surface
-/// would be black and divisions by the cosine would overflow.
-const MIN_COSINE: f32 = 0.01;
 
 /// Cosine towards the light below which the origin of a shadow ray is moved: Cycles' default "geometry offset".
 const TERMINATOR: f32 = 0.1;
@@ -73,26 +72,24 @@ impl<'a> Surface<'a> {
         // Look up the triangle's attributes once; both material and normals need them.
         let at = scene.attributes.at(hit.triangle);
         let material = &scene.materials[at.material()];
-        // Interpolate the corner normals, turn them to the viewer's side and bend them away from grazing.
-        let mut shading = geometric;
+        // Interpolate the corner normals, and turn them to the side of the viewer. Facets use them bent.
+        let (mut own, mut shading, mut length) = (geometric, geometric, 1.0);
         if SMOOTH && let Some(normals) = at.normals(corners) {
             let [na, nb, nc] = normals.map(Vec3::from);
             let n = na * w + nb * hit.u + nc * hit.v;
-            shading = (if inside { -n } else { n }).normalized_or(geometric);
-            // Adding a multiple of the viewing direction raises the cosine to the limit.
-            let cosine = -shading.dot(d);
-            if cosine < MIN_COSINE {
-                shading = (shading - d * (MIN_COSINE - cosine)).normalized_or(geometric);
-            }
+            length = n.length();
+            own = (if inside { -n } else { n }).normalized_or(geometric);
+            shading = reflecting_normal(geometric, -d, own);
         }
         Self {
             point,
             geometric,
             shading,
+            own,
             inside,
             material,
-            own: shading,
-            mapped: None,
+            mapped: (SMOOTH && shading != own).then_some(own),
+            length,
             weights: [w, hit.u, hit.v],
             triangle: hit.triangle as usize,
             corners,
@@ -117,6 +114,7 @@ impl<'a> Surface<'a> {
             weights: self.weights,
             position: self.point,
             normal: self.own,
+            length: self.length,
             geometric: self.geometric,
             incoming: -d,
             inside: self.inside,
@@ -252,7 +250,8 @@ impl<'a> Surface<'a> {
             1.0 - flat / TERMINATOR
         };
         let amount = amount.clamp(0.0, 1.0);
-        let origin = offset_origin(self.point, side);
+        // Light from the far side of the triangle that the shading normal faces does not meet the triangle itself.
+        let origin = offset_origin(self.point, if flat < 0.0 { -side } else { side });
         if amount == 0.0 {
             return origin;
         }

@@ -80,10 +80,8 @@ impl ShadingPoint<'_> {
         let bent = bent.normalized_or(n);
         let strength = strength.max(0.0);
         let mut bumped = (bent * strength + n * (1.0 - strength)).normalized_or(n);
-        if let Some(object) = object {
-            // Covectors transform to the scene by the transpose of the scene-to-object map.
-            let [a, b, c] = object.to_object.map(|r| vec3(r[0], r[1], r[2]));
-            bumped = a * bumped.x + b * bumped.y + c * bumped.z;
+        if object.is_some() {
+            bumped = self.normal_in_scene(bumped);
         }
         bumped.normalized_or(normal)
     }

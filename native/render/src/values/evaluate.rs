@@ -78,6 +78,7 @@ impl Evaluation {
             weights: [1.0, 0.0, 0.0],
             position,
             normal,
+            length: 1.0,
             geometric: normal,
             incoming: normal,
             inside: false,

@@ -11,8 +11,8 @@ impl ShadingPoint<'_> {
         if self.inside { -normal } else { normal }
     }
 
-    /// Returns the normal of a tangent-space map. `tangents`: layer of (x, y, z, sign of the bitangent); `color`:
-    /// the map's value.
+    /// Returns the normal of a tangent-space map. `tangents`: layer of (x, y, z, sign of the bitangent) in object space;
+    /// `color`: the map's value.
     pub fn mapped_normal(&self, tangents: u16, color: Vec3, strength: f32) -> Vec3 {
         // Without tangents the map has no effect.
         let [x, y, z, sign] = self.attribute(tangents);
@@ -26,20 +26,20 @@ impl ShadingPoint<'_> {
         c.x *= strength;
         c.y *= strength;
         c.z = 1.0 + (c.z - 1.0) * strength.min(1.0);
-        // Work on the front of the triangle, where the map is defined; turn to the viewer at the end.
-        let normal = self.outward();
+        // Work on the front of the triangle in object space, where the map is defined: there tangent, bitangent and
+        // normal are perpendicular. As in Cycles, neither tangent nor normal has unit length between the corners.
+        let normal = self.normal_in_object(self.outward()) * self.length;
         let sign = if sign < 0.0 { -1.0 } else { 1.0 };
         let bitangent = normal.cross(tangent) * sign;
-        self.towards_viewer(tangent * c.x + bitangent * c.y + normal * c.z)
+        let mapped = tangent * c.x + bitangent * c.y + normal * c.z;
+        self.towards_viewer(self.normal_in_scene(mapped))
     }
 
     /// Returns the normal of a map in object space (`object`) or world space.
     pub fn normal_from_color(&self, object: bool, color: Vec3, strength: f32) -> Vec3 {
         let mut mapped = color * 2.0 - Vec3::ONE;
-        if object && let Some(frame) = self.object() {
-            // Covectors transform to the scene by the transpose of the scene-to-object map.
-            let [x, y, z] = frame.to_object.map(|r| vec3(r[0], r[1], r[2]));
-            mapped = x * mapped.x + y * mapped.y + z * mapped.z;
+        if object {
+            mapped = self.normal_in_scene(mapped);
         }
         let normal = self.outward();
         let mapped = mapped.normalized_or(normal);

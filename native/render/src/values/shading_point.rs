@@ -21,6 +21,8 @@ pub struct ShadingPoint<'a> {
     pub position: Vec3,
     /// Shading normal on the viewer's side.
     pub normal: Vec3,
+    /// Length of the interpolated normal before it was normalized; 1 on flat surfaces.
+    pub length: f32,
     /// Geometric normal on the viewer's side.
     pub geometric: Vec3,
     /// Unit direction towards the viewer.
@@ -54,6 +56,7 @@ impl<'a> ShadingPoint<'a> {
             weights: [0.0; 3],
             position: direction,
             normal: -direction,
+            length: 1.0,
             geometric: -direction,
             incoming: -direction,
             inside: false,
@@ -211,6 +214,15 @@ impl<'a> ShadingPoint<'a> {
         })
     }
 
+    /// Transforms a normal of object space to the scene, without a change of length to 1.
+    pub(super) fn normal_in_scene(&self, n: Vec3) -> Vec3 {
+        self.object().map_or(n, |o| {
+            // Covectors transform by the transpose of the scene-to-object map.
+            let [x, y, z] = o.to_object.map(|r| vec3(r[0], r[1], r[2]));
+            x * n.x + y * n.y + z * n.z
+        })
+    }
+
     /// 1 on the front of the triangle, -1 on its back.
     fn facing(&self) -> f32 {
         if self.inside { -1.0 } else { 1.0 }
@@ -247,6 +259,7 @@ pub(super) mod tests {
             weights: [0.25, 0.25, 0.5],
             position: vec3(1.0, 2.0, 3.0),
             normal: up,
+            length: 1.0,
             geometric: up,
             incoming: up,
             inside: false,

@@ -61,10 +61,15 @@ impl Cone {
         let sheared = x.dot(y).abs() + x.dot(axis).abs() + y.dot(axis).abs()
             > 1e-4 * across * (across + along);
         let half = self.cos_half.clamp(-1.0, 1.0).acos();
-        if sheared || half >= FRAC_PI_2 {
+        // Half a turn, up to rounding, is the half space.
+        if sheared || half > FRAC_PI_2 + 1e-6 {
             return Emission::ALL;
         }
-        let reach = (half.tan() * across / along).atan();
+        let reach = if half < FRAC_PI_2 - 1e-6 {
+            (half.tan() * across / along).atan()
+        } else {
+            FRAC_PI_2
+        };
         Emission::around(axis.normalized(), reach)
     }
 

@@ -267,6 +267,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         };
         let scale = weight * reflector.weight * compensated;
         let p = (weight * reflected).mean().max(1e-8);
+        if !self.filter.seen {
+            return reflected.max_component();
+        }
         if let Some(seat) = seat.filter(|seat| seat.apart) {
             self.push_facets(reflector, seat, scale, p);
             return reflected.max_component();
@@ -299,6 +302,9 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         eta: f32,
         seat: Option<&Seat>,
     ) {
+        if !self.filter.seen {
+            return;
+        }
         // At an index this close to 1 the half vector is undefined: treat the boundary as a window.
         let window = (transmitter.ior - 1.0).abs() < 1e-4;
         let compensated = match single {

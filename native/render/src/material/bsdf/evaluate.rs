@@ -16,12 +16,20 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     /// whose density is infinite, contribute nothing.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
-        self.eval_lit(wo, Visibility::ALL)
+        self.eval_where(wo, Visibility::ALL, false)
     }
 
-    /// Like [`Self::eval`], restricted to the lobes that see a light of this visibility.
+    /// Like [`Self::eval`] for a light sample, restricted to the lobes that see a light of this visibility. As in Cycles,
+    /// facets receive no light samples from directions about whose side the surface's shading normal and the triangle
+    /// disagree.
     #[inline(always)]
     pub fn eval_lit(&self, wo: Vec3, visible: Visibility) -> (Vec3, f32) {
+        self.eval_where(wo, visible, true)
+    }
+
+    /// Implements both. `lit`: for a light sample.
+    #[inline(always)]
+    fn eval_where(&self, wo: Vec3, visible: Visibility, lit: bool) -> (Vec3, f32) {
         let (mut f, mut pdf) = if visible.to(RayKind::Diffuse) {
             self.eval_diffuse(wo)
         } else {
@@ -31,14 +39,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
             self.eval_translucent(wo, &mut f, &mut pdf);
         }
         for lobe in self.own_lobes() {
-            let (value, density) = lobe.eval(wo, &self.normals, visible);
+            let (value, density) = lobe.eval(wo, &self.normals, visible, lit);
             f += value;
             pdf += lobe.p * density;
         }
-        // Facets neither reflect to the far side of the triangle nor refract to the near side. Where the shading
-        // normal and the triangle disagree about the side, only the diffuse lobe contributes.
+        // Facets neither reflect to the far side of the triangle nor refract to the near side.
         let above = self.normals.geometric.dot(wo) >= 0.0;
-        if let Some([own, _]) = self.normals.mapped
+        if lit
+            && let Some([own, _]) = self.normals.mapped
             && (own.dot(wo) >= 0.0) != above
         {
             return (f, pdf);

@@ -268,6 +268,14 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
 
     /// Adds a lobe with this frame.
     fn push(&mut self, frame: Frame, shape: Shape, scale: Vec3, p: f32) {
+        // Facets whose normal faces away from the viewer scatter nothing.
+        let facets = matches!(
+            shape,
+            Shape::Facets(..) | Shape::Boundary(..) | Shape::ToonGlossy(_)
+        );
+        if facets && !(self.filter.seen && frame.z.dot(self.wi) > 0.0) {
+            return;
+        }
         let wi = viewer(&frame, self.wi);
         self.push_lobe(Lobe {
             frame,

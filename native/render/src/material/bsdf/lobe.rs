@@ -225,33 +225,33 @@ impl Lobe {
     }
 
     /// Returns BSDF × |cosine| for a direction in the shading frame, and the density of [`Self::sample`] there, each
-    /// without the lobe's probability. Only lights visible to the scattered ray count.
-    pub fn eval(&self, wo: Vec3, normals: &Normals, visible: Visibility) -> (Vec3, f32) {
+    /// without the lobe's probability. Only lights visible to the scattered ray count. `lit`: for a light sample.
+    pub fn eval(&self, wo: Vec3, normals: &Normals, visible: Visibility, lit: bool) -> (Vec3, f32) {
         const DARK: (Vec3, f32) = (Vec3::ZERO, 0.0);
         let local = self.frame.to_local(wo);
         if self.is_smooth() || !visible.to(self.kind(local.z > 0.0)) {
             return DARK;
         }
         let own = normals.own();
-        let lit = match self.shape {
+        let shadow = match self.shape {
             // A fibre scatters to all sides; the Hair BSDF divides them by the normal.
             Shape::Fiber(_) => 1.0,
             Shape::Strand(strand) => f32::from(u8::from((own.dot(wo) < 0.0) == strand.transmits)),
             // The diffuse base sees bumps shadow it; facets end where normals disagree about the side.
             Shape::Facets(..) | Shape::Boundary(..) | Shape::Velvet(_) | Shape::ToonGlossy(_) => {
                 let above = normals.geometric.dot(wo) >= 0.0;
-                if (own.dot(wo) >= 0.0) != above || above != (local.z > 0.0) {
+                if above != (local.z > 0.0) || (lit && (own.dot(wo) >= 0.0) != above) {
                     return DARK;
                 }
                 1.0
             }
             _ => bump_shadow(own, self.frame.z, wo),
         };
-        if lit <= 0.0 {
+        if shadow <= 0.0 {
             return DARK;
         }
         let (f, pdf) = self.value(local);
-        (f * self.scale * lit, pdf)
+        (f * self.scale * shadow, pdf)
     }
 
     /// Returns BSDF × |cosine| and the density in the lobe's frame.

@@ -32,9 +32,9 @@ pub use crate::material::bsdf::sample::{Entrance, cosine_direction};
 pub struct Normals {
     /// The triangle's normal, on the viewer's side.
     pub geometric: Vec3,
-    /// The surface's shading normal and the normal that the material's nodes computed; `None` if they computed
-    /// none. Facets use the second one bent so that no mirror direction points below the surface; the diffuse base
-    /// uses it unchanged.
+    /// The surface's shading normal and the normal that the material's nodes computed, or the surface's again; `None`
+    /// if both are that of the facets. Facets use the second one bent so that no mirror direction points below the
+    /// surface; the diffuse base uses it unchanged.
     pub mapped: Option<[Vec3; 2]>,
 }
 
@@ -66,6 +66,9 @@ pub struct LobeFilter {
     pub refractions: bool,
     /// Whether light walks below surfaces; they are diffuse otherwise.
     pub walks: bool,
+    /// Whether facets are seen. Where their normal faces away from the viewer they scatter nothing, but dim what lies
+    /// below them as at grazing angles, as in Cycles.
+    pub seen: bool,
 }
 
 impl LobeFilter {
@@ -75,6 +78,7 @@ impl LobeFilter {
         reflections: true,
         refractions: true,
         walks: true,
+        seen: true,
     };
 }
 

@@ -134,7 +134,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     #[inline(never)]
     fn about_hair(&self, lobe: &Lobe, sampled: Direction) -> Direction {
         let wo = sampled.wo;
-        let left_out = lobe.eval(wo, &self.normals, Visibility::ALL).1 <= 0.0;
+        let left_out = lobe.eval(wo, &self.normals, Visibility::ALL, true).1 <= 0.0;
         Direction {
             through: self.normals.geometric.dot(wo) < 0.0,
             kept: left_out.then(|| {

@@ -51,6 +51,7 @@ impl<
         }
         // Assemble the BSDF in the shading frame, in the memory of the last one.
         let mut wi = frame.to_local(-d);
+        let seen = wi.z > 0.0;
         wi.z = wi.z.max(1e-4);
         let normals = surface.normals(&frame);
         bsdf.assemble(
@@ -59,7 +60,10 @@ impl<
             wi,
             normals,
             surface.inside,
-            self.lobe_filter(path),
+            LobeFilter {
+                seen,
+                ..self.lobe_filter(path)
+            },
             &frame,
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
@@ -70,11 +74,12 @@ impl<
                 out.sample.roughness = bsdf.roughness();
             }
         }
-        // Light from behind reaches a surface only if it transmits.
+        // Light from behind reaches a surface only if it transmits. As in Cycles, the shading normal decides: normals
+        // that face away from the triangle's receive light from its other side.
         let normal = if bsdf.transmits() {
             Vec3::ZERO
         } else {
-            surface.geometric
+            surface.own
         };
         path.receiver = Receiver {
             point: surface.point,
@@ -135,6 +140,7 @@ impl<
             reflections: settings.caustics_reflective || !scattered,
             refractions: settings.caustics_refractive || !scattered,
             walks: self.is(Integrator::Path),
+            seen: true,
         }
     }
 

@@ -50,7 +50,7 @@ pub(super) fn light_segment<const EXTRA: bool>(
     let lit = distance::sample_lit(
         mixture,
         path.throughput,
-        segment.length,
+        chosen.span,
         chosen.angles,
         [channel, u],
     );

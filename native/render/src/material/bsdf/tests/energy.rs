@@ -67,7 +67,11 @@ fn a_coat_lets_through_what_it_does_not_reflect() {
             let through = material.closures[0].through_coat(&[], cos).mean();
             let reflected = albedo(&material, cos, false);
             let all = f64::from(through) + reflected;
-            assert!((all - 1.0).abs() < 0.004, "{roughness} {ior} {cos}: {all}");
+            // What Cycles' estimate of the reflection takes too much is lost.
+            assert!(
+                (0.985..1.004).contains(&all),
+                "{roughness} {ior} {cos}: {all}"
+            );
         }
     }
     // A coat of weight one half absorbs half of what crosses it straight.

@@ -175,7 +175,10 @@ fn white_furnace_of_every_shader_node() {
             for cos in [0.1, 0.4, 0.7, 1.0] {
                 for inside in [false, true] {
                     let a = albedo(&material, cos, inside);
-                    if (a - 1.0).abs() > 0.002 {
+                    // What Cycles' estimate of a layer's reflection takes too much is lost.
+                    let layered = ["rough base", "Principled", "mixed", "coated"].contains(&name);
+                    let least = if layered { 0.985 } else { 0.998 };
+                    if !(least..=1.002).contains(&a) {
                         wrong.push((cos, inside, a));
                     }
                 }

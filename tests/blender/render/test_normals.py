@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Interpolated, custom and mapped normals beside Cycles, square by square."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import addon_utils
+import atlas
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+from shapes import material, node
+
+from addon.blender.measure import pictures
+from addon.blender.render.engine import ENGINE
+
+SAMPLES, SIZE, SQUARE = 64, (64, 48), 8
+"""Samples, pixels of the picture, and pixels along a square."""
+
+Maker = Callable[[Any], Any]
+"""Adds objects with a material to the scene."""
+
+
+def stage(add: Any, scene: Any, place: tuple[float, float, float], lens: float) -> None:
+    """A grey world, a sun, and a camera that looks at the middle."""
+    addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.use_nodes = True
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs[0].default_value = (0.4, 0.4, 0.4, 1)
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy, sun.angle = 3.0, 0.0
+    add("Sun", sun, rotation_euler=(math.radians(50), 0.2, 0.1))
+    camera = bpy.data.cameras.new("Camera")
+    camera.lens = lens
+    turned = (-Vector(place)).to_track_quat("-Z", "Y").to_euler()
+    scene.camera = add("Camera", camera, location=place, rotation_euler=turned)
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+
+
+def apart(scene: Any) -> tuple[float, float]:
+    """The largest difference of a square between this engine and Cycles, and that of the means, relative to Cycles."""
+    atlas.configure(scene, SAMPLES, 4)
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        scene.render.engine = engine
+        found.append(pictures.render(scene)[..., :3].astype(float))
+    ours, theirs = (
+        one.reshape(SIZE[1] // SQUARE, SQUARE, SIZE[0] // SQUARE, SQUARE, 3).mean(axis=(1, 3, 4)) for one in found
+    )
+    return float(np.abs(ours / theirs - 1).max()), abs(float(ours.mean() / theirs.mean()) - 1)
+
+
+def bipyramid(surface: Any) -> None:
+    """A pyramid of eight sides on another one, shaded smooth."""
+    turns = 2 * np.pi * np.arange(8) / 8
+    corners = [(math.cos(t), math.sin(t), 0) for t in turns] + [(0, 0, 0.5), (0, 0, -0.6)]
+    faces = [[i, (i + 1) % 8, 8] for i in range(8)] + [[(i + 1) % 8, i, 9] for i in range(8)]
+    mesh = bpy.data.meshes.new("Bipyramid")
+    mesh.from_pydata(corners, [], faces)
+    mesh.polygons.foreach_set("use_smooth", [True] * len(faces))
+    mesh.materials.append(surface)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Bipyramid", mesh))
+
+
+def smooth_cube(surface: Any) -> None:
+    bpy.ops.mesh.primitive_cube_add(size=1.2, rotation=(0, 0, 0.5))
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(surface)
+
+
+@pytest.mark.parametrize("make", [bipyramid, smooth_cube])
+@pytest.mark.parametrize(
+    "inputs",
+    [
+        {"Metallic": 1.0, "Roughness": 0.0},
+        {"Metallic": 1.0, "Roughness": 0.3, "Anisotropic": 0.8},
+        {"Roughness": 0.3},
+        {"Coat Weight": 1.0, "Coat Roughness": 0.0},
+    ],
+    ids=["mirror", "stretched", "plastic", "coat"],
+)
+def test_reflections_off_interpolated_normals_leave_the_surface(
+    add: Any, scene: Any, make: Maker, inputs: dict[str, float]
+) -> None:
+    stage(add, scene, (0, -5, 1.2), 100)
+    make(material("Surface", **{key.replace(" ", "_"): value for key, value in inputs.items()}))
+    square, mean = apart(scene)
+    assert square < 0.06
+    assert mean < 0.004
+
+
+def with_map(color: tuple[float, float, float]) -> Any:
+    """A material with a tangent-space normal map of one colour."""
+    surface = material("Mapped")
+    tree = surface.node_tree
+    maps = atlas.add(tree, "NormalMap", Color=(*color, 1))
+    tree.links.new(maps.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Normal"])
+    return surface
+
+
+def sphere(scale: tuple[float, float, float], *, maps: bool = True, segments: int = 32) -> Maker:
+    def make(surface: Any) -> Any:
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2)
+        bpy.ops.object.shade_smooth()
+        item = bpy.context.object
+        item.scale = scale
+        item.data.materials.append(surface)
+        if not maps:
+            item.data.uv_layers.remove(item.data.uv_layers[0])
+        return item
+
+    return make
+
+
+def instances(surface: Any) -> None:
+    """Two unevenly scaled instances of a scaled sphere, of which one is mirrored."""
+    item = sphere((0.6, 1.0, 0.4))(surface)
+    kept = bpy.data.collections.new("Kept")
+    bpy.context.scene.collection.objects.unlink(item)
+    kept.objects.link(item)
+    for x, scale in ((-1, (1, 1, 2)), (1, (-1, 1.5, 1))):
+        place = bpy.data.objects.new("Place", None)
+        place.instance_type, place.instance_collection = "COLLECTION", kept
+        place.location, place.scale, place.rotation_euler = (x, 0, 0), scale, (0.3, 0.5, 0.2)
+        bpy.context.scene.collection.objects.link(place)
+
+
+def sheared(surface: Any) -> None:
+    item = sphere((1, 1, 1))(surface)
+    item.rotation_euler = (0.4, 0.7, 0.3)
+    item.parent = bpy.data.objects.new("Parent", None)
+    item.parent.scale = (1, 2, 0.6)
+    bpy.context.scene.collection.objects.link(item.parent)
+
+
+def metaball(surface: Any) -> None:
+    bpy.ops.object.metaball_add(type="BALL", radius=1.5)
+    bpy.context.object.data.render_resolution = 0.3
+    bpy.context.object.data.materials.append(surface)
+
+
+def text(surface: Any) -> None:
+    bpy.ops.object.text_add()
+    item = bpy.context.object
+    item.data.body, item.data.extrude, item.data.align_x, item.scale = "Ab", 0.3, "CENTER", (2, 2, 2)
+    item.data.materials.append(surface)
+
+
+def curve(surface: Any) -> None:
+    bpy.ops.curve.primitive_bezier_circle_add()
+    bpy.context.object.data.bevel_depth = 0.4
+    bpy.context.object.data.materials.append(surface)
+
+
+MAPPED: dict[str, Maker] = {
+    "stretched": sphere((1, 2, 0.5)),
+    "mirrored": sphere((-1, 1.5, 0.6)),
+    "instances": instances,
+    "sheared": sheared,
+    "few faces": sphere((1, 1.4, 0.8), segments=8),
+    "no map": sphere((1, 1, 1), maps=False),
+    "no map, stretched": sphere((1.3, 0.8, 1), maps=False),
+    "metaball": metaball,
+    "text": text,
+    "curve": curve,
+}
+
+
+@pytest.mark.parametrize("case", MAPPED)
+def test_normal_maps_bend_as_in_cycles(add: Any, scene: Any, case: str) -> None:
+    stage(add, scene, (4, -5, 3.5), 50)
+    MAPPED[case](with_map((0.8, 0.35, 0.9)))
+    square, mean = apart(scene)
+    assert square < 0.06
+    assert mean < 0.005
+
+
+@pytest.mark.parametrize("kind", ["Diffuse", "Glossy", "Translucent"])
+def test_a_mapped_normal_beyond_a_right_angle_is_dark(add: Any, scene: Any, kind: str) -> None:
+    stage(add, scene, (0, 0, 5), 50)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs[1].default_value = 0.0
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    turned = math.radians(95)
+
+    def make(tree: Any) -> Any:
+        color = (0.5, 0.5 - 0.5 * math.sin(turned), 0.5 + 0.5 * math.cos(turned), 1)
+        shader, maps = atlas.add(tree, f"Bsdf{kind}"), atlas.add(tree, "NormalMap", Color=color)
+        tree.links.new(maps.outputs[0], shader.inputs["Normal"])
+        return shader.outputs[0]
+
+    bpy.context.object.data.materials.append(atlas.tile_material("Turned", make))
+    atlas.configure(scene, 16, 4)
+    means = []
+    for engine in (ENGINE, "CYCLES"):
+        scene.render.engine = engine
+        means.append(float(pictures.render(scene)[..., :3].mean()))
+    assert means[0] == pytest.approx(means[1], rel=0.01, abs=1e-4)
+    assert (means[0] < 1e-3) == (kind != "Glossy")
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0.01), (1, 0, 0), (0, 0.7, 0.7)])
+@pytest.mark.parametrize("kind", ["Principled", "Metal", "Diffuse"])
+def test_cards_whose_normals_face_away(add: Any, scene: Any, kind: str, normal: tuple[float, float, float]) -> None:
+    stage(add, scene, (0, -5, 1.5), 50)
+    bpy.ops.mesh.primitive_plane_add(size=12, location=(0, 0, -1))
+    for k, turn in enumerate((0, 0.6, -0.6)):
+        bpy.ops.mesh.primitive_plane_add(size=1.2, location=(1.3 * k - 1.3, 0, 0), rotation=(math.pi / 2, 0, turn))
+        bpy.ops.object.transform_apply(location=False, rotation=True, scale=False)
+        bpy.ops.object.shade_smooth()
+        mesh = bpy.context.object.data
+        mesh.normals_split_custom_set([normal] * len(mesh.loops))
+        if kind == "Diffuse":
+            mesh.materials.append(atlas.tile_material("Leaf", lambda tree: atlas.add(tree, "BsdfDiffuse").outputs[0]))
+        else:
+            mesh.materials.append(material("Leaf", Metallic=float(kind == "Metal"), Roughness=0.4))
+    square, mean = apart(scene)
+    assert square < 0.06
+    assert mean < 0.005
+
+
+def test_one_normal_that_is_not_finite_fails_nothing(add: Any, scene: Any) -> None:
+    if bpy.app.version < (5, 0):
+        pytest.skip("this Blender has no custom normals of this type")
+    stage(add, scene, (4, -5, 3.5), 50)
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    bpy.ops.object.shade_smooth()
+    mesh = bpy.context.object.data
+    normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
+    values = np.tile(np.float32([0, 0, 1]), (len(normals.data), 1))
+    values[0, 0] = np.nan
+    normals.data.foreach_set("vector", values.ravel())
+    scene.render.engine, scene.halfspace.samples = ENGINE, 4
+    assert np.isfinite(pictures.render(scene)).all()
