@@ -16,12 +16,14 @@ from ...core.scene.instances import Layout, choose
 from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, Voxels, World
 from . import layers as texture_layers
-from . import lights, materials, meshes, view_layers, world
+from . import lights, materials, meshes, remarks, view_layers, world
 from .displacement import applying
 from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
 from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
+from .simplifying import Culling
+from .standing import Standing
 from .strands.collecting import Collector
 from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
@@ -141,7 +143,7 @@ def find(
 
     sky: WAIT for a Sky Texture, which takes seconds; start it now and use it LATER; or NO_WORLD, for triangles alone.
     By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
-    wanted: what passes need.
+    wanted: what the picture needs.
     """
     layer = depsgraph.view_layer_eval
     reader = _Reader(notes, uvs, depsgraph, wanted)
@@ -152,6 +154,7 @@ def find(
     placements = reader.placements()
     reader.note_layers()
     reader.note_lights()
+    remarks.unread(depsgraph, notes)
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
     sky_world = view_layers.world(depsgraph)
@@ -190,6 +193,8 @@ class _Reader:
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
         owners = (layer, scene, scene.world)
         self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
+        self._standing = wanted.standing or Standing()
+        self._culling = Culling(depsgraph)
         self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
         self.lights: list[Light] = []
         self.light_images: set[int] = set()
@@ -219,6 +224,9 @@ class _Reader:
         item, parent = placed.object, placed.parent if placed.is_instance else None
         shown, kind = (placed.show_self, placed.show_particles), item.type
         matrix = np.array(placed.matrix_world, np.float64)
+        if kind != "LIGHT" and self._culling.leaves_out(item, matrix):
+            return
+        matrix = self._standing.place(item, parent, placed.persistent_id, matrix)
         given = self.instancing.of(placed)
         instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id, given=given)
         if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
@@ -346,12 +354,14 @@ class _Reader:
         group.values.append(values.values(self.palette.layers.object_values))
 
     def _mask(self, instance: Instance) -> materials.Mask:
-        """What camera rays see of an instance. It is a holdout as its instancer or its collections are, and a shadow
+        """How rays see an instance. It is a holdout as its instancer or its collections are, and a shadow
         catcher as itself or its instancer is.
         """
         item, parent = instance.item, instance.parent
         owner = item if parent is None else parent
-        return bool(owner.is_holdout or self._marks.of(owner)[0]), item.is_shadow_catcher or owner.is_shadow_catcher
+        hole = bool(owner.is_holdout or self._marks.of(owner)[0])
+        offset = round(item.shadow_terminator_geometry_offset, 6)  # the default is 0.1 in f32
+        return hole, item.is_shadow_catcher or owner.is_shadow_catcher, offset
 
     def _sets(self, instance: Instance) -> Sets:
         """The sets of linked lights that an object is in."""
@@ -367,7 +377,8 @@ class _Reader:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
-                self._meshes[key] = self._read(data, item)
+                parent = instance.parent
+                self._meshes[key] = self._standing.shape(item, parent, data, lambda: self._read(data, item))
             return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, mask)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
@@ -375,7 +386,7 @@ class _Reader:
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
-            self._meshes[key] = self._read(data, item)
+            self._meshes[key] = self._standing.shape(item, instance.parent, item.data, lambda: self._read(data, item))
             item.to_mesh_clear()
         return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, mask)
 

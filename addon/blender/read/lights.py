@@ -28,6 +28,9 @@ EVEN = 1e-6
 MOST_POWER, MOST_RADIANCE = 1e20, 1e37
 """Largest power of a light, and its largest power per squared extent: beyond them numbers overflow."""
 
+MOST_BOUNCES = 1024
+"""*Max Bounces* of a light or a world without a limit of its own."""
+
 SLACK = 1e-5
 """Excess over a limit that is no remark: a half turn is larger in float32."""
 
@@ -63,7 +66,8 @@ def read_light(
     if not all(map(math.isfinite, power)):
         notes.add("Dropped, the power is not finite", name)
         return nothing
-    light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name, **program)
+    program |= {"casts_shadow": data.use_shadow, "max_bounces": max_bounces(data)}
+    light = Light(data.type.lower(), to_world, power, name=name, **program)
     # Add the shape of each type.
     match data.type:
         case "POINT" | "SPOT":
@@ -83,6 +87,15 @@ def read_light(
         light = replace(light, power=scaled(light.power, _extent(light)))
     light = _limited(light, notes)
     return (light, images) if any(light.power) else nothing
+
+
+def max_bounces(block: Any) -> int | None:
+    """The number of bounces after which light samples do not see a light or a world, None without a limit.
+
+    Cycles stores it with the data block, if it is enabled.
+    """
+    most = int(getattr(getattr(block, "cycles", None), "max_bounces", MOST_BOUNCES))
+    return most if most < MOST_BOUNCES else None
 
 
 def _limited(light: Light, notes: Notes) -> Light:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...core.base.notes import Notes
-from ...core.scene.scene import Closure, Hidden, Image, Material
+from ...core.scene.scene import TERMINATOR, Closure, Hidden, Image, Material
 from .displacement import programs
 from .images import Gallery
 from .linking import ALL, Sets
@@ -39,11 +39,11 @@ BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
 """A material without a surface shader: absorbs everything, emits nothing."""
 
 
-Mask = tuple[bool, bool]
-"""Whether an object is a holdout, and whether it is a shadow catcher."""
+Mask = tuple[bool, bool, float]
+"""Whether an object is a holdout, whether it is a shadow catcher, and its *Shadow Terminator*, *Geometry Offset*."""
 
-SEEN: Mask = (False, False)
-"""Of an object that camera rays see as it is."""
+SEEN: Mask = (False, False, TERMINATOR)
+"""Of an object that is rendered as it is."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Palette:
         """The scene's material for each slot of an evaluated object; at least one.
 
         A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
-        ignore the object; sets: those of linked lights; mask: what camera rays see of it. In the scene, a material with
+        ignore the object; sets: those of linked lights; mask: how rays see it. In the scene, a material with
         others is a separate one.
         """
         own = data.materials
@@ -148,8 +148,9 @@ class Palette:
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
             self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
-            hole, catcher = mask
+            hole, catcher, terminator = mask
             own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole, "catcher": catcher}
+            own |= {"terminator": terminator}
             self._materials.append(replace(found.material, **own))
             self._displacements.append(found.displacement)
             self._images |= found.images
@@ -163,7 +164,7 @@ class Palette:
         if key not in self._read:
             remarks: dict[str, None] = {}
             values = self._values(material, remarks)
-            surface = _material(material, values)
+            surface = replace(_material(material, values), opaque_shadow=not material.use_transparent_shadow)
             tree = active_tree(material)
             if self._wanted and tree is not None:
                 written = outputs.read(tree, values, self._wanted)

@@ -1,14 +1,100 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Notes on unsupported settings of the whole scene, in addition to those of objects and materials."""
+"""Notes on settings of Blender and of Cycles that change a picture of theirs and none of ours."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import bpy
 
 from .view_layers import unknown_passes
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
+
+Check = Callable[[Any, Any], bool]
+"""Whether a setting of a data block has an effect in a scene."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting that is not supported. path: from its data block. plain: the value at which nothing is missing.
+    needs: whether another value has an effect there.
+    """
+
+    path: str
+    plain: Any
+    text: str
+    needs: Check | None = None
+
+    def is_missed(self, scene: Any, block: Any) -> bool:
+        """Whether a picture of the scene lacks what the setting does."""
+        value = found(block, self.path)
+        missed = value is not None and value != self.plain
+        return missed and (self.needs is None or self.needs(scene, block))
+
+
+def found(block: Any, path: str) -> Any:
+    """The value at a path of attributes; None if this Blender lacks it, or Cycles is disabled."""
+    for name in path.split("."):
+        block = getattr(block, name, None)
+    return block
+
+
+def _simplified(scene: Any, _block: Any) -> bool:
+    return bool(scene.render.use_simplify)
+
+
+def _moving(scene: Any, _block: Any) -> bool:
+    return bool(scene.render.use_motion_blur)
+
+
+def _experimental(scene: Any, _block: Any) -> bool:
+    return bool(found(scene, "cycles.feature_set") == "EXPERIMENTAL")
+
+
+def _fewer(kind: str) -> Check:
+    """Whether a limit of one kind of bounces ends paths before ours does, and is below Cycles' default."""
+
+    def check(scene: Any, _block: Any) -> bool:
+        name = f"{kind}_bounces"
+        default = scene.cycles.bl_rna.properties[name].default
+        return bool(getattr(scene.cycles, name) < min(default, scene.halfspace.max_bounces))
+
+    return check
+
+
+CAUSTICS = "Shadow caustics are not supported"
+TEXTURES = "The limit of the size of textures is not supported, they are rendered as they are"
+SUBDIVISION = "Adaptive subdivision is not supported, rendered with the levels of the modifier"
+
+SETTINGS: dict[type, tuple[Setting, ...]] = {
+    bpy.types.Scene: (
+        Setting("cycles.use_fast_gi", False, "Fast GI is not supported, all bounces are rendered"),
+        Setting("cycles.rolling_shutter_type", "NONE", "A rolling shutter is not supported", _moving),
+        Setting("cycles.texture_limit_render", "OFF", TEXTURES, _simplified),
+        Setting("cycles.texture_resolution_render", 1.0, TEXTURES, _simplified),
+        *(
+            Setting(f"cycles.{kind}_bounces", -1, f"Fewer {kind} bounces than others are not supported", _fewer(kind))
+            for kind in ("diffuse", "glossy", "transmission")
+        ),
+    ),
+    bpy.types.World: (Setting("cycles.is_caustics_light", False, CAUSTICS),),
+    bpy.types.Light: (Setting("cycles.is_caustics_light", False, CAUSTICS),),
+    bpy.types.Material: (
+        Setting("cycles.use_bump_map_correction", True, "Bump maps are always corrected, also in material"),
+        Setting("cycles.volume_interpolation", "LINEAR", "Volumes are interpolated linearly, also those of material"),
+    ),
+    bpy.types.Object: (
+        Setting("shadow_terminator_shading_offset", 0.0, "The shading offset of shadow terminators is not supported"),
+        Setting("cycles.is_caustics_caster", False, CAUSTICS),
+        Setting("cycles.is_caustics_receiver", False, CAUSTICS),
+        Setting("cycles.use_adaptive_subdivision", False, SUBDIVISION, _experimental),
+    ),
+}
+"""The settings by the type of the data block that they are of, or belong to."""
 
 
 def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
@@ -20,3 +106,15 @@ def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
         notes.add("Freestyle lines are not supported", scene.name)
     for name in unknown_passes(view_layer):
         notes.add(f"The pass {name} is not supported yet, and not rendered", view_layer.name)
+
+
+def unread(depsgraph: Any, notes: Notes) -> None:
+    """Note the settings of the data blocks in use that are not supported."""
+    scene = depsgraph.scene_eval
+    for block in depsgraph.ids:
+        kind = next((kind for kind in SETTINGS if isinstance(block, kind)), None)
+        for setting in SETTINGS.get(kind, ()):
+            if setting.is_missed(scene, block):
+                notes.add(setting.text, block.name_full)
+        if kind is bpy.types.Object and any(getattr(one, "use_adaptive_subdivision", False) for one in block.modifiers):
+            notes.add(SUBDIVISION, block.name_full)

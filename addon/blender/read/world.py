@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.scene.scene import Light, World
 from .images import Gallery
+from .lights import max_bounces
 from .media.volumes import Volume, varies
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
@@ -52,7 +53,13 @@ def read_world(
     # Cycles stores these with the world, if it is enabled.
     flags = getattr(world, "cycles_visibility", None)
     hidden = tuple(ray for ray, flag in RAYS.items() if not getattr(flags, flag, True))
-    return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
+    suns = [replace(sun, hidden_from=hidden) for sun in suns]
+    found = replace(found, hidden_from=hidden)
+    # A world that Cycles does not sample has no light samples that these concern.
+    cycles = getattr(world, "cycles", None)
+    if getattr(cycles, "sampling_method", "NONE") != "NONE":
+        found = replace(found, max_bounces=max_bounces(world), casts_shadow=getattr(cycles, "use_shadows", True))
+    return found, images, suns
 
 
 def _read(

@@ -25,12 +25,13 @@ from ...core.structures import catalogue
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..measure import comparing, workloads
 from ..read import extract, passes, remarks
+from ..read.standing import Standing
 from ..session import reports, trees
 from ..settings import properties, quality
 from . import cameras, denoising, motion, moving, running, stages
 from .baking import Bake
 from .previews import Preview
-from .requested import render_settings
+from .requested import removes_noise, render_settings
 from .result import Result, copy, summary
 from .viewport import Viewport
 
@@ -179,8 +180,9 @@ class _Picture:
         start, moment = time.perf_counter(), trees.moment(self.scene)
         quality.remark_unknown(self.group, self.notes)
         uvs = "UV" in settings.passes
+        standing = Standing()
         vectors = self._motion() if "Vector" in settings.passes else None
-        found = self._find(uvs, self.notes)
+        found = self._find(uvs, self.notes, standing)
         # Only flattened triangles carry UVs and motion.
         instancing = "flatten" if uvs or vectors is not None else quality.instancing(self.group)
         layout = found.layout(instancing, integrator=quality.integrator(self.group))
@@ -199,16 +201,16 @@ class _Picture:
             self.engine,
             self.depsgraph,
             still,
-            lambda: placed(self._find(uvs, Notes()), origin),
+            lambda: placed(self._find(uvs, Notes(), standing), origin),
             lambda: cameras.by_view(self.engine, self.depsgraph, origin, Notes()),
             self._reading,
         )
         self._fetch()
         return stages.Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
 
-    def _find(self, uvs: bool, notes: Notes) -> extract.Found:
+    def _find(self, uvs: bool, notes: Notes, standing: Standing) -> extract.Found:
         """What the scene shows at the depsgraph's time."""
-        wanted = passes.wanted_data(self.depsgraph.view_layer_eval)
+        wanted = replace(passes.wanted_data(self.depsgraph.view_layer_eval), standing=standing)
         return extract.find(self.depsgraph, notes, uvs=uvs, keep_going=self._reading, wanted=wanted)
 
     def _motion(self) -> motion.Motion:
@@ -313,7 +315,7 @@ class _Picture:
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         copy(job, buffers, origin)
-        if self.group.use_denoising:
+        if removes_noise(self.depsgraph):
             self._denoise(buffers, settings, read.scene)
         result.fill(buffers, number)
         return job

@@ -12,6 +12,7 @@ from ...core.base.equality import same
 from ...core.base.notes import Notes
 from ...core.scene.scene import Camera, Scene
 from ...core.session.session import Cancelled
+from ..read.standing import moves
 from . import shutter
 
 Cameras = Mapping[str, Camera]
@@ -40,9 +41,9 @@ def read(
     read_scene and read_cameras: read them again, at another time, in the scene frame of `still`. Leaves the depsgraph
     at the frame. Raises Cancelled.
     """
-    span = shutter.interval(depsgraph.scene_eval)
+    span = shutter.interval(depsgraph.scene_eval) if depsgraph.view_layer_eval.use_motion_blur else None
     if span is None:
-        if depsgraph.scene_eval.render.use_motion_blur:
+        if depsgraph.scene_eval.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
             still.notes.add(
                 "Motion blur with a shutter that never opens, rendered without motion", depsgraph.scene.name
             )
@@ -56,7 +57,9 @@ def read(
         return shutter.at(engine, moment, what)
 
     try:
-        poses = [at(moment, read_cameras) for moment in shutter.moments(span, shutter.POSES)]
+        camera = depsgraph.scene_eval.camera
+        times = shutter.moments(span, shutter.POSES) if camera is None or moves(camera) else ()
+        poses = [at(moment, read_cameras) for moment in times]
         # A scene that stands still while the shutter is open needs one structure, that of the frame.
         ends = [at(moment, read_scene) for moment in span]
         standing = all(same(still.scene, end) for end in ends)

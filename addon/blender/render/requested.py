@@ -24,12 +24,18 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         height=height,
         border=border_pixels(render, width, height) if render.use_border else None,
         samples=depsgraph.view_layer_eval.samples or group.samples,
-        passes=denoise.with_features(wanted, quality.integrator(group)) if group.use_denoising else wanted,
+        passes=denoise.with_features(wanted, quality.integrator(group)) if removes_noise(depsgraph) else wanted,
         noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
         mist=_mist(view_layers.world(depsgraph)),
         **quality.settings(scene),
     )
+
+
+def removes_noise(depsgraph: Any) -> bool:
+    """Whether the noise of the picture of a view layer is removed. Cycles stores the switch of the layer."""
+    layer = getattr(depsgraph.view_layer_eval, "cycles", None)
+    return bool(depsgraph.scene_eval.halfspace.use_denoising and getattr(layer, "use_denoising", True))
 
 
 def _mist(world: Any) -> Mist:

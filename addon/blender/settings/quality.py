@@ -239,12 +239,15 @@ def remark_unknown(group: Any, notes: Notes) -> None:
 def settings(scene: Any) -> dict[str, Any]:
     """The arguments of `RenderSettings` that final renders and the viewport share."""
     group, render = scene.halfspace, scene.render
+    cycles = getattr(scene, "cycles", None)  # missing while that extension is disabled
+    glass = getattr(cycles, "film_transparent_glass", False)
     pixels = earlier.choice(group, "pixel_filter_type")
     return {
         "integrator": integrator(group),
         "ambient_distance": group.ambient_distance or math.inf,
         "max_bounces": group.max_bounces,
         "volume_bounces": group.volume_bounces,
+        "transparent_bounces": getattr(cycles, "transparent_max_bounces", 8),
         "clamp_direct": group.clamp_direct,
         "clamp_indirect": group.clamp_indirect,
         "filter_glossy": group.filter_glossy,
@@ -257,5 +260,6 @@ def settings(scene: Any) -> dict[str, Any]:
         "filter_width": 1.0 if pixels == "BOX" else group.filter_width,
         "seed": group.render_seed,
         "film_transparent": render.film_transparent,
+        "transparent_glass": cycles.film_transparent_roughness if glass else -1.0,
         "threads": render.threads if render.threads_mode == "FIXED" else 0,
     }

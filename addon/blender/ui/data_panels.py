@@ -76,6 +76,9 @@ class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
         column.prop(context.view_layer, "use_solid", text="Surfaces")
         column.prop(context.view_layer, "use_strand", text="Curves")
         column.prop(context.view_layer, "use_volumes", text="Volumes")
+        column.prop(context.view_layer, "use_motion_blur", text="Motion Blur")
+        if hasattr(context.view_layer, "cycles"):
+            column.prop(context.view_layer.cycles, "use_denoising", text="Denoising")
 
 
 class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
@@ -163,6 +166,23 @@ class HALFSPACE_PT_world_ray_visibility(_WorldPanel, bpy.types.Panel):
             column.prop(context.world.cycles_visibility, name)
 
 
+class HALFSPACE_PT_world_settings(_WorldPanel, bpy.types.Panel):
+    """What limits light samples of the world. Cycles stores the settings."""
+
+    bl_label = "Settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.world, "cycles")
+
+    def draw(self, context: Any) -> None:
+        column, cycles = self.column(), context.world.cycles
+        column.prop(cycles, "max_bounces")
+        if "use_shadows" in cycles.bl_rna.properties:  # since Blender 5.2
+            column.prop(cycles, "use_shadows")
+
+
 class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
     """Where an object appears."""
 
@@ -184,6 +204,14 @@ class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
             mask = column.column(heading="Mask")
             mask.prop(item, "is_shadow_catcher")
             mask.prop(item, "is_holdout")
+            column.prop(item, "shadow_terminator_geometry_offset", text="Shadow Terminator")
+        if (cycles := getattr(item, "cycles", None)) is not None:
+            switches = column.column(heading="Motion Blur")
+            switches.prop(cycles, "use_motion_blur", text="Motion")
+            switches.prop(cycles, "use_deform_motion", text="Deformation")
+            culling = column.column(heading="Culling")
+            culling.prop(cycles, "use_camera_cull")
+            culling.prop(cycles, "use_distance_cull")
 
 
 class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -263,6 +291,7 @@ class HALFSPACE_PT_material_settings(_MaterialPanel, bpy.types.Panel):
         column = self.column()
         column.prop(context.material, "pass_index")
         column.prop(context.material, "displacement_method", text="Displacement")
+        column.prop(context.material, "use_transparent_shadow")
 
 
 class _LightPanel(EnginePanel):
@@ -292,6 +321,8 @@ class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):
         _shape(column, light)
         column.separator()
         column.prop(light, "use_shadow", text="Cast Shadow")
+        if hasattr(light, "cycles"):
+            column.prop(light.cycles, "max_bounces")
 
 
 class HALFSPACE_PT_light_beam_shape(_LightPanel, bpy.types.Panel):
@@ -374,6 +405,7 @@ CLASSES = (
     HALFSPACE_PT_world_volume,
     HALFSPACE_PT_world_mist,
     HALFSPACE_PT_world_ray_visibility,
+    HALFSPACE_PT_world_settings,
     HALFSPACE_PT_visibility,
     HALFSPACE_PT_ray_visibility,
     HALFSPACE_PT_material,

@@ -186,6 +186,8 @@ class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
         column.prop(group, "max_bounces")
         if group.integrator == "path":
             column.prop(group, "volume_bounces")
+        if hasattr(context.scene, "cycles"):
+            column.prop(context.scene.cycles, "transparent_max_bounces", text="Transparent")
         if group.integrator == "whitted":
             column.prop(group, "secondary_beams")
 
@@ -261,6 +263,26 @@ SIMPLIFY = tuple(
 )
 """What Blender makes simpler for all engines."""
 
+
+class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):
+    """Objects that final renders leave out. Cycles stores the settings."""
+
+    bl_label = "Culling"
+    bl_parent_id = "HALFSPACE_PT_simplify"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.scene, "cycles")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        column.active = context.scene.render.use_simplify
+        for kind in ("camera", "distance"):
+            column.prop(context.scene.cycles, f"use_{kind}_cull")
+            column.prop(context.scene.cycles, f"{kind}_cull_margin")
+
+
 COMPOSITOR = tuple(
     _of_blender(f"RENDER_PT_eevee_performance_compositor{part}", f"HALFSPACE_PT_compositor{part}", parent)
     for part, parent in (("", "HALFSPACE_PT_performance"), ("_denoise_settings", "HALFSPACE_PT_compositor"))
@@ -298,6 +320,11 @@ class HALFSPACE_PT_film(EnginePanel, bpy.types.Panel):
         column = self.column()
         column.prop(context.scene.halfspace, "film_exposure")
         column.prop(context.scene.render, "film_transparent", text="Transparent")
+        if (cycles := getattr(context.scene, "cycles", None)) is not None:
+            glass = column.column()
+            glass.active = context.scene.render.film_transparent
+            glass.prop(cycles, "film_transparent_glass", text="Transparent Glass")
+            glass.prop(cycles, "film_transparent_roughness", text="Roughness Threshold")
 
 
 class HALFSPACE_PT_film_pixel_filter(EnginePanel, bpy.types.Panel):
@@ -423,6 +450,7 @@ CLASSES = (
     HALFSPACE_PT_light_paths_caustics,
     HALFSPACE_PT_structure,
     *SIMPLIFY,
+    HALFSPACE_PT_simplify_culling,
     HALFSPACE_PT_motion_blur,
     HALFSPACE_PT_film,
     HALFSPACE_PT_film_pixel_filter,

@@ -247,6 +247,9 @@ Step = Mapping[str, Any]
 Hidden = tuple[str, ...]
 """Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission, volume."""
 
+TERMINATOR = 0.1
+"""Blender's default of an object's *Shadow Terminator*, *Geometry Offset*."""
+
 Volume = Mapping[str, Any]
 """The inside of objects: "closures" and "program", as the native module takes them."""
 
@@ -295,8 +298,10 @@ class Material:
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
     blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether camera
-    rays see a hole; catcher: whether they see only shadows of others. outputs: numbers of passes "Output" and values.
-    portals: colour, position, direction. strands: the layer that is 1 on tubes of hairs, whose inside rays do not see.
+    rays see a hole; catcher: whether they see only shadows of others. opaque_shadow: whether shadow rays do not pass.
+    terminator: cosine towards the light below which shadow rays start on the curved surface of the corner normals.
+    outputs: numbers of passes "Output" and values. portals: colour, position, direction. strands: the layer that is 1
+    on tubes of hairs, whose inside rays do not see.
     """
 
     name: str
@@ -316,6 +321,8 @@ class Material:
     blocks: int = 0xFFFFFFFF
     hole: bool = False
     catcher: bool = False
+    opaque_shadow: bool = False
+    terminator: float = TERMINATOR
     outputs: tuple[tuple[int, Operand], ...] = ()
     portals: tuple[tuple[Operand, Operand, Operand], ...] = ()
     strands: int | None = None
@@ -334,6 +341,7 @@ class Material:
 @dataclass(frozen=True, eq=False)
 class Light:
     """A lamp that shines along its -Z. name: its object's, for messages. group: light group, from 1; 0 is none.
+    max_bounces: largest number of times that a path has scattered before its light samples see the light; None is any.
 
     power: linear RGB in W (sun: W/m²), Blender's energy × colour. radius, size, size_y in scene units; angle, spot_size
     (full cone) and spread in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE. sphere: whether point and
@@ -359,6 +367,7 @@ class Light:
     receivers: int = 0
     blockers: int = 0
     group: int = 0
+    max_bounces: int | None = None
     program: tuple[Step, ...] = ()
     radiance: Operand | None = None
     frame: tuple[Mapping[str, Any], ...] = ()
@@ -376,8 +385,9 @@ class Light:
 class World:
     """The background; `color` is linear RGB and includes its strength.
 
-    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. group: as
-    of a light. volume: the medium everywhere outside, which does not vary. outputs: as of a material.
+    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result. group,
+    max_bounces, casts_shadow: as of a light, the latter for light samples of a world that varies. volume: the medium
+    everywhere outside, which does not vary. outputs: as of a material.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
@@ -387,6 +397,8 @@ class World:
     group: int = 0
     volume: Volume | None = None
     outputs: tuple[tuple[int, Operand], ...] = ()
+    max_bounces: int | None = None
+    casts_shadow: bool = True
 
 
 @dataclass(frozen=True)

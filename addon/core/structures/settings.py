@@ -67,7 +67,9 @@ class RenderSettings:
     """Settings of one picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None:
     all.
 
-    volume_bounces: largest number of times a path scatters in volumes after the first time.
+    volume_bounces: largest number of times a path scatters in volumes after the first time. transparent_bounces:
+    largest number of transparent surfaces it passes. transparent_glass: roughness up to which a transparent film sees
+    through glass, below 0 = not at all.
     integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
     clamp_direct, clamp_indirect: largest contribution of a sample up to and after its first bounce, 0 = no limit.
     filter_glossy: blur of lobes met after improbable bounces, 0 = none. caustics_reflective, caustics_refractive:
@@ -84,6 +86,7 @@ class RenderSettings:
     samples: int = 32
     max_bounces: int = 6
     volume_bounces: int = 0
+    transparent_bounces: int = 8
     integrator: str = "path"
     ambient_distance: float = math.inf
     clamp_direct: float = 0.0
@@ -97,6 +100,7 @@ class RenderSettings:
     filter_width: float = 1.5
     seed: int = 0
     film_transparent: bool = False
+    transparent_glass: float = -1.0
     passes: tuple[str, ...] = field(default=("Combined",))
     noise_threshold: float = 0.0
     time_limit: float = 0.0
@@ -104,7 +108,8 @@ class RenderSettings:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        positive, others = ("width", "height", "samples"), ("max_bounces", "volume_bounces", "threads")
+        positive = ("width", "height", "samples")
+        others = ("max_bounces", "volume_bounces", "transparent_bounces", "threads")
         for name, least in (*((name, 1) for name in positive), *((name, 0) for name in others)):
             if getattr(self, name) < least:
                 raise SettingsError(f"{name}: expected at least {least}, got {getattr(self, name)}")
@@ -130,6 +135,7 @@ class RenderSettings:
             "samples": self.samples,
             "max_bounces": self.max_bounces,
             "volume_bounces": self.volume_bounces,
+            "transparent_bounces": self.transparent_bounces,
             "integrator": self.integrator,
             "ambient_distance": self.ambient_distance,
             "clamp_direct": self.clamp_direct,
@@ -143,6 +149,7 @@ class RenderSettings:
             "filter_width": self.filter_width,
             "seed": self.seed,
             "film_transparent": self.film_transparent,
+            "transparent_glass": self.transparent_glass,
             "passes": list(self.passes),
             "noise_threshold": self.noise_threshold,
             "time_limit": self.time_limit,

@@ -52,6 +52,8 @@ use std::time::Duration;
 ///     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
 ///     "hole" (False): camera rays see a hole in the picture, except where it is transparent. "catcher" (False): camera
 ///     rays see only what the other objects take from the light of its surfaces, as alpha or in a pass.
+///     "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1): cosine towards the light below which
+///     shadow rays start on the curved surface that corner normals describe, 0 = never.
 ///     "strands": the number of a layer that is 1 on tubes around hairs, whose inside rays do not see if the material
 ///     has a closure of hair.
 ///     "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
@@ -77,11 +79,12 @@ use std::time::Duration;
 ///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
 ///     in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
 ///     such rays. Negative power darkens. Lights without power are left out.
-///     "group" (0): the light group, from 1 to 64, 0 = none. With "program" and "radiance", an argument as in a
+///     "group" (0): the light group, from 1 to 64, 0 = none. "max_bounces" (no limit): largest number of times that a
+///     path has scattered before its light samples see the light. With "program" and "radiance", an argument as in a
 ///     material, the power is multiplied by the result; "frame" is a list of one object, the light's own space.
 /// world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
 ///     an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must not
-///     vary, as for materials. "group" as for lights.
+///     vary, as for materials. "group", "max_bounces" and "casts_shadow" as for lights.
 /// images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
 ///     whether colours are decoded after interpolation. An image without pixels is missing: pink.
 /// layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
@@ -379,14 +382,16 @@ enum Moving<'py> {
 ///     "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
 ///     "ambient_distance" (inf));
 ///     "max_bounces" (4): 0 = direct light only, as in Cycles; "volume_bounces" (0): the same for scattering in
-///     volumes; "clamp_indirect" (0): upper limit of what a sample
+///     volumes; "transparent_bounces" (8): transparent surfaces that a path passes before one is black, as in Cycles;
+///     "clamp_indirect" (0): upper limit of what a sample
 ///     adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
 ///     for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
 ///     improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
 ///     lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "secondary_beams" (False), for
 ///     whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with
 ///     refraction approximate (Heckbert and Hanrahan 1984); "seed" (0);
-///     "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+///     "film_transparent" (False), also behind glass of a roughness up to "transparent_glass" (-1: none);
+///     "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
 ///     samples (at most 64) between two updates of a tile, None = 1, 3, 4, then 8; "filter"
 ///     ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours
 ///     of Combined. "noise_threshold" (0: off): blocks of

@@ -28,6 +28,12 @@ READ = {
     "central_cylindrical_range_v_min central_cylindrical_range_v_max central_cylindrical_radius",
     "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
     "aperture_ratio",
+    "CyclesLightSettings": "max_bounces",
+    "CyclesObjectSettings": "use_motion_blur use_deform_motion use_camera_cull use_distance_cull",
+    "CyclesRenderSettings": "transparent_max_bounces film_transparent_glass film_transparent_roughness use_camera_cull "
+    "camera_cull_margin use_distance_cull distance_cull_margin",
+    "CyclesWorldSettings": "max_bounces use_shadows",
+    "CyclesRenderLayerSettings": "use_denoising",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_preview_denoising "
     "preview_denoising_start_sample use_denoising use_adaptive noise_threshold time_limit render_seed max_bounces "
@@ -41,15 +47,15 @@ READ = {
     "SpotLight": "energy shadow_soft_size use_soft_falloff spot_size spot_blend",
     "SunLight": "energy angle",
     "AreaLight": "energy shape size size_y spread",
-    "Material": "pass_index displacement_method",
+    "Material": "pass_index displacement_method use_transparent_shadow",
     "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow "
-    "visible_volume_scatter is_holdout is_shadow_catcher pass_index lightgroup",
+    "visible_volume_scatter is_holdout is_shadow_catcher pass_index lightgroup shadow_terminator_geometry_offset",
     "World": "lightgroup",
     "RenderSettings": "use_motion_blur motion_blur_position motion_blur_shutter "
     "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
     "pixel_aspect_y",
-    "ViewLayer": "use_sky use_solid use_strand use_volumes material_override world_override samples use_pass_z "
-    "use_pass_mist use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index "
+    "ViewLayer": "use_sky use_solid use_strand use_volumes use_motion_blur material_override world_override samples "
+    "use_pass_z use_pass_mist use_pass_position use_pass_normal use_pass_uv use_pass_vector use_pass_object_index "
     "use_pass_material_index use_pass_diffuse_direct use_pass_diffuse_indirect use_pass_diffuse_color "
     "use_pass_glossy_direct use_pass_glossy_indirect use_pass_glossy_color use_pass_transmission_direct "
     "use_pass_transmission_indirect use_pass_transmission_color use_pass_emit use_pass_environment "
@@ -79,11 +85,12 @@ CARRIED_OUT = {
 
 HIDDEN = {
     ("Camera", "dof"),
+    ("CyclesWorldSettings", "use_shadows"),
     ("Light", "temperature_color"),
     ("RenderSettings", "compositor_precision"),
     ("ViewLayer", "world_override"),
 }
-"""Read through their parts or another property; the last two are not in the panels of Blender 4.5."""
+"""Read through their parts or another property; some are not in the panels of Blender 4.5."""
 
 WITHOUT_NODES = {"Material": "use_nodes diffuse_color", "World": "use_nodes color", "Light": "use_nodes"}
 """Shown only for data without nodes, or before Blender 5.0."""
@@ -108,21 +115,21 @@ OF_CYCLES = "LIGHT_PT_(light|settings|beam)|visib|WORLD_PT_mist|PT_filter|film|t
 
 WITHOUT = {
     "CYCLES_CAMERA_PT_lens_custom_parameters": "cameras of a shader",
-    "CYCLES_LIGHT_PT_settings": "largest bounces of a light, its importance",
+    "CYCLES_LIGHT_PT_settings": "importance of a light; its bounces are in Light",
     "CYCLES_MATERIAL_PT_settings_surface": "sampling of emission, bump correction",
     "CYCLES_MATERIAL_PT_settings_volume": "steps through volumes",
-    "CYCLES_OBJECT_PT_motion_blur": "steps of an object",
+    "CYCLES_OBJECT_PT_motion_blur": "steps of an object; its switches are in Visibility",
     "CYCLES_OBJECT_PT_shading_caustics": "manifold next event estimation",
     "CYCLES_OBJECT_PT_shading_gi_approximation": "ambient occlusion in place of light",
-    "CYCLES_OBJECT_PT_visibility_culling": "culling",
+    "CYCLES_OBJECT_PT_visibility_culling": "two rows, in Visibility",
     "CYCLES_RENDER_PT_curves": "shapes of hair",
     "CYCLES_RENDER_PT_curves_viewport_display": "shapes of hair",
     "CYCLES_RENDER_PT_debug": "instruction sets",
     "CYCLES_RENDER_PT_light_paths_fast_gi": "ambient occlusion in place of light",
-    "CYCLES_RENDER_PT_light_paths_max_bounces": "one number, in Light Paths",
+    "CYCLES_RENDER_PT_light_paths_max_bounces": "three numbers, in Light Paths",
     "CYCLES_RENDER_PT_motion_blur_curve": "an even shutter",
     "CYCLES_RENDER_PT_bake_output_margin": "two rows, in Output",
-    "CYCLES_RENDER_PT_film_transparency": "one row, in Film",
+    "CYCLES_RENDER_PT_film_transparency": "three rows, in Film",
     "CYCLES_RENDER_PT_passes_data": "the first rows of Passes",
     "CYCLES_RENDER_PT_performance_acceleration_structure": "in Structure",
     "CYCLES_RENDER_PT_performance_final_render": "one row, in Performance",
@@ -134,7 +141,6 @@ WITHOUT = {
     "CYCLES_RENDER_PT_sampling_lights": "a threshold of lights",
     "CYCLES_RENDER_PT_sampling_path_guiding": "guiding",
     "CYCLES_RENDER_PT_sampling_path_guiding_debug": "guiding",
-    "CYCLES_RENDER_PT_simplify_culling": "culling",
     "CYCLES_RENDER_PT_subdivision": "adaptive subdivision",
     "CYCLES_RENDER_PT_volumes": "steps through volumes",
     "CYCLES_WORLD_PT_settings": "sampling of the world",

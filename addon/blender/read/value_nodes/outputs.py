@@ -11,6 +11,7 @@ from ..nodes import Place, Unsupported
 
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
+    from ..standing import Standing
     from ..values import Values
 
 Outputs = Mapping[str, tuple[int, str]]
@@ -25,13 +26,15 @@ DEEPEST = 32
 
 @dataclass(frozen=True)
 class Wanted:
-    """What passes need of a scene. mattes: the names for Cryptomatte. outputs: the passes that materials write. groups:
-    the number of each light group, from 1, by name.
+    """What a picture needs of a scene. mattes: the names for Cryptomatte. outputs: the passes that materials write.
+    groups: the number of each light group, from 1, by name. standing: what stays as it is at the frame, if the picture
+    shows several times.
     """
 
     mattes: bool = False
     outputs: Outputs = field(default_factory=dict)
     groups: Mapping[str, int] = field(default_factory=dict)
+    standing: Standing | None = None
 
 
 NOTHING = Wanted()

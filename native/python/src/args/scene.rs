@@ -34,6 +34,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "blocks",
         "hole",
         "catcher",
+        "opaque_shadow",
+        "terminator",
         "outputs",
         "portals",
         "strands",
@@ -68,6 +70,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             },
             hole: keys.flag_or("hole", false)?,
             catcher: keys.flag_or("catcher", false)?,
+            opaque_shadow: keys.flag_or("opaque_shadow", false)?,
+            terminator: keys.number_or("terminator", default.terminator)?,
             outputs: outputs(&keys)?,
             portals: portals(&keys)?,
             strands: strands(&keys)?,
@@ -199,6 +203,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "receivers",
         "blockers",
         "group",
+        "max_bounces",
         "program",
         "radiance",
         "frame",
@@ -251,6 +256,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
                 blockers: set(&keys, "blockers")?,
             },
             group: group(&keys)?,
+            max_bounces: bounces(&keys)?,
             program: lamp_program(&keys)?,
         })
     })
@@ -278,6 +284,12 @@ fn group(keys: &Keys<'_, '_>) -> Result<u8> {
     found.ok_or_else(|| keys.wrong("group", "a number from 0 to 64", &value))
 }
 
+/// Reads the largest number of bounces before light samples see a light; any number by default.
+fn bounces(keys: &Keys<'_, '_>) -> Result<u32> {
+    let key = "max_bounces";
+    keys.find(key).map_or(Ok(u32::MAX), |_| keys.count(key))
+}
+
 /// Reads the background: a colour, or a program and its result.
 pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
     let Some(dict) = dict else {
@@ -291,6 +303,8 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
         "hidden_from",
         "group",
         "outputs",
+        "max_bounces",
+        "casts_shadow",
     ];
     let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
@@ -304,5 +318,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
         visible: visibility(&keys, Visibility::ALL)?,
         group: group(&keys)?,
         outputs: outputs(&keys)?,
+        max_bounces: bounces(&keys)?,
+        casts_shadow: keys.flag_or("casts_shadow", true)?,
     })
 }

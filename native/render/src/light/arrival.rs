@@ -75,4 +75,6 @@ pub struct Receiver {
     pub sets: u32,
     /// Whether several lights are sampled instead of one, see [`crate::light::Lights::sample_several`].
     pub each: bool,
+    /// Number of times the path has scattered before, see [`crate::light::LightParams::max_bounces`].
+    pub bounce: u16,
 }

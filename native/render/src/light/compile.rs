@@ -73,6 +73,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         visible: params.visible,
         sets: params.sets,
         group: params.group,
+        max_bounces: params.max_bounces,
         shader: shader.filter(|_| constant.is_none()).map(Box::new),
     };
     Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))

@@ -112,6 +112,7 @@ impl Lights {
                     visible: emissive.visible,
                     sets: LightSets::default(),
                     group: 0,
+                    max_bounces: u32::MAX,
                     shader: None,
                 });
             }
@@ -126,6 +127,7 @@ impl Lights {
                 visible: map_visible,
                 sets: LightSets::default(),
                 group: 0,
+                max_bounces: u32::MAX,
                 shader: None,
             });
         }
@@ -147,6 +149,16 @@ impl Lights {
         };
         made.several = made.are_several();
         Ok(made)
+    }
+
+    /// Limits the number of bounces before light samples see the background, and what blocks them.
+    pub fn limit_background(&mut self, max_bounces: u32, casts_shadow: bool) {
+        if self.map.is_some()
+            && let Some(background) = self.lights.last_mut()
+        {
+            background.max_bounces = max_bounces;
+            background.casts_shadow = casts_shadow;
+        }
     }
 
     /// Whether [`Self::sample_several`] is worth its time.
@@ -193,7 +205,7 @@ impl Lights {
         u: [f32; 2],
     ) -> Option<Arrival> {
         let light = &self.lights[index];
-        if !light.shines_on(receiver) {
+        if !light.shines_on(receiver) || u32::from(receiver.bounce) > light.max_bounces {
             return None;
         }
         let mut weights = [0.0; 2];

@@ -73,6 +73,9 @@ pub struct LightParams {
     pub sets: LightSets,
     /// Light group, counted from 1; 0 = none.
     pub group: u8,
+    /// Largest number of times that a path has scattered before its light samples see the light. Rays that meet the
+    /// light see it in any case, as in Cycles.
+    pub max_bounces: u32,
     /// Computes a factor on the power from the direction and the point of the light.
     pub program: Option<LampProgram>,
 }

@@ -34,6 +34,8 @@ pub(super) struct Light {
     pub(super) sets: LightSets,
     /// The light group of a lamp; 0 = none.
     pub(super) group: u8,
+    /// Largest number of bounces before a light sample.
+    pub(super) max_bounces: u32,
     /// Computes a factor on the strength of a lamp, if that varies.
     pub(super) shader: Option<Box<Shader>>,
 }
@@ -76,9 +78,11 @@ impl Light {
         })
     }
 
-    /// Whether rays can hit the light. A ray would stop at objects that do not shade the light.
+    /// Whether rays can hit the light. A ray would stop at objects that do not shade the light; at those before a
+    /// background without shadows it does, as in Cycles.
     pub(super) fn is_hittable(&self) -> bool {
-        self.has_size() && self.casts_shadow && self.sets.blockers == 0
+        let stops = self.casts_shadow || matches!(self.shape, Shape::World);
+        self.has_size() && stops && self.sets.blockers == 0
     }
 
     /// Whether the light shines on a receiver.

@@ -156,6 +156,7 @@ mod tests {
             normal: vec3(0.0, 0.0, 1.0),
             sets: u32::MAX,
             each: true,
+            bounce: 0,
         };
         let (sampler, n) = (PixelSampler::new(5, 2, 1), 1 << 14);
         let (mut lamps, mut count, mut angle) = (0, [0_u32; 2], 0.0);

@@ -308,6 +308,7 @@ mod tests {
                 normal,
                 sets: u32::MAX,
                 each: false,
+                bounce: 0,
             };
             let all: f32 = (0..300).map(|i| tree.probability(receiver, i)).sum();
             // Below the horizon a node's bound can be positive although no child contributes; such choices are
@@ -334,6 +335,7 @@ mod tests {
             normal: vec3(0.0, 0.6, 0.8),
             sets: u32::MAX,
             each: false,
+            bounce: 0,
         };
         for light in &lights {
             let highest = light.centre + receiver.normal * light.radius;

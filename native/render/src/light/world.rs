@@ -32,6 +32,11 @@ pub struct WorldParams {
     pub visible: Visibility,
     /// Light group, counted from 1; 0 = none.
     pub group: u8,
+    /// Largest number of times that a path has scattered before its light samples see the background. Without effect
+    /// on a constant colour, which is not sampled; scattered rays see it in any case, as in Cycles.
+    pub max_bounces: u32,
+    /// Whether surfaces block light samples of the background; they block scattered rays in any case, as in Cycles.
+    pub casts_shadow: bool,
 }
 
 impl Default for WorldParams {
@@ -45,6 +50,8 @@ impl Default for WorldParams {
             volume: VolumeParams::default(),
             visible: Visibility::ALL,
             group: 0,
+            max_bounces: u32::MAX,
+            casts_shadow: true,
         }
     }
 }

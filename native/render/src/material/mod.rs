@@ -58,6 +58,10 @@ pub struct Material {
     pub hole: bool,
     /// Whether its objects are shadow catchers, see [`crate::film::catcher`].
     pub catcher: bool,
+    /// Whether its shadow is that of an opaque surface.
+    pub opaque_shadow: bool,
+    /// Cosine towards the light below which the origin of a shadow ray is moved: Cycles' "geometry offset".
+    pub terminator: f32,
     /// Layer that is 1 on tubes around hairs, where rays do not see the inside; `None` if they do.
     pub strands: Option<u16>,
     /// The lights that shine on it, and those that it shades.
@@ -131,6 +135,8 @@ impl Material {
             sets: params.sets,
             hole: params.hole,
             catcher: params.catcher && !params.hole,
+            opaque_shadow: params.opaque_shadow,
+            terminator: params.terminator,
             transparent: any(Closure::may_be_transparent),
             traces_rays,
             runs_ahead: program.gains_in_lanes() && !traces_rays,

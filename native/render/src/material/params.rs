@@ -46,6 +46,10 @@ pub struct MaterialParams {
     pub hole: bool,
     /// Whether its objects are shadow catchers; holes are none.
     pub catcher: bool,
+    /// Whether its shadow is that of an opaque surface.
+    pub opaque_shadow: bool,
+    /// Cosine towards the light below which shadow rays start on the curved surface that the corner normals describe.
+    pub terminator: f32,
     /// Values for passes: the number of each and the operand.
     pub outputs: Vec<(u8, Operand)>,
     /// Portals: colour multiplied by weight, position in world space, direction of each.
@@ -73,6 +77,8 @@ impl Default for MaterialParams {
             sets: ObjectSets::ALL,
             hole: false,
             catcher: false,
+            opaque_shadow: false,
+            terminator: 0.1,
             outputs: Vec::new(),
             portals: Vec::new(),
         }

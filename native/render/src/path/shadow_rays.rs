@@ -8,7 +8,7 @@ use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::media::{Scratch, Through};
-use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT, Path};
+use crate::path::state::{MAX_INVISIBLE, Path};
 use crate::path::wavefront::Context;
 use crate::scene::media::MediumRay;
 use crate::scene::surface::Surface;
@@ -24,6 +24,8 @@ struct Light {
     value: Vec3,
     /// The path from which the ray starts, and the transparent surfaces passed since.
     history: History,
+    /// Number of transparent surfaces that path and ray have passed.
+    passed: u16,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
     /// The set of the objects that block the ray.
@@ -158,6 +160,7 @@ impl ShadowRays {
             slot: path.slot,
             value,
             history: path.shadow_history(),
+            passed: path.passed_surfaces(),
             invisible: 0,
             blockers,
             catchers_alone: path.catch == Catch::OnlyCatchers,
@@ -318,6 +321,9 @@ impl Light {
         }
         // Filter the light by the surface, unless shadow rays do not see it or it is no blocker.
         let blocks = visible && surface.material.sets.shades(self.blockers);
+        if blocks && surface.material.opaque_shadow {
+            return None;
+        }
         if blocks && !(in_media && surface.material.boundary) {
             let point = || {
                 let mut point = surface.shading_point(scene, d, RayKind::Shadow);
@@ -329,11 +335,12 @@ impl Light {
             let unscattered = material.unscattered_reduced(&scene.images, point, registers);
             self.value = self.value * unscattered.transparent;
             self.history.transparent += 1;
+            self.passed += 1;
         } else {
             self.invisible += 1;
         }
         // Continue while some light is left and the interval is not exhausted.
-        let goes_on = self.history.transparent < MAX_TRANSPARENT
+        let goes_on = u32::from(self.passed) <= context.settings.transparent_bounces
             && self.invisible < MAX_INVISIBLE
             && self.value.max_abs() > 0.0
             && ray.t_max > hit.t;

@@ -11,9 +11,6 @@ use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
-/// Largest number of transparent surfaces that a path, or a shadow ray, passes.
-pub const MAX_TRANSPARENT: u16 = 64;
-
 /// Largest number of surfaces that a path, or a shadow ray, passes because they are invisible to it; ends rays that
 /// never advance.
 pub const MAX_INVISIBLE: u16 = 1000;
@@ -48,6 +45,8 @@ pub struct Path {
     invisible: u16,
     /// Whether the current ray still is the camera ray.
     pub camera: bool,
+    /// Whether the path has only gone through what a transparent film sees through.
+    pub clear: bool,
     /// Whether the path began at a shadow catcher.
     pub catch: Catch,
     /// How the path scattered last.
@@ -73,6 +72,7 @@ impl Path {
                 normal: Vec3::ZERO,
                 sets: u32::MAX,
                 each: false,
+                bounce: 0,
             },
             passed: 0.0,
             clipped: ray.t_min,
@@ -84,6 +84,7 @@ impl Path {
             transparent: 0,
             invisible: 0,
             camera: true,
+            clear: true,
             catch: Catch::None,
             kind: RayKind::Camera,
             last: Turn::default(),
@@ -203,21 +204,32 @@ impl Path {
         self.invisible < MAX_INVISIBLE
     }
 
-    /// Goes through a portal, behind which light samples find nothing. Returns whether the path may continue.
-    pub fn go_through(&mut self) -> bool {
+    /// Goes through a portal, behind which light samples find nothing.
+    pub fn go_through(&mut self) {
         self.portals = self.portals.saturating_add(1);
         self.pdf = f32::INFINITY;
-        let goes_on = self.pass(0.0);
+        self.pass(0.0);
         (self.passed, self.clipped) = (0.0, 0.0);
-        goes_on
     }
 
-    /// Passes a transparent surface at this distance. Returns whether the path may continue.
+    /// Passes a transparent surface at this distance.
     #[inline(always)]
-    pub fn pass(&mut self, distance: f32) -> bool {
+    pub fn pass(&mut self, distance: f32) {
         self.transparent += 1;
         self.passed += distance;
-        self.transparent < MAX_TRANSPARENT
+    }
+
+    /// Returns the number of transparent surfaces passed.
+    #[inline(always)]
+    pub fn passed_surfaces(&self) -> u16 {
+        self.transparent
+    }
+
+    /// Whether the path has passed as many transparent surfaces as it may, so that the next one only emits. As in Cycles,
+    /// a limit of 0 is one of 1.
+    #[inline(always)]
+    pub fn has_passed_all(&self, settings: &Settings) -> bool {
+        u32::from(self.transparent) >= settings.transparent_bounces.max(1)
     }
 
     /// Returns whether no surface scatters the path any more. Light that a medium scatters as the last of its bounces

@@ -118,7 +118,7 @@ impl RenderScene {
             images: &params.images,
             varying: &varying,
         };
-        let lights = Lights::new(
+        let mut lights = Lights::new(
             &params.lights,
             &probe.emissive_triangles(),
             world.take_map(),
@@ -126,6 +126,7 @@ impl RenderScene {
             &params.images,
             &varying,
         )?;
+        lights.limit_background(params.world.max_bounces, params.world.casts_shadow);
         let media = Media::new(world_volume(&params.world)?);
         let features = Features {
             media: media.world.is_some() || used.clone().any(|m| m.volume.is_some()),

@@ -40,9 +40,6 @@ pub struct Surface<'a> {
     at: At<'a>,
 }
 
-/// Cosine towards the light below which the origin of a shadow ray is moved: Cycles' default "geometry offset".
-const TERMINATOR: f32 = 0.1;
-
 /// Returns geometric and shading normal of a hit, on the front of the triangle.
 pub fn outward_normals(scene: &RenderScene, hit: &Hit) -> [Vec3; 2] {
     let corners = scene.tracer.corners(hit.triangle);
@@ -227,12 +224,13 @@ impl<'a> Surface<'a> {
 
     /// Returns the origin of a shadow ray. At grazing light the flat triangle of a smooth surface would shadow
     /// itself; there the origin is lifted to the curved surface described by the corner normals (Hanika 2021,
-    /// "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), blended in below a cosine of 0.1 as in
-    /// Cycles.
+    /// "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), blended in below a cosine that
+    /// the object sets, as in Cycles.
     #[inline(always)]
     pub fn shadow_ray_origin<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
         // Light passes through hair.
-        if !SMOOTH || self.material.strands.is_some() {
+        let terminator = self.material.terminator;
+        if !SMOOTH || terminator <= 0.0 || self.material.strands.is_some() {
             return self.ray_origin(direction);
         }
         // The ray leaves to the side of the shading normal that the light is on.
@@ -244,10 +242,10 @@ impl<'a> Surface<'a> {
         };
         let flat = side.dot(direction);
         // Blend the offset in by both cosines, as Cycles does.
-        let amount = if cosine.abs() < TERMINATOR {
-            2.0 - (flat + cosine.abs()) / TERMINATOR
+        let amount = if cosine.abs() < terminator {
+            2.0 - (flat + cosine.abs()) / terminator
         } else {
-            1.0 - flat / TERMINATOR
+            1.0 - flat / terminator
         };
         let amount = amount.clamp(0.0, 1.0);
         // Light from the far side of the triangle that the shading normal faces does not meet the triangle itself.

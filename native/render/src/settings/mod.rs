@@ -50,6 +50,9 @@ pub struct Settings {
     pub max_bounces: u32,
     /// Largest number of times a path scatters in volumes after the first time; 0 = single scattering. As in Cycles.
     pub volume_bounces: u32,
+    /// Largest number of transparent surfaces that a path passes, with its shadow rays; the next one only
+    /// emits. As in Cycles.
+    pub transparent_bounces: u32,
     /// Upper limit of what one sample adds after its first bounce, as the mean of its channels; 0 = no limit,
     /// unbiased. Lower values remove fireflies and lose light. As in Cycles.
     pub clamp_indirect: f32,
@@ -68,6 +71,8 @@ pub struct Settings {
     pub seed: u32,
     /// Whether the background has alpha 0 and is black for camera rays.
     pub film_transparent: bool,
+    /// Roughness up to which a transparent film sees through glass; below 0 = not at all. As in Cycles.
+    pub transparent_glass: f32,
     /// Passes to fill.
     pub passes: Vec<Pass>,
     /// Error below which a block of pixels gets no more samples, see [`crate::film::adaptive`]; 0 = adaptive sampling
@@ -101,6 +106,7 @@ impl Default for Settings {
             ambient_distance: f32::INFINITY,
             max_bounces: 4,
             volume_bounces: 0,
+            transparent_bounces: 8,
             clamp_indirect: 0.0,
             clamp_direct: 0.0,
             filter_glossy: 0.0,
@@ -109,6 +115,7 @@ impl Default for Settings {
             secondary_beams: false,
             seed: 0,
             film_transparent: false,
+            transparent_glass: -1.0,
             passes: vec![Pass::Combined],
             noise_threshold: 0.0,
             min_samples: 0,
@@ -192,17 +199,14 @@ impl Settings {
                 "settings['samples'] must lie in 1..16777216, got {got}"
             ));
         }
-        if self.max_bounces > 1024 {
-            let got = self.max_bounces;
-            return spec(format!(
-                "settings['max_bounces'] must lie in 0..1024, got {got}"
-            ));
-        }
-        if self.volume_bounces > 1024 {
-            let got = self.volume_bounces;
-            return spec(format!(
-                "settings['volume_bounces'] must lie in 0..1024, got {got}"
-            ));
+        for (key, got) in [
+            ("max_bounces", self.max_bounces),
+            ("volume_bounces", self.volume_bounces),
+            ("transparent_bounces", self.transparent_bounces),
+        ] {
+            if got > 1024 {
+                return spec(format!("settings['{key}'] must lie in 0..1024, got {got}"));
+            }
         }
         if let Some(step) = self.step_samples
             && !(1..=MAX_STEP_SAMPLES).contains(&step)
@@ -241,6 +245,9 @@ impl Settings {
             if value.is_nan() || value < 0.0 {
                 return spec(format!("settings['{key}'] must be at least 0, got {value}"));
             }
+        }
+        if self.transparent_glass.is_nan() {
+            return spec("settings['transparent_glass'] must be a number".into());
         }
         if self.mist.start.is_nan() || self.mist.depth.is_nan() {
             return spec("settings['mist'] must be numbers".into());

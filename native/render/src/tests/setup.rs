@@ -164,6 +164,7 @@ pub fn light(kind: LightKind, to_world: [[f64; 4]; 4], power: f32) -> LightParam
         visible: Visibility::NOT_BY_CAMERA,
         sets: LightSets::default(),
         group: 0,
+        max_bounces: u32::MAX,
         program: None,
     }
 }

@@ -94,6 +94,20 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         if weights > 0.0 { sum / weights } else { 1.0 }
     }
 
+    /// Whether a lobe that refracts is at most this rough.
+    #[cold]
+    #[inline(never)]
+    pub fn is_clear(&self, roughness: f32) -> bool {
+        // The width is the square of the roughness.
+        let most = roughness * roughness;
+        let boundaries = &self.boundaries[..self.boundary_count];
+        boundaries.iter().any(|b| b.ggx.alpha2.sqrt() <= most)
+            || self.own_lobes().iter().any(|lobe| match &lobe.shape {
+                Shape::Boundary(facets, _) => (facets.width[0] * facets.width[1]).sqrt() <= most,
+                _ => false,
+            })
+    }
+
     /// Returns the albedos of the diffuse, glossy and transmitting lobes at the viewing direction, as in Cycles:
     /// refraction as if it were smooth, rough diffuse lobes as if they were Lambertian.
     #[cold]

@@ -5,6 +5,7 @@ use crate::light::{Lit, Reach, power_heuristic};
 use crate::math::vector::Vec3;
 use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
+use crate::path::shade::volume::opacity;
 use crate::path::shadow_rays::add_to_group;
 use crate::path::state::Path;
 use crate::settings::LightPass;
@@ -71,8 +72,13 @@ impl<
             let [a, b, c, d] = self.context.camera.background_motion(d);
             **motion = [a, b, c, d, 1.0];
         }
-        // A transparent film shows no background.
+        // A transparent film shows no background, also behind glass that it sees through.
         if path.camera && settings.film_transparent {
+            out.sample.alpha = opacity(path);
+            return;
+        }
+        if self.clear_glass && path.clear {
+            out.sample.alpha -= path.throughput.mean();
             return;
         }
         if EXTRA

@@ -206,6 +206,8 @@ struct Shader<
     albedo: bool,
     /// Whether the ray after the last bounce can still find light.
     last_ray_counts: bool,
+    /// Whether the film is transparent behind glass.
+    clear_glass: bool,
 }
 
 impl<
@@ -233,6 +235,7 @@ impl<
             last_ray_counts: features.lights_hittable
                 || features.emission
                 || !scene.world.is_black(),
+            clear_glass: settings.film_transparent && settings.transparent_glass >= 0.0,
         }
     }
 
@@ -311,6 +314,14 @@ impl<
         {
             self.add_surface_emission(&surface, unscattered.emission, d, hit, path, out);
         }
+        // Behind as many surfaces as a path may pass, the next one only emits.
+        if path.has_passed_all(self.settings) {
+            if path.camera {
+                out.sample.alpha = 1.0;
+                out.dim_holes(path);
+            }
+            return None;
+        }
         // Draw the random numbers of this vertex.
         let random = path.next_vertex();
         let [roulette, mut opacity] = if path.bounce > 0 || features.transparency {
@@ -335,7 +346,8 @@ impl<
         if features.transparency && opacity < pass {
             path.throughput = path.throughput * unscattered.transparent * (1.0 / pass);
             out.cross(&surface);
-            return path.pass(hit.t).then(|| surface.continued(ray, hit));
+            path.pass(hit.t);
+            return Some(surface.continued(ray, hit));
         }
         // A hole hides what lies behind and shows nothing but the media before it.
         if hole {

@@ -77,5 +77,6 @@ pub(super) fn pass<const EXTRA: bool>(
         t_min: 0.0,
         t_max: f32::INFINITY,
     };
-    Err(path.go_through().then_some(next))
+    path.go_through();
+    Err(Some(next))
 }

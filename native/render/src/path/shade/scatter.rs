@@ -90,6 +90,7 @@ impl<
             each: !self.features.lobes
                 && !self.is(Integrator::Whitted)
                 && self.scene.lights.several(),
+            bounce: path.bounce,
         };
         let framed = FramedBsdf {
             frame: &frame,
@@ -203,6 +204,9 @@ impl<
         path.min_pdf = path.min_pdf.min(scatter.pdf);
         path.passed = 0.0;
         path.camera = false;
+        path.clear &= self.clear_glass
+            && scatter.kind == RayKind::Transmission
+            && (!scatter.pdf.is_finite() || bsdf.is_clear(self.settings.transparent_glass));
         let last = Turn {
             through: scatter.through,
             singular: !scatter.pdf.is_finite(),

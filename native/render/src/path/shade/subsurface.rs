@@ -161,6 +161,7 @@ impl<
             normal: surface.geometric,
             sets: surface.material.sets.receives,
             each: false,
+            bounce: path.bounce,
         };
         let up = frame.to_local(surface.geometric);
         let bsdf = Bsdf::<GLOSSY, GLASS, LOBES>::lambertian(up, surface.normals(frame), frame);

@@ -131,7 +131,7 @@ fn scatter_at<const EXTRA: bool>(
     if !path.survives(roulette) {
         return Crossed::Ended;
     }
-    path.receiver = receiver(at);
+    path.receiver = receiver(at, path);
     if lit {
         let [choice, _] = random.choices();
         let lights = &context.scene.lights;

@@ -16,12 +16,13 @@ use crate::values::visibility::RayKind;
 use halfspace_ray::Ray;
 
 /// Returns a point in a medium as a receiver of light: from all directions, and of all lights, also linked ones.
-pub(super) fn receiver(point: Vec3) -> Receiver {
+pub(super) fn receiver(point: Vec3, path: &Path) -> Receiver {
     Receiver {
         point,
         normal: Vec3::ZERO,
         sets: ObjectSets::ALL.receives,
         each: false,
+        bounce: path.bounce,
     }
 }
 
@@ -60,7 +61,7 @@ pub(super) fn light_segment<const EXTRA: bool>(
     // Scatter light from there.
     let mut path = *path;
     path.throughput = path.throughput * weight;
-    path.receiver = receiver(segment.origin + ray.direction * distance);
+    path.receiver = receiver(segment.origin + ray.direction * distance, &path);
     let light = lights.sample_chosen(path.receiver, chosen, random.light());
     receive(context, ray.direction, light, &path, out);
 }
