@@ -13,7 +13,7 @@ from typing import Any
 
 from . import interrupt
 from .interrupt import STOPPED
-from .native import FAILURES, in_one_line, reason
+from .native import FAILURES, PANIC, in_one_line, reason
 
 BAD_INPUT = 2
 
@@ -55,9 +55,9 @@ def run(
         _tell(f"{name}: {line}")
         return BAD_INPUT
     except BaseException as error:
-        if isinstance(error, Exception):
+        if type(error).__name__ != PANIC:
             raise
-        # A panic of the native module; Python would end with the status of wrong answers.
+        # Python would end with the status of wrong answers.
         _tell(f"{name}: {reason(error)}")
         return BAD_INPUT
 

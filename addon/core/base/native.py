@@ -45,6 +45,10 @@ def _lines(error: BaseException) -> list[str]:
     return [line for line in found if line]
 
 
+PANIC = "PanicException"
+"""Name of the class of panics of the native module. PyO3 makes it, and no module has it as an attribute."""
+
+
 def reason(error: BaseException) -> str:
     """The text of an error that ends a piece of work, in one line. Raises what ends the program: KeyboardInterrupt,
     SystemExit, GeneratorExit.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The native module's absence or age is one readable line; core stays free of Blender."""
 
+import argparse
 import ast
 import os
 import subprocess
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.core.base import native
+from addon.core.base import command, native
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -131,3 +132,24 @@ def test_threads_of_builds_end_with_them() -> None:
     search = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run([sys.executable, "-c", THREADS], env=search, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+class PanicException(BaseException):
+    """Stands for PyO3's class."""
+
+
+def test_the_reason_of_an_error_is_one_line_and_the_end_of_the_program_stays_one() -> None:
+    assert native.reason(ValueError("a\n b")) == "a b"
+    assert native.reason(KeyError()) == "KeyError"
+    assert native.reason(PanicException("out of\nbounds")) == "internal error: out of bounds"
+    for end in (KeyboardInterrupt, SystemExit, GeneratorExit):
+        with pytest.raises(end):
+            native.reason(end())
+
+
+def test_a_panic_ends_a_command_as_a_failure(capsys: pytest.CaptureFixture[str]) -> None:
+    def work(_asked: object) -> int:
+        raise PanicException("out of\nbounds")
+
+    assert command.run("tool", [], lambda _: argparse.Namespace(), work) == command.BAD_INPUT
+    assert capsys.readouterr().err == "tool: internal error: out of bounds\n"
