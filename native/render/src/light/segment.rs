@@ -328,6 +328,18 @@ mod tests {
         }
     }
 
+    /// What arrives at a point of a segment by one sample of the only light.
+    fn arriving(lights: &Lights, segment: &Segment, t: f32, u: [f32; 2]) -> f32 {
+        let receiver = Receiver {
+            point: segment.origin + segment.direction * t,
+            normal: Vec3::ZERO,
+            sets: u32::MAX,
+            each: false,
+        };
+        let arrival = lights.sample(receiver, 0.5, u);
+        arrival.map_or(0.0, |arrival| arrival.radiance.x)
+    }
+
     #[test]
     fn the_part_that_a_light_reaches_is_sampled_and_holds_all_of_its_light() {
         let spot = |size: f32, radius: f32| LightKind::Spot {
@@ -366,16 +378,7 @@ mod tests {
                     length,
                     extinction: 0.2,
                 };
-                let arriving = |t: f32, u: [f32; 2]| {
-                    let receiver = Receiver {
-                        point: origin + direction * t,
-                        normal: Vec3::ZERO,
-                        sets: u32::MAX,
-                        each: false,
-                    };
-                    let arrival = lights.sample(receiver, 0.5, u);
-                    arrival.map_or(0.0, |arrival| arrival.radiance.x)
-                };
+                let arriving = |t: f32, u: [f32; 2]| arriving(&lights, &segment, t, u);
                 // The integral over the whole segment, with light samples spread evenly.
                 let steps = 40_000_u32;
                 let spread = |i: u32| [i, i * 7919].map(|i| (i % 211) as f32 / 211.0 + 2e-3);
