@@ -221,7 +221,8 @@ def test_cards_whose_normals_face_away(add: Any, scene: Any, kind: str, normal: 
         else:
             mesh.materials.append(material("Leaf", Metallic=float(kind == "Metal"), Roughness=0.4))
     square, mean = apart(scene)
-    assert square < 0.06
+    # Few samples leave towards the sky where normals face away.
+    assert square < 0.1
     assert mean < 0.005
 
 

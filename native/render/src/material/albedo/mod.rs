@@ -102,7 +102,7 @@ impl Table {
 
     /// Albedo of facets that reflect by the Fresnel equations of a dielectric of relative index `eta`, as Cycles
     /// estimates it for what a layer leaves to those below: the albedo of white facets times the mean reflectance of the
-    /// facets that are seen. It is up to 0.01 above the integral of the product, since facets that reflect much are
+    /// facets that are seen. It is mostly above the integral of the product, by up to 0.01, since facets that reflect much are
     /// those whose light others catch. Below an index of 1, where most facets reflect all light, it is the integral.
     pub fn dielectric_reflection(ggx: Ggx, eta: f32, points: Points) -> Self {
         let (own, lower_bound) = (fresnel::f0_from_ior(eta), fresnel::min_reflectance(eta));
