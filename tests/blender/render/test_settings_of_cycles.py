@@ -167,17 +167,16 @@ def test_light_samples_of_the_world(stage: Any, add: Any, varying: bool) -> None
         assert agree(stage)[0] == pytest.approx(before[0], rel=0.01)
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("offset", [0.0, 0.5])
 def test_the_offset_of_shadow_terminators(stage: Any, add: Any, offset: float) -> None:
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=10, ring_count=6, radius=0.9)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=6, ring_count=4, radius=0.9)
     ball = bpy.context.object
     ball.data.polygons.foreach_set("use_smooth", [True] * len(ball.data.polygons))
     ball.data.materials.append(material("Ball", Specular_IOR_Level=0.0))
-    lamp(add, "SUN", 3.0, rotation_euler=(1.3, 0, 0)).data.angle = 0.0
-    before = mean(stage, "HALFSPACE")
+    lamp(add, "SUN", 3.0, rotation_euler=(1.57, 0, 0.3)).data.angle = 0.0
+    before = agree(stage)
     ball.shadow_terminator_geometry_offset = offset
-    found = agree(stage)
-    assert offset == pytest.approx(0.1) or abs(found[0] / before[0] - 1) > 0.003
+    assert (agree(stage)[0] < 0.99 * before[0]) == (offset == 0)
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.05, 0.3])
@@ -224,6 +223,8 @@ def test_objects_out_of_view_are_left_out(
         setattr(item.cycles, f"use_{name}_cull", True)
     if kind == "PERSP" and place[2] == 1 and by.get("camera") == 0.1:
         item.location.x *= 0.95
+    # Cycles leaves nothing out that is behind a parallel camera.
+    kept = kept or (kind == "ORTHO" and place[2] > 8 and "camera" in by)
     assert (agree(stage, within=0.03)[0] > 1e-3) == kept
 
 
