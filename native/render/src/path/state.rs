@@ -9,7 +9,7 @@ use crate::path::random::VertexSamples;
 use crate::settings::Settings;
 use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
-use halfspace_ray::Ray;
+use halfspace_ray::{Hit, Ray};
 
 /// Largest number of transparent surfaces that a path, or a shadow ray, passes.
 pub const MAX_TRANSPARENT: u16 = 64;
@@ -59,6 +59,8 @@ pub struct Path {
     bounces: Bounces,
     /// Number of times the path has scattered in volumes.
     pub volume_bounces: u16,
+    /// The triangle that the current ray has left, or [`Hit::NONE`].
+    pub left: u32,
 }
 
 impl Path {
@@ -90,6 +92,7 @@ impl Path {
             portals: 0,
             bounces: Bounces::default(),
             volume_bounces: 0,
+            left: Hit::NONE,
         }
     }
 
