@@ -66,7 +66,7 @@ class _Group:
         self.matrices.append(matrix)
         self.names.append(instance.item.name_full)
         self.values.append(values)
-        self.keys.append((instance.item.name_full, instance.random_id & 0xFFFFFFFF))
+        self.keys.append((instance.item.name_full, instance.number & 0xFFFFFFFF))
 
     def sort(self) -> None:
         """Bring the instances into the order of their keys."""

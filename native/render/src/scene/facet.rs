@@ -312,9 +312,10 @@ mod tests {
                 // The line crosses the triangle, and the interval begins behind it.
                 let own = verdict_within(ray.o, ray.d, corners, ALL).filter(|own| own.t >= 0.0);
                 let Some(own) = own else {
-                    // Directions along the plane begin in front of it.
-                    let along = dot(facet.normal, widen(d));
-                    assert!(along.abs() < 0.02, "{corners:?} {d:?}");
+                    // Directions along the plane begin in front of it, and so do narrow triangles.
+                    let along = dot(facet.normal, widen(d)).abs();
+                    let narrow = facet.room < 50.0 * ROUNDING * largest(facet.point);
+                    assert!(along < 0.02 || narrow, "{corners:?} {d:?}");
                     continue;
                 };
                 assert!(own.t < ray.t_min, "{own:?} {}", ray.t_min);
