@@ -60,6 +60,22 @@ class _Group:
     names: list[str] = field(default_factory=list)
     values: list[tuple[Value, ...]] = field(default_factory=list)
 
+    keys: list[tuple[str, int]] = field(default_factory=list)
+    """Names and Blender's hashes of the instances, which do not depend on the order of its lists and stay over time."""
+
+    def add(self, instance: Instance, matrix: np.ndarray[Any, Any], values: tuple[Value, ...]) -> None:
+        """Add an instance."""
+        self.matrices.append(matrix)
+        self.names.append(instance.item.name_full)
+        self.values.append(values)
+        self.keys.append((instance.item.name_full, instance.number & 0xFFFFFFFF))
+
+    def sort(self) -> None:
+        """Bring the instances into the order of their keys."""
+        order = sorted(range(len(self.keys)), key=self.keys.__getitem__)
+        for each in (self.matrices, self.names, self.values, self.keys):
+            each[:] = [each[i] for i in order]
+
 
 @dataclass(frozen=True)
 class Found:
@@ -170,7 +186,7 @@ def find(
     return Found(
         placements=placements,
         materials=reader.palette.materials(),
-        lights=(*reader.lights, *(replace(sun, group=group) for sun in suns)),
+        lights=(*sorted(reader.lights, key=_light_key), *(replace(sun, group=group) for sun in suns)),
         world=replace(background, group=group),
         numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
         images=reader.palette.images(shown | reader.light_images),
@@ -182,6 +198,11 @@ def find(
         apart=reader.palette.layers.apart,
         grids=tuple(reader.grids),
     )
+
+
+def _light_key(light: Light) -> tuple[str, bytes]:
+    """A key that does not depend on the order in which Blender lists lights."""
+    return light.name, light.to_world.tobytes()
 
 
 class _Reader:
@@ -256,7 +277,12 @@ class _Reader:
             self._place_volume(instance, matrix)
 
     def placements(self) -> list[meshes.Placement]:
-        """The placements, in order of appearance, those of hair and points last."""
+        """The placements, by the names of their objects, those of hair and points last: where surfaces lie
+        on each other, the order of triangles decides, and must not depend on that of Blender's lists.
+        """
+        for group in self._groups.values():
+            group.sort()
+        groups = sorted(self._groups.items(), key=lambda item: item[1].keys[0])
         found = [
             meshes.Placement(
                 group.mesh if mesh[0] == "volume" else self._displaced(group),
@@ -265,7 +291,7 @@ class _Reader:
                 group.materials,
                 tuple(group.values),
             )
-            for (mesh, _), group in self._groups.items()
+            for (mesh, _), group in groups
             if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
         return found + self.strands.placements()
@@ -323,9 +349,7 @@ class _Reader:
         group_key = (mesh_key, used)
         if (group := self._groups.get(group_key)) is None:
             group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
-        group.matrices.append(sheet)
-        group.names.append(item.name_full)
-        group.values.append(instance.values(self.palette.layers.object_values))
+        group.add(instance, sheet, instance.values(self.palette.layers.object_values))
 
     def _place_volume(self, instance: Instance, matrix: np.ndarray[Any, Any]) -> None:
         """Add the box around the grids of a volume object."""
@@ -347,11 +371,9 @@ class _Reader:
             self.notes.add("Skipped, the volume has no material with a volume shader", name)
             return
         group = self._groups.setdefault((key, used), _Group(box, np.array(used, np.int32)))
-        group.matrices.append(matrix)
-        group.names.append(name)
         scale = {DENSITY_SCALE: grids.density_scale(matrix, data)}
         values = replace(instance, grids=self._grid_numbers[key] | scale)
-        group.values.append(values.values(self.palette.layers.object_values))
+        group.add(instance, matrix, values.values(self.palette.layers.object_values))
 
     def _mask(self, instance: Instance) -> materials.Mask:
         """How rays see an instance. It is a holdout as its instancer or its collections are, and a shadow

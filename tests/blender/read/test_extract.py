@@ -154,7 +154,7 @@ def test_slots_follow_faces_objects_and_instances(add: Any) -> None:
     mesh.materials.append(green)
     mesh.polygons[2].material_index = 1
     add("Plain", mesh)
-    other = add("Other", mesh, location=(4, 0, 0))
+    other = add("Recoloured", mesh, location=(4, 0, 0))
     other.material_slots[0].link = "OBJECT"
     other.material_slots[0].material = blue
     scene = read()[0]

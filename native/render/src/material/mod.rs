@@ -227,6 +227,15 @@ impl Material {
         }
     }
 
+    /// Whether rays pass the surface.
+    pub fn is_passable(&self) -> bool {
+        self.volume.is_some()
+            || self.refracts
+            || self.transparent
+            || !self.visible.is_all()
+            || !self.portals.is_empty()
+    }
+
     /// Whether the material computes a shading normal.
     pub fn maps_normal(&self) -> bool {
         self.normal.is_some()

@@ -253,39 +253,6 @@ impl Frame {
     }
 }
 
-/// Moves the origin of a ray off its surface, to the side that `normal` points to, by more than the rounding error
-/// of a barycentric point.
-///
-/// Wächter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, chapter 6:
-/// 256 units in the last place along the normal, and a fixed step of 2^-16 for coordinates below 1/32, whose last
-/// place no longer reflects the error of the computation. `point` must be interpolated between the triangle's
-/// vertices, not computed as `o + t d`.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "|256 n| is at most 256")]
-pub fn offset_origin(point: Vec3, normal: Vec3) -> Vec3 {
-    // The constants of Wächter and Binder.
-    const ORIGIN: f32 = 1.0 / 32.0;
-    const FLOAT_SCALE: f32 = 1.0 / 65536.0;
-    const INT_SCALE: f32 = 256.0;
-    // Offset one coordinate; adding to the bits is adding units in the last place.
-    let one = |p: f32, n: f32| {
-        if p.abs() < ORIGIN {
-            p + FLOAT_SCALE * n
-        } else {
-            let ulps = (INT_SCALE * n) as i32;
-            f32::from_bits(
-                p.to_bits()
-                    .wrapping_add_signed(if p < 0.0 { -ulps } else { ulps }),
-            )
-        }
-    };
-    vec3(
-        one(point.x, normal.x),
-        one(point.y, normal.y),
-        one(point.z, normal.z),
-    )
-}
-
 /// Returns column `k` of a matrix in f32: an axis of a light or its position.
 pub fn matrix_column(matrix: &[[f64; 4]; 4], k: usize) -> Vec3 {
     vec3(
@@ -310,22 +277,6 @@ mod tests {
                 assert!((f.x.cross(f.y) - f.z).length() < 1e-6);
                 let v = vec3(0.3, -0.8, 0.5);
                 assert!((f.to_world(f.to_local(v)) - v).length() < 1e-6);
-            }
-        }
-    }
-
-    #[test]
-    fn the_offset_goes_to_the_side_of_the_normal_at_every_scale() {
-        for scale in [1e-3_f32, 1.0, 37.5, 1e6] {
-            for n in [
-                vec3(1.0, 0.0, 0.0),
-                vec3(0.6, -0.8, 0.0),
-                vec3(-0.48, 0.6, 0.64),
-            ] {
-                let p = vec3(0.7, -0.9, 0.02) * scale;
-                let moved = (offset_origin(p, n) - p).dot(n);
-                assert!(moved > 0.0, "{scale} {n:?}");
-                assert!(moved < 1e-4 * scale.max(1.0), "{scale} {n:?}");
             }
         }
     }

@@ -117,7 +117,7 @@ impl Points {
         };
         let [a, b, c] = scene.tracer.corners(triangle).map(Vec3::from);
         let geometric = (b - a).cross(c - a).normalized();
-        let surface = Surface::of(scene, &hit, -geometric);
+        let surface = Surface::of(scene, &hit, -geometric, None);
         let to_viewer = match self.seen {
             Seen::Above => surface.shading,
             Seen::Camera => visible_direction(camera, &surface),

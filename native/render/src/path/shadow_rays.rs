@@ -3,6 +3,7 @@
 
 use crate::film::catcher::{Catch, Caught};
 use crate::film::{LightParts, PixelSample, Shares};
+use crate::light::{Arrival, Emitter};
 use crate::math::sampler::Stream;
 use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
@@ -28,10 +29,41 @@ struct Light {
     passed: u16,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
-    /// The set of the objects that block the ray.
-    blockers: u8,
+    /// What stops the ray, and what it goes to.
+    aim: Aim,
+    /// The triangle that the ray has left, or [`Hit::NONE`].
+    left: u32,
     /// Whether only shadow catchers block the ray.
     catchers_alone: bool,
+}
+
+/// What stops a shadow ray, and what it goes to.
+#[derive(Clone, Copy)]
+pub struct Aim {
+    /// The set of the objects that stop it.
+    pub blockers: u8,
+    /// The emissive triangle that it goes to, or [`Hit::NONE`].
+    pub emitter: u32,
+}
+
+impl Aim {
+    /// A ray that every object stops, to no triangle.
+    pub const FREE: Self = Self {
+        blockers: 0,
+        emitter: Hit::NONE,
+    };
+
+    /// That of a ray to a light sample.
+    pub fn at(light: &Arrival) -> Self {
+        let emitter = match light.emitter {
+            Emitter::Triangle(triangle, _) => triangle,
+            _ => Hit::NONE,
+        };
+        Self {
+            blockers: light.blockers,
+            emitter,
+        }
+    }
 }
 
 /// The samples that shadow rays add their light to.
@@ -145,7 +177,8 @@ impl ShadowRays {
     }
 
     /// Adds a ray from a vertex of `path`. `value`: the light it brings to the path's pixel sample; `scattered`: for all
-    /// rays if light passes or light groups are filled or there are shadow catchers, else for none; `blockers`: the set of the objects that stop it.
+    /// rays if light passes or light groups are filled or there are shadow catchers, else for none; `left`: the triangle
+    /// that the ray leaves, or [`Hit::NONE`].
     #[inline(always)]
     pub fn push(
         &mut self,
@@ -153,7 +186,8 @@ impl ShadowRays {
         path: &Path,
         value: Vec3,
         scattered: Option<Scattered>,
-        blockers: u8,
+        aim: Aim,
+        left: u32,
     ) {
         self.rays.push(ray);
         self.light.push(Light {
@@ -162,7 +196,8 @@ impl ShadowRays {
             history: path.shadow_history(),
             passed: path.passed_surfaces(),
             invisible: 0,
-            blockers,
+            aim,
+            left,
             catchers_alone: path.catch == Catch::OnlyCatchers,
         });
         if let Some(scattered) = scattered {
@@ -226,7 +261,12 @@ impl ShadowRays {
         let mut next = [0, near];
         for (i, (ray, light)) in rays.iter().zip(&*light).enumerate() {
             let answer = &mut next[usize::from(is_far(ray))];
-            if !blocked[*answer] {
+            // Surfaces on that which the ray leaves are before its interval.
+            let at_once = || {
+                let hit = context.scene.first(ray, Hit::MISS, light.left);
+                hit.is_hit()
+            };
+            if !blocked[*answer] && !at_once() {
                 samples.add(light, scattered.get(i));
             }
             *answer += 1;
@@ -266,13 +306,15 @@ impl ShadowRays {
             let mut kept = 0;
             for i in 0..rays.len() {
                 // Add the remaining light of a ray without a hit.
-                let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
+                let (ray, mut carried) = (rays[i], light[i]);
+                let hit = scene.first(&ray, hits[i], carried.left);
                 let mut passing = media.get(i).copied();
                 if let Some(passing) = &mut passing {
                     carried.value =
                         carried.value * passing.transmittance(context, &ray, &hit, scratch);
                 }
-                if !hit.is_hit() {
+                let arrives = hit.triangle == carried.aim.emitter;
+                if arrives || !hit.is_hit() {
                     samples.add(&carried, scattered.get(i));
                     continue;
                 }
@@ -311,7 +353,7 @@ impl Light {
         let scene = context.scene;
         // Normalize: the direction's length is the distance to the light, which the program must not depend on.
         let d = Vec3::from(ray.d).normalized();
-        let surface = Surface::of(scene, hit, d);
+        let surface = Surface::of(scene, hit, d, Some(ray));
         self.history.length += hit.t * Vec3::from(ray.d).length();
         let visible = !surface.is_passed(scene, RayKind::Shadow)
             && (surface.material.catcher || !self.catchers_alone);
@@ -320,7 +362,7 @@ impl Light {
             passing.stack.cross(surface.medium_behind(), surface.inside);
         }
         // Filter the light by the surface, unless shadow rays do not see it or it is no blocker.
-        let blocks = visible && surface.material.sets.shades(self.blockers);
+        let blocks = visible && surface.material.sets.shades(self.aim.blockers);
         if blocks && surface.material.opaque_shadow {
             return None;
         }
@@ -339,6 +381,7 @@ impl Light {
         } else {
             self.invisible += 1;
         }
+        self.left = hit.triangle;
         // Continue while some light is left and the interval is not exhausted.
         let goes_on = u32::from(self.passed) <= context.settings.transparent_bounces
             && self.invisible < MAX_INVISIBLE

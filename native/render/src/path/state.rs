@@ -9,7 +9,7 @@ use crate::path::random::VertexSamples;
 use crate::settings::Settings;
 use crate::values::view::{Bounces, History, Turn};
 use crate::values::visibility::RayKind;
-use halfspace_ray::Ray;
+use halfspace_ray::{Hit, Ray};
 
 /// Largest number of surfaces that a path, or a shadow ray, passes because they are invisible to it; ends rays that
 /// never advance.
@@ -58,6 +58,8 @@ pub struct Path {
     bounces: Bounces,
     /// Number of times the path has scattered in volumes.
     pub volume_bounces: u16,
+    /// The triangle that the current ray has left, or [`Hit::NONE`].
+    pub left: u32,
 }
 
 impl Path {
@@ -91,6 +93,7 @@ impl Path {
             portals: 0,
             bounces: Bounces::default(),
             volume_bounces: 0,
+            left: Hit::NONE,
         }
     }
 

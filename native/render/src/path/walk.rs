@@ -32,8 +32,6 @@ const SIMILAR: u16 = 10;
 pub struct RandomWalk {
     /// Object that was entered, whose surface alone ends the walk.
     pub object: u32,
-    /// Triangle that was entered, which the first segment does not meet.
-    pub entry: Option<u32>,
     extinction: Vec3,
     scattering: Vec3,
     anisotropy: f32,
@@ -81,13 +79,12 @@ impl RandomWalk {
         medium: &Coefficients,
         anisotropy: f32,
         normal: Vec3,
-        [object, triangle]: [u32; 2],
+        object: u32,
         throughput: Vec3,
         seed: u32,
     ) -> Self {
         let mut walk = Self {
             object,
-            entry: Some(triangle),
             extinction: medium.extinction,
             scattering: medium.extinction * medium.albedo,
             anisotropy,
@@ -108,7 +105,6 @@ impl RandomWalk {
 
     /// Covers a part of the segment up to another object.
     pub fn cover(&mut self, distance: f32) {
-        self.entry = None;
         self.segment.covered += distance;
     }
 
@@ -154,7 +150,6 @@ impl RandomWalk {
             return End::Dropped;
         }
         // Scatter, and sample the next segment.
-        self.entry = None;
         End::Scattered(self.scatter(d, *throughput))
     }
 
@@ -247,7 +242,7 @@ mod tests {
             // Enter diffusely.
             let cos = stream.number().sqrt();
             let mut d = vec3((1.0 - cos * cos).sqrt(), 0.0, -cos);
-            let mut walk = RandomWalk::new(&medium, g, up, [0, 0], throughput, seed);
+            let mut walk = RandomWalk::new(&medium, g, up, 0, throughput, seed);
             let mut z = 0.0;
             loop {
                 let surface = -z / d.z;
@@ -295,7 +290,7 @@ mod tests {
             let medium = Coefficients::new(Inversion::Legacy, color, radius, 0.9, 1.4);
             let mut throughput = Vec3::ONE;
             let down = vec3(0.0, 0.0, -1.0);
-            let mut walk = RandomWalk::new(&medium, 0.9, -down, [0, 0], throughput, 1);
+            let mut walk = RandomWalk::new(&medium, 0.9, -down, 0, throughput, 1);
             let mut d = down;
             let mut count = 0;
             while let End::Scattered(next) = walk.end(d, None, &mut throughput) {

@@ -353,7 +353,9 @@ impl Wavefront {
         if !primary {
             self.work.rays_secondary += n as u64;
             if context.polygons.is_some() {
-                return self.trace_beams(context);
+                self.trace_beams(context)?;
+                self.settle(context);
+                return Ok(());
             }
         }
         let counts = primary && context.film.counts();
@@ -380,6 +382,7 @@ impl Wavefront {
                 tracer.closest_ordered(rays, hits, None, order);
             }
         })?;
+        self.settle(context);
         // Attribute the counters to the pixels.
         if counts {
             for (path, c) in self.paths.iter().zip(&self.counters) {
@@ -401,6 +404,16 @@ impl Wavefront {
             }
         }
         Ok(())
+    }
+
+    /// Orders surfaces that lie on each other.
+    fn settle(&mut self, context: &Context<'_>) {
+        let scene = context.scene;
+        if scene.touches() {
+            for ((ray, hit), path) in self.rays.iter().zip(&mut self.hits).zip(&self.paths) {
+                *hit = scene.first(ray, *hit, path.left);
+            }
+        }
     }
 
     /// Finds the nearest hits of secondary rays, beam by beam, those in no beam together. Reorders rays and paths.

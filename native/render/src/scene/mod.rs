@@ -14,6 +14,7 @@ use crate::scene::emitters::EmissionProbe;
 use crate::scene::features::Features;
 use crate::scene::indices::Indices;
 use crate::scene::media::Media;
+use crate::scene::touching::Touching;
 use crate::values::image::Image;
 use crate::values::program::Op;
 use crate::values::varying::Varying;
@@ -22,10 +23,12 @@ use halfspace_ray::Tracer;
 pub mod ahead;
 pub mod attributes;
 mod emitters;
+pub mod facet;
 pub mod features;
 pub mod indices;
 pub mod media;
 pub mod surface;
+pub mod touching;
 
 /// A structure shared by several threads.
 pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;
@@ -41,6 +44,7 @@ pub struct RenderScene {
     pub(crate) world: World,
     pub(crate) indices: Indices,
     pub(crate) media: Media,
+    pub(crate) touching: Option<Touching>,
     features: Features,
 }
 
@@ -132,7 +136,9 @@ impl RenderScene {
             media: media.world.is_some() || used.clone().any(|m| m.volume.is_some()),
             ..Features::resolve(used, &lights, &world, attributes.smooth())
         };
+        let touching = find_touching(&*tracer, &attributes, &materials);
         let mut scene = Self {
+            touching,
             tracer,
             attributes,
             materials,
@@ -151,6 +157,29 @@ impl RenderScene {
     /// Returns the features that paths in this scene need.
     pub fn features(&self) -> Features {
         self.features
+    }
+}
+
+/// Largest number of triangles of instances that are searched for surfaces that lie on each other (chosen): instances
+/// can have more triangles than fit into memory.
+const MOST_INSTANCED: usize = 1 << 22;
+
+/// Finds the surfaces that lie on each other, if rays pass any.
+fn find_touching(
+    tracer: &dyn Tracer,
+    attributes: &Attributes,
+    materials: &[Material],
+) -> Option<Touching> {
+    if !materials.iter().any(Material::is_passable) {
+        return None;
+    }
+    let passable = |id: u32| materials[attributes.at(id).material()].is_passable();
+    match tracer.triangles() {
+        Some(triangles) => Touching::find(tracer, triangles.live().iter().copied(), passable),
+        None if tracer.count() <= MOST_INSTANCED => {
+            Touching::find(tracer, 0..tracer.count() as u32, passable)
+        }
+        None => None,
     }
 }
 

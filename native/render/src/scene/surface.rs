@@ -4,19 +4,21 @@
 use crate::material::Material;
 use crate::material::bsdf::Normals;
 use crate::material::bump::reflecting_normal;
-use crate::math::vector::{Frame, Vec3, offset_origin};
+use crate::math::vector::{Frame, Vec3};
 use crate::medium::stack::Inside;
 use crate::scene::RenderScene;
 use crate::scene::attributes::At;
+use crate::scene::facet::Facet;
 use crate::values::shading_point::ShadingPoint;
 use crate::values::view::History;
 use crate::values::visibility::RayKind;
+use halfspace_geom::vec3::{dot, sub, widen};
 use halfspace_ray::{Hit, Ray};
 
 /// A surface point hit by a ray.
 #[derive(Clone, Copy)]
 pub struct Surface<'a> {
-    /// Position, interpolated from the vertices, which keeps its error at a few units in the last place.
+    /// Position, rounded once.
     pub point: Vec3,
     /// Geometric normal on the viewer's side.
     pub geometric: Vec3,
@@ -37,6 +39,8 @@ pub struct Surface<'a> {
     weights: [f32; 3],
     triangle: usize,
     corners: [[f32; 3]; 3],
+    /// The triangle and the point on it, from which rays begin.
+    pub facet: Facet,
     at: At<'a>,
 }
 
@@ -55,15 +59,20 @@ pub fn outward_normals(scene: &RenderScene, hit: &Hit) -> [Vec3; 2] {
 
 impl<'a> Surface<'a> {
     /// The point of `hit` seen along the unit direction `d`. `SMOOTH`: whether the scene has corner normals, which
-    /// are otherwise not fetched.
+    /// are otherwise not fetched; `line`: the ray that has hit it, in either direction, if there is one.
     #[inline(always)]
-    pub fn at<const SMOOTH: bool>(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
-        // Interpolate the position, and turn the normal to the viewer's side.
+    pub fn at<const SMOOTH: bool>(
+        scene: &'a RenderScene,
+        hit: &Hit,
+        d: Vec3,
+        line: Option<&Ray>,
+    ) -> Self {
+        // Find the point, and turn the normal to the viewer's side.
         let corners = scene.tracer.corners(hit.triangle);
-        let [a, b, c] = corners.map(Vec3::from);
         let w = 1.0 - hit.u - hit.v;
-        let point = a * w + b * hit.u + c * hit.v;
-        let normal = (b - a).cross(c - a).normalized();
+        let facet = Facet::new(corners, [w, hit.u, hit.v], line);
+        let point = Vec3::from(facet.point.map(|x| x as f32));
+        let normal = Vec3::from(facet.normal.map(|x| x as f32));
         let inside = normal.dot(d) > 0.0;
         let geometric = if inside { -normal } else { normal };
         // Look up the triangle's attributes once; both material and normals need them.
@@ -90,16 +99,17 @@ impl<'a> Surface<'a> {
             weights: [w, hit.u, hit.v],
             triangle: hit.triangle as usize,
             corners,
+            facet,
             at,
         }
     }
 
     /// Like [`Self::at`], with corner normals if the scene has any.
-    pub fn of(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
+    pub fn of(scene: &'a RenderScene, hit: &Hit, d: Vec3, line: Option<&Ray>) -> Self {
         if scene.features().smooth_normals {
-            Self::at::<true>(scene, hit, d)
+            Self::at::<true>(scene, hit, d, line)
         } else {
-            Self::at::<false>(scene, hit, d)
+            Self::at::<false>(scene, hit, d, line)
         }
     }
 
@@ -196,42 +206,53 @@ impl<'a> Surface<'a> {
         Frame::around(self.shading)
     }
 
-    /// Returns the origin of a ray in this direction, offset to the side that the ray leaves to.
+    /// Returns the side of the triangle that a direction leaves to: 1 for the front, -1 for the back.
     #[inline(always)]
-    pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        // Transmitted rays start on the far side.
+    fn side(&self, direction: Vec3) -> f64 {
         let across = direction.dot(self.geometric) < 0.0;
-        offset_origin(
-            self.point,
-            if across {
-                -self.geometric
-            } else {
-                self.geometric
-            },
-        )
+        if across == self.inside { 1.0 } else { -1.0 }
+    }
+
+    /// Returns the ray that leaves in this direction.
+    #[inline(always)]
+    pub fn ray(&self, direction: Vec3, t_max: f32) -> Ray {
+        let d = direction.array();
+        self.facet.ray(self.side(direction), |_| d, t_max)
+    }
+
+    /// Returns the ray from `eye` through the point that begins here, near the direction `towards`; `None` if rounding
+    /// moves it off the triangle.
+    pub fn ray_through(&self, eye: Vec3, towards: Vec3) -> Option<Ray> {
+        self.facet.ray_through(eye.array(), self.side(towards))
     }
 
     /// Returns the remainder of a ray behind its hit here.
     #[inline(always)]
     pub fn continued(&self, ray: &Ray, hit: &Hit) -> Ray {
-        Ray {
-            o: offset_origin(self.point, -self.geometric).array(),
-            d: ray.d,
-            t_min: 0.0,
-            t_max: ray.t_max - hit.t,
-        }
+        let side = if self.inside { 1.0 } else { -1.0 };
+        self.facet.ray(side, |_| ray.d, ray.t_max - hit.t)
     }
 
-    /// Returns the origin of a shadow ray. At grazing light the flat triangle of a smooth surface would shadow
-    /// itself; there the origin is lifted to the curved surface described by the corner normals (Hanika 2021,
-    /// "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), blended in below a cosine that
-    /// the object sets, as in Cycles.
+    /// Returns a shadow ray in this direction, or to `target`: then `t_max` is a fraction of the way there. At grazing
+    /// light the flat triangle of a smooth surface would shadow itself; there the ray begins at the curved surface
+    /// described by the corner normals (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4),
+    /// blended in below a cosine that the object sets, as in Cycles.
     #[inline(always)]
-    pub fn shadow_ray_origin<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
+    pub fn shadow_ray<const SMOOTH: bool>(
+        &self,
+        direction: Vec3,
+        target: Option<Vec3>,
+        t_max: f32,
+    ) -> Ray {
+        let to = |o: [f32; 3]| {
+            target
+                .map_or(direction, |target| target - Vec3::from(o))
+                .array()
+        };
         // Light passes through hair.
         let terminator = self.material.terminator;
         if !SMOOTH || terminator <= 0.0 || self.material.strands.is_some() {
-            return self.ray_origin(direction);
+            return self.facet.ray(self.side(direction), to, t_max);
         }
         // The ray leaves to the side of the shading normal that the light is on.
         let cosine = self.own.dot(direction);
@@ -249,11 +270,12 @@ impl<'a> Surface<'a> {
         };
         let amount = amount.clamp(0.0, 1.0);
         // Light from the far side of the triangle that the shading normal faces does not meet the triangle itself.
-        let origin = offset_origin(self.point, if flat < 0.0 { -side } else { side });
+        let begin = self.side(if flat < 0.0 { -side } else { side });
         if amount == 0.0 {
-            return origin;
+            return self.facet.ray(begin, to, t_max);
         }
-        origin + self.lift(side) * amount
+        let lift = (self.lift(side) * amount).array().map(f64::from);
+        self.facet.lifted(lift, begin, &to, t_max)
     }
 
     /// Returns the vector from the flat point to the curved surface on side `side`.
@@ -261,21 +283,15 @@ impl<'a> Surface<'a> {
         let Some(normals) = self.at.normals(self.corners) else {
             return Vec3::ZERO;
         };
-        // Project the point onto each corner's tangent plane, and interpolate the shifts by barycentric weights.
-        let corners = self.corners.map(Vec3::from);
-        let [a, b, c] = corners;
-        let area = (b - a).cross(c - a);
-        let scale = 1.0 / area.length2().max(f32::MIN_POSITIVE);
-        let weight = |p: Vec3, q: Vec3| (p - self.point).cross(q - self.point).dot(area) * scale;
-        // Barycentric weights from the areas of the three sub-triangles.
-        let weights = [weight(b, c), weight(c, a), weight(a, b)];
+        // Project the point onto each corner's tangent plane, and interpolate the shifts.
         let mut lift = Vec3::ZERO;
         for k in 0..3 {
             // The normal on the light's side; only points below the tangent plane are lifted.
             let n = Vec3::from(normals[k]).normalized_or(side);
             let n = if n.dot(side) < 0.0 { -n } else { n };
-            let below = (self.point - corners[k]).dot(n).min(0.0);
-            lift += n * (-below * weights[k].clamp(0.0, 1.0));
+            let from_corner = sub(self.facet.point, widen(self.corners[k]));
+            let below = (dot(from_corner, widen(n.array())) as f32).min(0.0);
+            lift += n * (-below * self.weights[k].clamp(0.0, 1.0));
         }
         lift
     }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A tracer without a tree: brute force.
 
+use halfspace_geom::verdict::verdict_within;
 use halfspace_ray::{Hit, Ray, RayCounters, Tracer};
 use halfspace_scene::Triangles;
 
-/// Tests every triangle against every ray, in f64, in ascending or descending order, so that tests of the renderer
+/// Tests every triangle against every ray, exactly, in ascending or descending order, so that tests of the renderer
 /// do not depend on any structure.
 pub struct BruteForce {
     pub triangles: Triangles,
@@ -12,37 +13,15 @@ pub struct BruteForce {
 }
 
 impl BruteForce {
-    /// Intersects a ray with a triangle: Möller and Trumbore 1997.
+    /// Intersects a ray with a triangle.
     pub fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
-        let wide = |a: [f32; 3]| a.map(f64::from);
-        let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let cross = |a: [f64; 3], b: [f64; 3]| {
-            [
-                a[1] * b[2] - a[2] * b[1],
-                a[2] * b[0] - a[0] * b[2],
-                a[0] * b[1] - a[1] * b[0],
-            ]
-        };
-        let [a, b, c] = self.triangles.corners(id).map(wide);
-        let (o, d) = (wide(ray.o), wide(ray.d));
-        let (e1, e2) = (sub(b, a), sub(c, a));
-        let p = cross(d, e2);
-        let det = dot(e1, p);
-        if det == 0.0 {
-            return None;
-        }
-        let s = sub(o, a);
-        let u = dot(s, p) / det;
-        let q = cross(s, e1);
-        let v = dot(d, q) / det;
-        let t = (dot(e2, q) / det) as f32;
-        let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
-        (inside && t >= ray.t_min && t <= ray.t_max).then_some(Hit {
-            t,
+        let span = [ray.t_min, ray.t_max];
+        let found = verdict_within(ray.o, ray.d, self.triangles.corners(id), span)?;
+        ray.reaches(found.t).then_some(Hit {
+            t: found.t,
             triangle: id,
-            u: u as f32,
-            v: v as f32,
+            u: found.u,
+            v: found.v,
         })
     }
 }

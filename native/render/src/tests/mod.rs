@@ -18,4 +18,5 @@ pub(crate) mod setup;
 mod shadow_catchers;
 mod shadows;
 mod subsurface;
+mod surfaces;
 mod volumes;

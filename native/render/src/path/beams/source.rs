@@ -3,6 +3,7 @@
 
 use crate::math::vector::Vec3;
 use crate::path::beams::polygons::Plane;
+use crate::scene::surface::Surface;
 use halfspace_geom::vec3::{add_scaled, dot, length, map, widen};
 use halfspace_ray::Ray;
 
@@ -28,9 +29,6 @@ pub enum Event {
         eta: f32,
     },
 }
-
-/// Length added to the beginning of a ray, relative to the distances it is computed from: eight roundings of f32.
-const SLACK: f32 = 8.0 * f32::EPSILON;
 
 impl Source {
     /// Returns the source of the rays that go on from a plane, or [`Source::None`] if there is no such beam: the eye
@@ -78,28 +76,17 @@ impl Source {
         }
     }
 
-    /// Returns the ray of the beam that starts at `start`, a point off the surface on the side `normal`, which the ray
-    /// leaves to; `None` if the ray is in no beam.
-    pub fn ray_from(self, start: Vec3, normal: Vec3) -> Option<Ray> {
-        let (o, d, t_min) = match self {
-            Self::None => return None,
-            Self::Direction(d) => (start, d, 0.0),
-            Self::Point(eye) => {
-                // Lift the start by the rounding errors of a distant eye, which can exceed its offset.
-                let far = (start - eye).length() + eye.max_abs();
-                let to = start + normal * (SLACK * far) - eye;
-                let distance = to.length();
-                (eye, to * (1.0 / distance), distance)
+    /// Returns the ray of the beam that leaves a surface near the direction `towards`, that of the single ray; `None` if
+    /// the ray is in no beam, or rounding moves it off its triangle.
+    pub fn ray_from(self, surface: &Surface<'_>, towards: Vec3) -> Option<Ray> {
+        match self {
+            Self::None => None,
+            Self::Direction(d) => {
+                let leaves = d.dot(surface.geometric) * towards.dot(surface.geometric) > 0.0;
+                leaves.then(|| surface.ray(d, f32::INFINITY))
             }
-        };
-        // A ray that leaves to the wrong side would hit the polygon itself.
-        let leaves = d.is_finite() && d.dot(normal) > 0.0;
-        leaves.then(|| Ray {
-            o: o.array(),
-            d: d.array(),
-            t_min,
-            t_max: f32::INFINITY,
-        })
+            Self::Point(eye) => surface.ray_through(eye, towards),
+        }
     }
 
     /// A number that is equal for equal sources, bit for bit, and orders them.
@@ -176,16 +163,6 @@ mod tests {
         let beyond = far.after(Event::Refracted { eta: 3.0 }, &plane());
         assert_eq!(beyond, Source::None, "not a number of f32");
         assert_eq!(Source::None.after(Event::Mirrored, &plane()), Source::None);
-        // A ray to the wrong side of the polygon.
-        let eye = Source::Point(vec3(0.0, 0.0, 6.0));
-        assert!(
-            eye.ray_from(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0))
-                .is_none()
-        );
-        assert!(
-            eye.ray_from(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0))
-                .is_some()
-        );
     }
 
     #[test]

@@ -22,6 +22,8 @@ struct Search {
     /// The media entered on the way.
     entered: Stack,
     surfaces: u16,
+    /// The surface passed last.
+    left: u32,
 }
 
 /// Returns the media of each point, those of the background included.
@@ -56,6 +58,7 @@ pub fn media_at(
             },
             entered: Stack::default(),
             surfaces: 0,
+            left: Hit::NONE,
         })
         .collect();
     // Trace all rays from surface to surface until they leave the scene.
@@ -69,6 +72,7 @@ pub fn media_at(
         let mut hits = hits.iter();
         searches.retain_mut(|search| {
             let hit = hits.next().copied().unwrap_or(Hit::MISS);
+            let hit = scene.first(&search.ray, hit, search.left);
             search.pass(scene, &hit, &mut found)
         });
     }
@@ -81,7 +85,7 @@ impl Search {
         if !hit.is_hit() {
             return false;
         }
-        let surface = Surface::of(scene, hit, Vec3::from(self.ray.d));
+        let surface = Surface::of(scene, hit, Vec3::from(self.ray.d), Some(&self.ray));
         // Camera rays do not meet what is invisible to them.
         if let Some(medium) = surface.medium_behind()
             && surface.material.visible.to(RayKind::Camera)
@@ -93,6 +97,7 @@ impl Search {
             }
         }
         self.ray = surface.continued(&self.ray, hit);
+        self.left = hit.triangle;
         self.surfaces += 1;
         self.surfaces < MAX_INVISIBLE
     }

@@ -4,7 +4,7 @@
 use std::cell::Cell;
 
 use crate::math::sampler::PixelSampler;
-use crate::math::vector::{Vec3, offset_origin};
+use crate::math::vector::Vec3;
 use crate::path::shade::output::Output;
 use crate::path::state::Path;
 use crate::path::wavefront::Context;
@@ -17,6 +17,10 @@ use halfspace_ray::{Hit, Ray};
 
 /// Largest number of surfaces that one ray passes because they do not count.
 const MOST_PASSED: u32 = 1000;
+
+/// Distance from the point to be shaded up to which a ray begins there, relative to its largest coordinate: programs
+/// compute positions in world space and back.
+const HERE: f32 = 16.0 * f32::EPSILON;
 
 /// First pair of random numbers for these nodes, far behind those of the vertices of a path.
 const FIRST_PAIR: u32 = 1 << 24;
@@ -37,8 +41,7 @@ pub(super) fn run<const EXTRA: bool>(
     let (sampler, vertex) = path.numbers();
     let around = Around {
         scene,
-        point: surface.point,
-        geometric: surface.geometric,
+        surface,
         object: scene.attributes.at(surface.triangle()).object(),
         sampler,
         sample,
@@ -57,8 +60,7 @@ pub(super) fn run<const EXTRA: bool>(
 /// The surroundings of a surface point that a path has reached.
 struct Around<'a> {
     scene: &'a RenderScene,
-    point: Vec3,
-    geometric: Vec3,
+    surface: &'a Surface<'a>,
     object: u32,
     sampler: PixelSampler,
     sample: u32,
@@ -70,19 +72,6 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Returns the origin of a ray from the point in a direction, on the side that it leaves to.
-    fn origin(&self, direction: Vec3) -> Vec3 {
-        let across = direction.dot(self.geometric) < 0.0;
-        offset_origin(
-            self.point,
-            if across {
-                -self.geometric
-            } else {
-                self.geometric
-            },
-        )
-    }
-
     /// Returns the nearest hit that counts; that of the part of the ray behind it follows from a larger `t_min`.
     fn first(&self, mut ray: Ray, counts: impl Fn(u32) -> bool) -> Option<Hit> {
         for _ in 0..MOST_PASSED {
@@ -124,12 +113,7 @@ impl Around<'_> {
 
 impl Surroundings for Around<'_> {
     fn is_occluded(&self, direction: Vec3, length: f32, local: bool) -> bool {
-        let ray = Ray {
-            o: self.origin(direction).array(),
-            d: direction.array(),
-            t_min: 0.0,
-            t_max: length,
-        };
+        let ray = self.surface.ray(direction, length);
         if local {
             return self.first(ray, |triangle| self.is_own(triangle)).is_some();
         }
@@ -150,14 +134,22 @@ impl Surroundings for Around<'_> {
             span: [t_min, t_max],
             local,
         } = search;
-        // A ray from the point itself does not meet the point's own triangle.
-        let start = self.origin(direction);
-        let here = (origin - self.point).length() <= (start - self.point).length();
-        let ray = Ray {
-            o: if here { start } else { origin }.array(),
-            d: direction.array(),
-            t_min,
-            t_max,
+        // A ray from the point itself, up to rounding, does not meet the point's own triangle.
+        let point = self.surface.point;
+        let here = (origin - point).max_abs() <= HERE * point.max_abs();
+        let ray = if here {
+            let ray = self.surface.ray(direction, t_max);
+            Ray {
+                t_min: ray.t_min.max(t_min),
+                ..ray
+            }
+        } else {
+            Ray {
+                o: origin.array(),
+                d: direction.array(),
+                t_min,
+                t_max,
+            }
         };
         let hit = self.first(ray, |triangle| {
             if local {

@@ -9,17 +9,46 @@ use crate::path::random::VertexSamples;
 use crate::path::shade::Shader;
 use crate::path::shade::output::Output;
 use crate::path::shade::scatter::FramedBsdf;
+use crate::path::shadow_rays::Aim;
 use crate::path::state::Path;
 use crate::path::wavefront::Context;
 use crate::scene::RenderScene;
+use crate::scene::facet::Facet;
 use crate::scene::surface::Surface;
 use crate::settings::Integrator;
 use crate::values::program::Value;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
-/// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
-pub(super) const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
+/// Rounding errors of a point of a lamp, and of the way there: units in the last place of their coordinates (chosen).
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
+
+/// Lets a shadow ray end before its light, whose direction is the way to the sampled point: an emissive triangle does
+/// not shadow itself, nor does what lies behind it or, up to rounding, at a lamp; a sheet before it does.
+#[inline(always)]
+pub(super) fn before_light(scene: &RenderScene, light: &Arrival, ray: Ray) -> Ray {
+    if !light.distance.is_finite() {
+        return ray;
+    }
+    if let Emitter::Triangle(triangle, _) = light.emitter {
+        let facet = Facet::new(scene.tracer.corners(triangle), [0.0; 3], None);
+        let [t, bound] = facet.crossing(ray.o, ray.d);
+        let t_max = ((t - bound) as f32).next_down();
+        // A triangle along the ray is crossed anywhere.
+        let t_max = if t_max > 0.5 {
+            t_max.min(1.0)
+        } else {
+            1.0 - ROUNDING
+        };
+        return Ray { t_max, ..ray };
+    }
+    let (o, d) = (Vec3::from(ray.o), Vec3::from(ray.d));
+    let rounding = ROUNDING * (1.0 + o.max_abs() / d.max_abs());
+    Ray {
+        t_max: 1.0 - rounding.min(0.5),
+        ..ray
+    }
+}
 
 impl<
     const GLOSSY: bool,
@@ -65,20 +94,11 @@ impl<
             return;
         }
         // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.
-        let o = surface.shadow_ray_origin::<SMOOTH>(light.direction);
-        let (d, t_max) = if light.distance.is_finite() {
-            let to = surface.point + light.direction * light.distance;
-            (to - o, BEFORE_LIGHT)
-        } else {
-            (light.direction, f32::INFINITY)
-        };
-        let ray = Ray {
-            o: o.array(),
-            d: d.array(),
-            t_min: 0.0,
-            t_max,
-        };
-        out.cast(ray, path, value, scattered, Some(surface), light.blockers);
+        let near = light.distance.is_finite();
+        let target = near.then(|| surface.point + light.direction * light.distance);
+        let ray = surface.shadow_ray::<SMOOTH>(light.direction, target, f32::INFINITY);
+        let ray = before_light(scene, light, ray);
+        out.cast(ray, path, value, scattered, Some(surface), Aim::at(light));
     }
 
     /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
@@ -102,15 +122,10 @@ impl<
             return;
         }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
-        let ray = Ray {
-            o: surface.ray_origin(direction).array(),
-            d: direction.array(),
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
+        let ray = surface.ray(direction, f32::INFINITY);
         let value = self.settings.clamped(value, path.bounce > 0);
         let scattered = out.scattered(path, || bsdf.shares_of(scatter), || world.group);
-        out.cast(ray, path, value, scattered, Some(surface), 0);
+        out.cast(ray, path, value, scattered, Some(surface), Aim::FREE);
     }
 
     /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
@@ -126,14 +141,17 @@ impl<
         // Directions below the triangle would be occluded by it.
         let direction = frame.to_world(cosine_direction(random.direction()));
         if direction.dot(surface.geometric) > 0.0 {
-            let ray = Ray {
-                o: surface.shadow_ray_origin::<SMOOTH>(direction).array(),
-                d: direction.array(),
-                t_min: 0.0,
-                t_max: self.settings.ambient_distance,
-            };
+            let reach = self.settings.ambient_distance;
+            let ray = surface.shadow_ray::<SMOOTH>(direction, None, reach);
             let scattered = out.scattered(path, || Shares::DIFFUSE, || 0);
-            out.cast(ray, path, path.throughput, scattered, Some(surface), 0);
+            out.cast(
+                ray,
+                path,
+                path.throughput,
+                scattered,
+                Some(surface),
+                Aim::FREE,
+            );
         }
     }
 }
@@ -188,7 +206,7 @@ pub(super) fn emitter_radiance(
                 u,
                 v,
             };
-            let surface = Surface::of(scene, &hit, light.direction);
+            let surface = Surface::of(scene, &hit, light.direction, None);
             let point = || {
                 let mut point = surface.shading_point(scene, light.direction, RayKind::Diffuse);
                 point.view = Some(context.camera.view());

@@ -155,6 +155,12 @@ fn shade<
         };
         if let Some(next) = shader.shade_hit(&ray, &hits[i], known, &mut path, &mut bsdf, &mut out)
         {
+            // Rays that begin on a surface exclude it by their interval.
+            path.left = if next.t_min > 0.0 {
+                hits[i].triangle
+            } else {
+                Hit::NONE
+            };
             rays[kept] = next;
             set(sources, kept, Some(out.next));
             set(shares, kept, out.shares());
@@ -290,7 +296,7 @@ impl<
             return None;
         }
         // Find the surface; rays to which it is invisible pass through it.
-        let mut surface = known.unwrap_or_else(|| Surface::at::<SMOOTH>(scene, hit, d));
+        let mut surface = known.unwrap_or_else(|| Surface::at::<SMOOTH>(scene, hit, d, Some(ray)));
         out.work.normals_fetched += u64::from(SMOOTH);
         if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
             || EXTRA && path.catch == Catch::OnlyCatchers && !surface.material.catcher

@@ -7,14 +7,14 @@ use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::beams::source::Source;
 use crate::path::media::Scratch;
-use crate::path::shadow_rays::{Passing, Scattered, ShadowRays, add_to_group};
+use crate::path::shadow_rays::{Aim, Passing, Scattered, ShadowRays, add_to_group};
 use crate::path::state::Path;
 use crate::path::walk::RandomWalk;
 use crate::path::work::Work;
 use crate::scene::surface::Surface;
 use crate::settings::{LightPass, LobeKind};
 use crate::values::program::Value;
-use halfspace_ray::Ray;
+use halfspace_ray::{Hit, Ray};
 
 /// The outputs of shading.
 pub(super) struct Output<'a, const EXTRA: bool> {
@@ -45,7 +45,7 @@ pub(super) struct Output<'a, const EXTRA: bool> {
 
 impl<const EXTRA: bool> Output<'_, EXTRA> {
     /// Adds a shadow ray with its light. `scattered`: see [`Self::scattered`]; `surface`: from which it starts, to either
-    /// side; `blockers`: see [`ShadowRays::push`].
+    /// side.
     #[inline(always)]
     pub(super) fn cast(
         &mut self,
@@ -54,9 +54,11 @@ impl<const EXTRA: bool> Output<'_, EXTRA> {
         value: Vec3,
         scattered: Option<Scattered>,
         surface: Option<&Surface<'_>>,
-        blockers: u8,
+        aim: Aim,
     ) {
-        self.shadows.push(ray, path, value, scattered, blockers);
+        let left = surface.filter(|_| ray.t_min > 0.0);
+        let left = left.map_or(Hit::NONE, Surface::triangle);
+        self.shadows.push(ray, path, value, scattered, aim, left);
         if let Some(stack) = self.media {
             let mut passing = Passing::new(stack, self.seed);
             if let Some(surface) = surface.filter(|s| s.geometric.dot(Vec3::from(ray.d)) < 0.0) {

@@ -60,22 +60,21 @@ pub(super) fn pass<const EXTRA: bool>(
     let [position, direction] = portal.exit(out.registers);
     let direction = direction.normalized_or(d);
     let position = position - Vec3::from(scene.varying.origin);
-    let origin = if (position - surface.point).length2() > HERE {
-        position
+    let next = if (position - surface.point).length2() > HERE {
+        Ray {
+            o: position.array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        }
     } else {
-        surface.ray_origin(direction)
+        surface.ray(direction, f32::INFINITY)
     };
     out.cross(surface);
     out.next = Source::None;
     path.receiver = Receiver {
-        point: origin,
+        point: Vec3::from(next.o),
         ..path.receiver
-    };
-    let next = Ray {
-        o: origin.array(),
-        d: direction.array(),
-        t_min: 0.0,
-        t_max: f32::INFINITY,
     };
     path.go_through();
     Err(Some(next))

@@ -123,7 +123,8 @@ impl<'a, 'b> Programs<'a, 'b> {
                 let hit = |lane: usize| group[lane.min(group.len() - 1)].1 as usize;
                 let direction = |lane: usize| Vec3::from(wave.rays[hit(lane)].d);
                 let surfaces: [Surface<'a>; LANES] = std::array::from_fn(|lane| {
-                    Surface::at::<SMOOTH>(scene, &wave.hits[hit(lane)], direction(lane))
+                    let ray = Some(&wave.rays[hit(lane)]);
+                    Surface::at::<SMOOTH>(scene, &wave.hits[hit(lane)], direction(lane), ray)
                 });
                 let points = std::array::from_fn(|lane| {
                     let (distance, path) = (wave.hits[hit(lane)].t, &wave.paths[hit(lane)]);

@@ -218,12 +218,7 @@ impl<
         if let Some(ray) = self.beam_ray(surface, direction, &scatter, path, out) {
             return Some(ray);
         }
-        Some(Ray {
-            o: surface.ray_origin(direction).array(),
-            d: direction.array(),
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        })
+        Some(surface.ray(direction, f32::INFINITY))
     }
 
     /// Returns the ray of the beam that a flat polygon mirrors or refracts; `None` if the path's ray is in no beam, or
@@ -243,14 +238,14 @@ impl<
             return None;
         }
         // Change the beam's source at the plane, and start behind it.
-        let (event, side) = if scatter.through {
+        let event = if scatter.through {
             let eta = scatter.eta;
-            (Event::Refracted { eta }, -surface.geometric)
+            Event::Refracted { eta }
         } else {
-            (Event::Mirrored, surface.geometric)
+            Event::Mirrored
         };
         let source = out.source.after(event, plane);
-        let ray = source.ray_from(surface.ray_origin(direction), side)?;
+        let ray = source.ray_from(surface, direction)?;
         // Distances count from the polygon, which the ray meets at the beginning of its interval.
         path.passed = -ray.t_min;
         out.next = source;

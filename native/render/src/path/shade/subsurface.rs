@@ -81,17 +81,12 @@ impl<
             &medium,
             below.anisotropy,
             surface.shading,
-            [surface.object(), surface.triangle()],
+            surface.object(),
             path.throughput,
             seed,
         );
         out.walk = Some(walk);
-        Some(Ray {
-            o: surface.point.array(),
-            d: d.array(),
-            t_min: 0.0,
-            t_max: walk.left(),
-        })
+        Some(surface.ray(d, walk.left()))
     }
 
     /// Continues a walk at the end of its ray. Returns the next ray if the path continues.
@@ -107,21 +102,12 @@ impl<
     ) -> Option<Ray> {
         let d = Vec3::from(ray.d);
         if hit.is_hit() {
-            // The first segment begins in the triangle that it enters.
-            if walk.entry == Some(hit.triangle) {
-                walk.entry = None;
-                out.walk = Some(walk);
-                return Some(Ray {
-                    t_min: hit.t.next_up(),
-                    ..*ray
-                });
-            }
             // Seen from outside, where the path goes.
-            let mut surface = Surface::at::<SMOOTH>(self.scene, hit, -d);
+            let mut surface = Surface::at::<SMOOTH>(self.scene, hit, -d, Some(ray));
             if surface.object() != walk.object {
                 walk.cover(hit.t);
                 out.walk = Some(walk);
-                let seen = Surface::at::<SMOOTH>(self.scene, hit, d);
+                let seen = Surface::at::<SMOOTH>(self.scene, hit, d, Some(ray));
                 return path.pass_invisible(0.0).then(|| seen.continued(ray, hit));
             }
             let End::Left = walk.end(d, Some(hit.t), &mut path.throughput) else {

@@ -6,8 +6,9 @@ use crate::light::{Arrival, Emitter, Receiver, Segment, power_heuristic};
 use crate::math::vector::Vec3;
 use crate::medium::distance::{self, LitPoint};
 use crate::path::random::VertexSamples;
-use crate::path::shade::light_samples::{BEFORE_LIGHT, emitter_group, emitter_radiance};
+use crate::path::shade::light_samples::{before_light, emitter_group, emitter_radiance};
 use crate::path::shade::output::Output;
+use crate::path::shadow_rays::Aim;
 use crate::path::state::Path;
 use crate::path::wavefront::Context;
 use crate::scene::media::MediumRay;
@@ -96,23 +97,23 @@ pub(super) fn receive<const EXTRA: bool>(
         return;
     }
     let value = settings.clamped(value, path.bounce > 0);
-    let o = path.receiver.point;
-    let (d, t_max) = if light.distance.is_finite() {
-        (light.direction * light.distance, BEFORE_LIGHT)
-    } else {
-        (light.direction, f32::INFINITY)
-    };
     let group = || emitter_group(scene, &light);
     let scattered = out.scattered(path, || Shares::VOLUME, group);
     if !light.casts_shadow {
         out.add_unoccluded(value, scattered);
         return;
     }
+    let d = if light.distance.is_finite() {
+        light.direction * light.distance
+    } else {
+        light.direction
+    };
     let ray = Ray {
-        o: o.array(),
+        o: path.receiver.point.array(),
         d: d.array(),
         t_min: 0.0,
-        t_max,
+        t_max: f32::INFINITY,
     };
-    out.cast(ray, path, value, scattered, None, light.blockers);
+    let ray = before_light(scene, &light, ray);
+    out.cast(ray, path, value, scattered, None, Aim::at(&light));
 }
