@@ -129,6 +129,10 @@ def run(asked: argparse.Namespace) -> int:
     noticed = {row["spec"] for row in rows if row["spec"] in failing and stability.differs(row)}
     if failing:
         say(f"{len(noticed)} of {len(failing)} configurations without allowance for rounding answer wrongly somewhere")
+    slow = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.is_slower(row)]
+    for row in slow:
+        say(f"{row['case']}, {row['spec']} is slower than brute force")
+    say(f"{len(slow)} of {len(rows)} rows are more than {stability.SLOWER} times as slow as brute force")
     verdict = stability.limit(rows)
     say(f"{verdict}; seed {asked.seed}, {time.monotonic() - start:.0f} s")
     if asked.out is not None:
@@ -189,7 +193,7 @@ def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) 
         key = results.key(*fixed, case["name"], *([] if most is None else [most]))
         found = journal.entries.get(key) if journal is not None else None
         kept = None if found is None else found.row
-        if kept is None or not all(map(stability.is_whole, kept.get("rows", [{}]))):
+        if kept is None or not all(stability.is_whole(row, *stability.SECONDS) for row in kept.get("rows", [{}])):
             some = stability.fewer_rays(case, most)
             kept = {
                 "rows": list(stability.measure_case(module, some, chosen, exact_pairs=pairs, threads=asked.threads))

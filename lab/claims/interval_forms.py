@@ -186,7 +186,7 @@ def holes(lab: Lab) -> Iterator[Outcome]:
         specs = (kd, "bih:robust=none,traversal=ordered")
         wrong = dict.fromkeys(specs, 0)
         for case in cases:
-            for spec, errors, _ in stability.case_errors(lab.native, case, list(specs), exact_pairs=0):
+            for spec, errors, *_ in stability.case_errors(lab.native, case, list(specs), exact_pairs=0):
                 wrong[spec] += errors.wrong
                 lab.compared(case["name"], spec, "singular", errors)
         yield Outcome(

@@ -142,7 +142,7 @@ def singular(lab: Lab) -> Iterator[Outcome]:
         wrong = dict.fromkeys(WALKS, 0)
         for case in difficult:
             specs = [exact + traversal for traversal in WALKS]
-            for spec, errors, _ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
+            for spec, errors, *_ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
                 wrong[spec.removeprefix(exact)] += errors.wrong
                 lab.compared(case["name"], spec, "singular", errors)
         yield Outcome(

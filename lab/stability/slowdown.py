@@ -38,6 +38,9 @@ EXPONENTS = (-20, -10, 10, 20)
 LIMITS = {1e3: 1.2, 1e5: 1.2, 1e7: 1.5}
 """By offset in sizes: the largest ratio of work to that at the origin that counts as none."""
 
+HUGE = 3.0
+"""The largest ratio of work with one huge triangle to that without it."""
+
 SIZES = {"small": (24, 1600, 1000), "large": (71, 20_000, 1_000_000)}
 """By size: rings of the sphere, rays of each kind, and coincident triangles."""
 
@@ -256,8 +259,9 @@ def ratio(here: int, there: int) -> float:
 
 
 def slowed(row: Row) -> bool:
-    """Whether a case far from the origin takes more work than its limit allows."""
-    return bool(row["group"] == "offset" and row["work"] > LIMITS.get(row["at"], 1.0))
+    """Whether a case far from the origin, or with one huge triangle, takes more work than its limit allows."""
+    limits = {"offset": LIMITS, "shape": {0: HUGE}}.get(row["group"], {})
+    return bool(row["work"] > limits.get(row["at"], 1.0 if row["group"] == "offset" else float("inf")))
 
 
 def is_whole(row: Row) -> bool:

@@ -63,7 +63,7 @@ def verdict(rows: Sequence[Row]) -> str:
     specs = len({row["spec"] for row in rows})
     return (
         f"{specs} configurations, {answers:,} rays: {wrong} of {len(rows)} rows have wrong answers, {slow} exceed the "
-        "limits of work far from the origin"
+        "limits of work far from the origin or next to one huge triangle"
     )
 
 

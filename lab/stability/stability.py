@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Wrong answers of structures on extreme cases: against brute force for every ray, exact arithmetic for some.
 
+Each row of a case also has the processor time of its rays, and its ratio to that of brute force.
+
 A structure without error bounds (`robust=none`) is measured beside the others: its failures prove that the comparison
 can fail.
 """
@@ -10,13 +12,14 @@ from __future__ import annotations
 import csv
 import html
 import io
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from addon.core.measure import accuracy
-from addon.core.measure.accuracy import Answers, Errors
+from addon.core.measure.accuracy import Answers, Errors, Mask
 from addon.core.structures import catalogue, specs, ways
 
 if TYPE_CHECKING:
@@ -39,6 +42,21 @@ TITLES = {
     "on_boundary": "on a boundary",
 }
 """Columns of the tables, and their titles."""
+
+TIMES = {"microseconds": "µs a ray", "times_brute": "× brute"}
+"""Columns of time, and their titles: processor time of a nearest hit and an any-hit, and its ratio to brute force."""
+
+SECONDS = ("trace_seconds", "brute_seconds")
+"""Columns from which those of time are computed: seconds of all rays through the structure, and by brute force."""
+
+SLOWER = 1.25
+"""Ratio to the time of brute force above which a structure counts as slower; rounds of one machine differ by less."""
+
+CALL = 2e-4
+"""Seconds by which a structure that counts as slower exceeds brute force at least: what two calls take without rays."""
+
+REPEATS, LONG = 3, 0.1
+"""Number of times that rays are traced for the least time, and seconds from which on once is enough."""
 
 BOUNDARY = (
     "A ray is on a declared boundary when exact arithmetic finds that it passes exactly through an edge or a corner of "
@@ -100,7 +118,7 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
     return list(dict.fromkeys(made))
 
 
-VERSION = 3
+VERSION = 4
 """Version of the rows: increment when a row's content changes; rows of earlier runs are then not reused."""
 
 
@@ -148,34 +166,54 @@ def measure_case(
 ) -> Iterator[Row]:
     """One row per configuration on one case of `native.cases()`, from the errors of `case_errors`."""
     apart = different(*(case[name] for name in RAYS))
-    for spec, errors, beside in case_errors(native, case, specs, exact_pairs=exact_pairs, threads=threads):
+    for spec, errors, beside, seconds in case_errors(native, case, specs, exact_pairs=exact_pairs, threads=threads):
         about = {"case": case["name"], "spec": spec, "triangles": len(case["triangles"]), "different_rays": apart}
-        yield {**about, **columns(errors, beside)}
+        yield {**about, **columns(errors, beside), **dict(zip(SECONDS, seconds, strict=True))}
 
 
 def case_errors(
     native: Native, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
-) -> Iterator[tuple[str, Errors, Errors]]:
-    """Each configuration with its errors against brute force, and against exact arithmetic, on one case.
+) -> Iterator[tuple[str, Errors, Errors, tuple[float, float]]]:
+    """Each configuration with its errors against brute force, and against exact arithmetic, and its times, on one case.
 
     Nearest hits and any-hits are compared with both references. exact_pairs: approximate number of ray-triangle pairs
-    that exact arithmetic decides; 0 for none.
+    that exact arithmetic decides; 0 for none. Times are the processor seconds of all rays, and those of brute force.
     """
     # Compute both references, then compare each configuration with them.
     scene = case["vertices"], case["triangles"]
     rays = tuple(case[name] for name in RAYS)
     count = len(rays[0])
-    brute = Answers.of(native.build(*scene, "brute", threads=threads).closest(*rays, threads=threads))
+    brute, _, limit = answered(native.build(*scene, "brute", threads=threads), rays, threads=threads)
     wanted = min(count, exact_pairs // max(1, len(scene[1])))
     sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
     exact = Answers.of(native.exact_closest(*scene, *(part[sample] for part in rays), threads=threads))
     for spec in specs:
         structure = native.build(*scene, spec, threads=threads)
-        answers = nearest(structure, rays, threads=threads)
-        occluded = structure.occluded(*rays, threads=threads)
+        answers, occluded, seconds = answered(structure, rays, threads=threads)
         errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
         beside = accuracy.compare(exact, answers.take(sample), occluded[sample], native.ulp_distance, bitwise=True)
-        yield spec, errors, beside
+        yield spec, errors, beside, (seconds, limit)
+
+
+def answered(structure: Structure, rays: Sequence[Any], *, threads: int = 0) -> tuple[Answers, Mask, float]:
+    """The nearest hits, the any-hits, and the least processor seconds that both took. rays: as for `nearest`."""
+    least = float("inf")
+    for _ in range(REPEATS):
+        began = time.process_time()
+        answers = nearest(structure, rays, threads=threads)
+        occluded = structure.occluded(*rays, threads=threads)
+        least = min(least, time.process_time() - began)
+        if least > LONG:
+            break
+    return answers, occluded, least
+
+
+def is_slower(row: Row) -> bool:
+    """Whether a row's rays took longer than by brute force, beyond noise. Rows without times are not."""
+    if SECONDS[0] not in row:
+        return False
+    taken, brute = (row[name] for name in SECONDS)
+    return bool(taken > SLOWER * brute and taken - brute > CALL)
 
 
 def columns(errors: Errors, exact: Errors) -> Row:
@@ -205,9 +243,10 @@ def add(total: Row | None, row: Row) -> Row:
         return {**row, "case": "all"}
     summed = (*COUNTS, "different_rays", "exact_rays", "exact_wrong", "on_boundary")
     largest = ("t_ulp_max", "exact_t_ulp_max", "triangles")
+    timed = SECONDS if SECONDS[0] in row else ()
     return {
         **total,
-        **{name: total[name] + row[name] for name in summed},
+        **{name: total[name] + row[name] for name in (*summed, *timed)},
         **{name: max(total[name], row[name]) for name in largest},
     }
 
@@ -243,9 +282,12 @@ def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows as aligned columns; zeros are dots, so that errors stand out."""
-    lines = [["case", "structure", *TITLES.values()]]
-    lines += [[row["case"], row["spec"], *(str(row[name] or "·") for name in TITLES)] for row in rows]
+    """The rows as aligned columns; zeros are dots, so that errors stand out. A mark: slower than brute force."""
+    timed = all(SECONDS[0] in row for row in rows)
+    lines = [["case", "structure", *TITLES.values(), *(TIMES.values() if timed else ())]]
+    for row in rows:
+        counts = (str(row[name] or "·") for name in TITLES)
+        lines.append([row["case"], row["spec"], *counts, *(_times(row) if timed else ())])
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
     aligned = [
         "  ".join(
@@ -254,6 +296,13 @@ def table(rows: Sequence[Row]) -> str:
         for line in lines
     ]
     return "\n".join([aligned[0], "-" * len(aligned[0]), *aligned[1:]])
+
+
+def _times(row: Row) -> tuple[str, str]:
+    """The cells of time: microseconds a ray, and the ratio to brute force, with a mark if the row counts as slower."""
+    taken, brute = (row[name] for name in SECONDS)
+    ratio = taken / brute if brute else 1.0
+    return f"{1e6 * taken / max(1, row['rays']):.2f}", f"{ratio:.2f}{'!' if is_slower(row) else ' '}"
 
 
 def as_csv(rows: Sequence[Row]) -> str:
@@ -281,12 +330,16 @@ def as_html(document: Mapping[str, Any]) -> str:
 
 
 def _html_table(rows: Sequence[Row]) -> str:
-    head = "".join(f"<th>{html.escape(title)}</th>" for title in ("case", "structure", *TITLES.values()))
+    timed = all(SECONDS[0] in row for row in rows)
+    titles = ("case", "structure", *TITLES.values(), *(TIMES.values() if timed else ()))
+    head = "".join(f"<th>{html.escape(title)}</th>" for title in titles)
     body = []
     for row in rows:
         cells = [f"<td>{html.escape(row[name])}</td>" for name in ("case", "spec")]
         for name in TITLES:
             wrong = row[name] and name not in NEUTRAL
             cells.append(f'<td class="wrong">{row[name]:,}</td>' if wrong else f"<td>{row[name]:,}</td>")
+        times = _times(row) if timed else ()
+        cells += [f"<td{' class=wrong' if cell.endswith('!') else ''}>{cell}</td>" for cell in times]
         body.append(f"<tr{' class=none' if allowed_to_fail(row['spec']) else ''}>{''.join(cells)}</tr>")
     return f"<table><tr>{head}</tr>{''.join(body)}</table>"

@@ -25,11 +25,16 @@ const THINNEST: f32 = 256.0 * U;
 /// Largest number of cells along one axis.
 const LONGEST: f64 = 4096.0;
 
-/// Largest number of references per triangle and cell; grids with more are rebuilt with fewer cells. Rooms and
-/// scans have one or two references, and a few hundred triangles as large as the scene have fewer than this limit.
-/// For thousands of such triangles the references grow with the power 5/3 of their number, and time and memory
-/// with them; fewer cells cost the rays more tests.
-const CROWDED: usize = 64;
+/// Largest number of references per triangle and cell of a large grid; grids with more are rebuilt with fewer cells.
+/// Rooms and scans have one or two. For thousands of triangles as large as the scene the references grow with the power
+/// 5/3 of their number, and time and memory with them; fewer cells cost the rays more tests.
+const CROWDED: usize = 16;
+
+/// As [`CROWDED`], of a grid of at most [`SMALL`] references: a few hundred triangles as large as the scene have fewer.
+const CROWDED_SMALL: usize = 64;
+
+/// Largest number of references of a small grid (chosen): eleven megabytes.
+const SMALL: usize = 1 << 18;
 
 /// Factor on the number of cells of a crowded grid, applied until it is no longer crowded.
 const FEWER: f64 = 0.25;
@@ -191,7 +196,8 @@ impl Filling {
         let live = framed.scene.live();
         let number = self.0.number();
         // Allow a constant number of references per triangle and per cell.
-        let most = CROWDED * (live.len() + number);
+        let both = live.len() + number;
+        let most = (CROWDED_SMALL * both).min(SMALL.max(CROWDED * both));
         // Bound the references by the triangles' boxes, which nearly always suffices.
         let boxes: usize = (live.par_iter())
             .map(|&id| {

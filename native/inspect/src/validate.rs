@@ -12,35 +12,47 @@ const TILE: usize = 64;
 
 /// Checks a structure, and returns its broken invariants, one sentence each; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
-    let (built, scene) = (structure.built(), structure.scene());
+    let (built, live) = (structure.built(), structure.scene().live());
     let mut broken = Vec::new();
-    let shape = structure.shape();
-    let body = Body {
-        scene,
-        frame: &built.frame,
-        blocks: &built.leaves,
-        shape: &shape,
-    };
-    // Check the tree and its derived layouts, and collect the triangles of all leaves.
+    // Check all trees and their derived layouts, and collect the triangles of all leaves.
     let mut ids = BTreeSet::new();
-    match &built.tree {
-        None => ids.extend(built.leaves.ids(0, shape.references)),
-        Some(tree) => {
-            tree.validate(&body, &mut broken);
-            tree.leaves(&mut |first, count| ids.extend(built.leaves.ids(first, count)));
+    let shape = structure.progress().shape;
+    let trees = std::iter::once((built, &shape));
+    let trees = trees.chain(structure.apart().iter().map(|apart| (apart, &apart.shape)));
+    for (part, (built, shape)) in trees.enumerate() {
+        let scene = structure.scene_of(part).expect("a scene that is built");
+        // Build the rest of a tree apart that rays build.
+        let growing = built.growing.as_ref();
+        let whole = growing.map(|growing| growing.whole(&scene, &built.frame));
+        let (built, shape) = match &whole {
+            Some(whole) => (whole, &whole.shape),
+            None => (built, shape),
+        };
+        let body = Body {
+            scene: &scene,
+            frame: &built.frame,
+            blocks: &built.leaves,
+            shape,
+        };
+        match &built.tree {
+            None => ids.extend(built.leaves.ids(0, shape.references)),
+            Some(tree) => {
+                tree.validate(&body, &mut broken);
+                tree.leaves(&mut |first, count| ids.extend(built.leaves.ids(first, count)));
+            }
         }
-    }
-    for derived in &built.derived {
-        derived.tree.validate(&body, &mut broken);
+        for derived in &built.derived {
+            derived.tree.validate(&body, &mut broken);
+        }
     }
     if built.plan.tiles.is_some() {
         tiles(structure, &mut broken);
     }
-    if ids.len() != scene.live().len() {
+    if ids.len() != live.len() {
         broken.push(format!(
             "{} triangles are in some leaf, but {} can be hit",
             ids.len(),
-            scene.live().len()
+            live.len()
         ));
     }
     broken

@@ -49,13 +49,14 @@ impl Surface {
             ids: Vec::new(),
             root: 0,
         };
-        let tree = structure.built().tree.as_deref();
-        let tree = tree.expect("a bvh-sah has a tree");
-        let copied = surface.copy::<8>(structure, tree)
-            || surface.copy::<4>(structure, tree)
-            || surface.copy::<2>(structure, tree);
-        assert!(copied, "the widths of bvh-sah are 8, 4 and 2");
-        surface.add_flat();
+        // Brute force may replace the tree.
+        if let Some(tree) = structure.built().tree.as_deref() {
+            let copied = surface.copy::<8>(structure, tree)
+                || surface.copy::<4>(structure, tree)
+                || surface.copy::<2>(structure, tree);
+            assert!(copied, "the widths of bvh-sah are 8, 4 and 2");
+        }
+        surface.add_others();
         Ok(surface)
     }
 
@@ -135,21 +136,29 @@ impl Surface {
         }
     }
 
-    /// Adds the finite triangles without area as a second child of a new root.
-    fn add_flat(&mut self) {
+    /// Adds the finite triangles that the tree does not hold, such as those without area, as a second child of a new
+    /// root.
+    fn add_others(&mut self) {
         let finite = |id: u32| {
             let corners = self.scene.corners(id);
             corners.as_flattened().iter().all(|x| x.is_finite())
         };
-        let mut live = self.scene.live().iter().copied().peekable();
-        let mut flat: Vec<_> = (0..index(self.scene.len()))
-            .filter(|id| live.next_if_eq(id).is_none() && finite(*id))
+        let mut held = vec![false; self.scene.len()];
+        for &id in &self.ids {
+            held[id as usize] = true;
+        }
+        let mut others: Vec<_> = (0..index(self.scene.len()))
+            .filter(|&id| !held[id as usize] && finite(id))
             .collect();
-        if flat.is_empty() {
+        if others.is_empty() {
+            return;
+        }
+        if self.nodes.is_empty() {
+            self.root = self.split(&mut others);
             return;
         }
         // Join both trees.
-        let both = [self.root, self.split(&mut flat)];
+        let both = [self.root, self.split(&mut others)];
         let at = self.nodes.len();
         self.nodes.push(BoxTree::BLANK);
         for (lane, link) in both.into_iter().enumerate() {

@@ -274,7 +274,7 @@ impl Structure {
         let _mode = DefaultMode::set(py)?;
         let dict = PyDict::new(py);
         let progress = self.0.progress();
-        let shape = progress.shape;
+        let shape = self.0.shape();
         dict.set_item("build_seconds", self.0.build_seconds())?;
         let refitted = self.0.refitted();
         dict.set_item("refits", refitted.times)?;

@@ -2,6 +2,7 @@
 //! Built structures: a tree over a scene, and a plan that assigns a kernel to each kind of ray batch.
 
 pub mod coherence;
+pub mod division;
 pub mod footprint;
 pub mod instances;
 pub mod leaf_depth;
@@ -12,6 +13,7 @@ pub mod spec;
 pub mod structure;
 pub mod tracer;
 pub mod way;
+pub mod work;
 
 pub use plan::Plan;
 pub use row::Built;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A built structure over a scene.
 
+use crate::division::{self, Parts};
 use crate::leaf_depth::LeafDepths;
 use crate::outline::Outline;
 use crate::plan::Route;
@@ -33,6 +34,14 @@ pub struct Structure {
     pub(crate) scene: Arc<Triangles>,
     config: Config,
     pub(crate) built: Built,
+    /// The trees of triangles that differ too much in scale from those of `built`; mostly none.
+    pub(crate) apart: Vec<Built>,
+    /// As [`Parts::growing`].
+    growing: Vec<Arc<Triangles>>,
+    /// As [`Parts::part_of`].
+    part_of: Vec<u8>,
+    /// As [`Parts::remarks`].
+    remarks: Vec<String>,
     /// The whole tree in one piece, if rays build the tree; made on demand.
     whole: OnceLock<Built>,
     build_seconds: f64,
@@ -58,8 +67,15 @@ impl Structure {
         let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
         let pool = pool(threads)?;
         let start = Instant::now();
-        let built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
+        let parts = pool.install(|| division::build(&scene, &config, monitor))?;
         let build_seconds = start.elapsed().as_secs_f64();
+        let Parts {
+            main,
+            apart,
+            growing,
+            part_of,
+            remarks,
+        } = parts;
         Ok(Self {
             scene,
             config,
@@ -68,9 +84,13 @@ impl Structure {
             refitted: Refitted {
                 times: 0,
                 seconds: 0.0,
-                cost_built: built.shape.sah_cost,
+                cost_built: joined(main.shape, &apart).sah_cost,
             },
-            built,
+            built: main,
+            apart,
+            growing,
+            part_of,
+            remarks,
             leaf_depths: OnceLock::new(),
             outline: OnceLock::new(),
         })
@@ -90,17 +110,24 @@ impl Structure {
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let Some(refit) = &self.built.refit else {
+        if !self.can_refit() {
             return Err(Error::Refit(self.reason()));
-        };
+        }
         pool(threads)?.install(|| {
             let scene = Arc::new(self.scene.moved(vertices, monitor)?);
             let start = Instant::now();
-            let built = refit.refit(&scene, &self.config, monitor)?;
+            let mut parts = division::refit(&scene, self.parts(), &self.part_of, |refit, own| {
+                refit.refit(own, &self.config, monitor)
+            })?;
+            let built = parts.remove(0);
             Ok(Self {
                 scene,
                 config: self.config.clone(),
                 built,
+                apart: parts,
+                growing: Vec::new(),
+                part_of: self.part_of.clone(),
+                remarks: self.remarks.clone(),
                 whole: OnceLock::new(),
                 build_seconds: self.build_seconds,
                 refitted: Refitted {
@@ -130,7 +157,7 @@ impl Structure {
 
     /// Returns whether [`Self::refit`] exists for this kind of structure.
     pub fn can_refit(&self) -> bool {
-        self.built.refit.is_some()
+        self.parts().all(|built| built.refit.is_some())
     }
 
     /// Returns the number and the cost of the fits since the structure was built.
@@ -153,12 +180,47 @@ impl Structure {
         self.build_seconds
     }
 
-    /// Returns statistics of the tree's shape, as far as it is built.
+    /// Returns statistics of the shape of all trees, as far as they are built.
     pub fn shape(&self) -> Shape {
-        self.progress().shape
+        joined(self.progress().shape, &self.apart)
     }
 
-    /// Returns the progress of the build; only trees that rays build are ever incomplete.
+    /// Returns the trees of triangles that differ too much in scale from those of [`Self::built`]; mostly none.
+    pub fn apart(&self) -> &[Built] {
+        &self.apart
+    }
+
+    /// Returns all trees, that of [`Self::built`] first.
+    fn parts(&self) -> impl Iterator<Item = &Built> {
+        std::iter::once(&self.built).chain(&self.apart)
+    }
+
+    /// Returns the triangles that a tree may read: those of its part if rays build it, else those of the scene.
+    pub(crate) fn triangles(&self, built: &Built) -> &Triangles {
+        let mut parts = self.parts().zip(&self.growing);
+        let own = parts.find(|(part, _)| std::ptr::eq(*part, built));
+        own.map_or(&self.scene, |(_, triangles)| triangles)
+    }
+
+    /// Returns the triangles of [`Self::built`], or of `apart()[part - 1]`; all others have no area.
+    ///
+    /// # Errors
+    /// None, unless the scene's own arrays are refused.
+    pub fn scene_of(&self, part: usize) -> Result<Arc<Triangles>> {
+        if self.part_of.is_empty() {
+            return Ok(self.scene.clone());
+        }
+        Ok(Arc::new(division::only(&self.scene, &self.part_of, part)?))
+    }
+
+    /// Returns the triangles of `apart()[i]` that can be hit.
+    pub(crate) fn ids_apart(&self, i: usize) -> Vec<u32> {
+        let own = |id: &u32| usize::from(self.part_of[*id as usize]) == i + 1;
+        self.scene.live().iter().copied().filter(own).collect()
+    }
+
+    /// Returns the progress of the build of the tree that [`Self::built`] returns; only trees that rays build are ever
+    /// incomplete.
     pub fn progress(&self) -> Progress {
         match &self.built.growing {
             Some(growing) => growing.progress(),
@@ -176,10 +238,12 @@ impl Structure {
 
     /// Returns the features that this scene did not need, each with its reason, as far as the tree is built.
     pub fn left_out(&self) -> Vec<String> {
-        match &self.built.growing {
+        let mut lines = match &self.built.growing {
             Some(growing) => growing.left_out(),
             None => self.built.left_out.clone(),
-        }
+        };
+        lines.extend(self.remarks.iter().cloned());
+        lines
     }
 
     /// Returns the whole tree, for validation and drawing. If rays build the tree, builds the rest, and copies the tree
@@ -192,7 +256,7 @@ impl Structure {
             None => &self.built,
             Some(growing) => self
                 .whole
-                .get_or_init(|| growing.whole(&self.scene, &self.built.frame)),
+                .get_or_init(|| growing.whole(self.triangles(&self.built), &self.built.frame)),
         }
     }
 
@@ -218,13 +282,22 @@ impl Structure {
 
     /// Returns the bytes of all nodes and leaves, without the scene's arrays.
     pub fn bytes(&self) -> usize {
-        self.built.bytes() + self.whole.get().map_or(0, Built::bytes)
+        let trees: usize = self.parts().map(Built::bytes).sum();
+        trees + self.part_of.len() + self.whole.get().map_or(0, Built::bytes)
     }
 
     /// Returns the outline of the triangles, which instances need.
     pub fn outline(&self) -> &Outline {
         self.outline.get_or_init(|| Outline::new(&self.scene))
     }
+}
+
+/// Returns the statistics of several trees.
+fn joined(mut shape: Shape, others: &[Built]) -> Shape {
+    for other in others {
+        shape.join(&other.shape, 0);
+    }
+    shape
 }
 
 /// Starts `threads` threads; 0 means one per core.

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays through a structure: each batch goes to the kernel that the plan names.
 
+use crate::division::Joined;
 use crate::leaf_depth::LeafDepths;
-use crate::plan::RoutedKernel;
+use crate::plan::{Plan, RoutedKernel};
 use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
@@ -16,7 +17,7 @@ use halfspace_ray::replay::{Record, Recording};
 use halfspace_ray::{FrameRay, Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 use halfspace_scene::Triangles;
 use halfspace_trace::batch::{Batch, Write};
-use halfspace_trace::kernel::{Kernel, SingleRays};
+use halfspace_trace::kernel::Kernel;
 use std::slice;
 
 /// Trees of at most this many bytes stay in the caches of most processors, whatever the order of the rays.
@@ -34,19 +35,44 @@ impl Structure {
 
     /// The nearest hit of one ray, or the hit that ends an any-hit ray, and the leaves on its path.
     pub fn path(&self, ray: &Ray, any: bool) -> (Hit, Path) {
+        let (known, counters, rest) = self.before(ray, any);
         let built = self.built();
-        built
-            .plan
-            .single
-            .path(&self.one_by_one(built, slice::from_ref(ray)), any)
+        let batch = self.one_by_one(built, slice::from_ref(&rest));
+        let (mut hit, mut path) = built.plan.single.path(&batch, any);
+        Closest::join(&mut hit, known);
+        path.counters.add(&counters);
+        (hit, path)
+    }
+
+    /// Traces a ray through the trees apart. Returns the best hit there with its work, and the part of the ray that may
+    /// have a better one; it is empty after any hit of an any-hit ray.
+    fn before(&self, ray: &Ray, any: bool) -> (Hit, RayCounters, Ray) {
+        let (mut known, mut counters, mut rest) = (Hit::MISS, RayCounters::default(), *ray);
+        for built in &self.apart {
+            let batch = self.one_by_one(built, slice::from_ref(&rest));
+            let (hit, path) = built.plan.single.path(&batch, any);
+            counters.add(&path.counters);
+            Closest::join(&mut known, hit);
+            if any && known.is_hit() {
+                (rest.t_min, rest.t_max) = (f32::INFINITY, f32::NEG_INFINITY);
+                break;
+            }
+            rest = Closest::rest(ray, &known);
+        }
+        (known, counters, rest)
     }
 
     /// Traces rays one by one and records the answer of each leaf, for [`Self::replay`].
     ///
     /// # Errors
     /// [`halfspace_base::error::Error::Spec`] for brute force, which has no leaves to record.
-    pub fn record(&self, rays: Vec<Ray>, any: bool) -> Result<Recording> {
+    pub fn record(&self, mut rays: Vec<Ray>, any: bool) -> Result<Recording> {
         let built = self.built();
+        // Record the part of each ray that the trees apart leave.
+        if !self.apart.is_empty() {
+            rays.iter_mut()
+                .for_each(|ray| *ray = self.before(ray, any).2);
+        }
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut record = Record::default();
         let batch = self.one_by_one(built, &rays);
@@ -82,7 +108,7 @@ impl Structure {
         counters: Option<&mut [RayCounters]>,
     ) {
         let batch = Batch {
-            scene: &self.scene,
+            scene: self.triangles(&self.built),
             frame: &self.built.frame,
             rays,
             level,
@@ -92,36 +118,67 @@ impl Structure {
         self.built.plan.single.cast(&batch, Q::ANY, write, counters);
     }
 
-    /// Traces one ray that was transformed into the space of an instance of this mesh, with the counters given.
+    /// Traces one ray that was transformed into the space of an instance of this mesh, in the frame of one of its trees,
+    /// with the counters given.
     pub(crate) fn observe_placed<Q: Query>(
         &self,
+        built: &Built,
         ray: &Ray,
         placed: &FrameRay<'_>,
         write: Write<'_>,
         count: Count<'_>,
     ) {
         let batch = Batch {
-            scene: &self.scene,
-            frame: &self.built.frame,
+            scene: self.triangles(built),
+            frame: &built.frame,
             rays: slice::from_ref(ray),
             level: simd::level(),
             shadow_cache: false,
             placed: Some(slice::from_ref(placed)),
         };
         let mut count = Some(count);
-        let single = &self.built.plan.single;
+        let single = &built.plan.single;
         single.observe(&batch, Q::ANY, write, &mut |_| {
             count.take().expect("one ray")
         });
     }
 
-    fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
+    /// As [`SelectiveTracer::observe`], ray by ray through all trees.
+    fn observe_parts<'l>(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
+    ) {
+        for (i, ray) in rays.iter().enumerate() {
+            let (mut log, mut best) = (log(i), Hit::MISS);
+            for built in self.apart.iter().chain([&self.built]) {
+                let (rest, mut counters) = (Closest::rest(ray, &best), RayCounters::default());
+                let batch = Batch {
+                    shadow_cache: false,
+                    ..self.batch(built, simd::level(), slice::from_ref(&rest))
+                };
+                let mut count = Some(Count::with(&mut counters, log.reborrow()));
+                let mut join = |_: usize, hit: Hit| Closest::join(&mut best, hit);
+                (built.plan.single).observe(&batch, any, &mut join, &mut |_| {
+                    count.take().expect("one ray")
+                });
+                if any && best.is_hit() {
+                    break;
+                }
+            }
+            write(i, best);
+        }
+    }
+
+    fn batch<'a>(&'a self, built: &'a Built, level: Level, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
-            scene: &self.scene,
-            frame: &self.built.frame,
+            scene: self.triangles(built),
+            frame: &built.frame,
             rays,
             level,
-            shadow_cache: self.built.plan.shadow_cache,
+            shadow_cache: built.plan.shadow_cache,
             placed: None,
         }
     }
@@ -129,8 +186,8 @@ impl Structure {
     /// Rays for the single-ray kernel of the whole tree.
     fn one_by_one<'a>(&'a self, built: &'a Built, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
-            frame: &built.frame,
-            ..self.batch(simd::level(), rays)
+            shadow_cache: self.built.plan.shadow_cache,
+            ..self.batch(built, simd::level(), rays)
         }
     }
 }
@@ -156,6 +213,30 @@ fn trace<Q: Query>(
     }
 }
 
+/// Traces a batch for the nearest hits: by the kernel of tiles if it comes in tiles and there is one that can count.
+fn closest(
+    batch: &Batch<'_>,
+    plan: &Plan,
+    hits: &mut [Hit],
+    mut counters: Option<&mut [RayCounters]>,
+    order: Order,
+) {
+    assert_eq!(batch.rays.len(), hits.len(), "one answer per ray");
+    if let Some(tiles) = plan.tiles.as_ref().filter(|_| order == Order::Tiles) {
+        let answered = match counters.as_deref_mut() {
+            None => {
+                tiles.kernel.trace(batch, hits);
+                true
+            }
+            Some(counters) => tiles.kernel.count(batch, hits, counters),
+        };
+        if answered {
+            return;
+        }
+    }
+    trace::<Closest>(plan.closest.as_ref(), &*plan.single, batch, hits, counters);
+}
+
 /// A structure whose rays run on a given instruction set.
 pub struct AtLevel<'a> {
     structure: &'a Structure,
@@ -176,35 +257,25 @@ impl Tracer for AtLevel<'_> {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        let plan = &self.structure.built.plan;
-        let single: &dyn SingleRays = &*plan.single;
-        let batch = self.structure.batch(self.level, rays);
-        trace::<Closest>(plan.closest.as_ref(), single, &batch, hits, counters);
+        self.closest_ordered(rays, hits, counters, Order::None);
     }
 
     fn closest_ordered(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        mut counters: Option<&mut [RayCounters]>,
+        counters: Option<&mut [RayCounters]>,
         order: Order,
     ) {
-        let plan = &self.structure.built.plan;
-        let Some(tiles) = plan.tiles.as_ref().filter(|_| order == Order::Tiles) else {
-            return self.closest(rays, hits, counters);
-        };
-        let batch = self.structure.batch(self.level, rays);
-        assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        let answered = match counters.as_deref_mut() {
-            None => {
-                tiles.kernel.trace(&batch, hits);
-                true
-            }
-            Some(counters) => tiles.kernel.count(&batch, hits, counters),
-        };
-        if !answered {
-            self.closest(rays, hits, counters);
-        }
+        (self.structure).each_part::<Closest>(
+            rays,
+            hits,
+            counters,
+            |built, rays, hits, counters| {
+                let batch = self.structure.batch(built, self.level, rays);
+                closest(&batch, &built.plan, hits, counters, order);
+            },
+        );
     }
 
     fn batch(&self, order: Order, any: bool) -> Option<usize> {
@@ -212,10 +283,19 @@ impl Tracer for AtLevel<'_> {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        let plan = &self.structure.built.plan;
-        let single: &dyn SingleRays = &*plan.single;
-        let batch = self.structure.batch(self.level, rays);
-        trace::<Any>(plan.shadow.as_ref(), single, &batch, occluded, counters);
+        let trace =
+            |built: &Built, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
+                let plan = &built.plan;
+                let batch = self.structure.batch(built, self.level, rays);
+                trace::<Any>(
+                    plan.shadow.as_ref(),
+                    &*plan.single,
+                    &batch,
+                    occluded,
+                    counters,
+                );
+            };
+        (self.structure).each_part::<Any>(rays, occluded, counters, trace);
     }
 }
 
@@ -281,10 +361,13 @@ impl SelectiveTracer for Structure {
         write: &mut dyn FnMut(usize, Hit),
         log: &mut dyn FnMut(usize) -> Log<'l>,
     ) {
+        if !self.apart.is_empty() {
+            return self.observe_parts(rays, any, write, log);
+        }
         let batch = Batch {
             // A remembered blocker may be one that the next ray does not see.
             shadow_cache: false,
-            ..self.batch(simd::level(), rays)
+            ..self.batch(&self.built, simd::level(), rays)
         };
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut counters = counters.iter_mut();

@@ -95,7 +95,8 @@ class SlowNative:
 def test_slow_structures_are_noticed() -> None:
     for case in small_cases():
         (row,) = slowdown.measure(SlowNative(), case, ["kd"], repeats=0)  # type: ignore[arg-type]
-        assert slowdown.slowed(row) == (case.group == "offset" and case.at >= 1e3), case.name
+        far = case.group == "offset" and case.at >= 1e3
+        assert slowdown.slowed(row) == (far or case.name == "one huge, many tiny"), case.name
         assert not row["wrong"]
 
 

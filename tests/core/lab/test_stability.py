@@ -345,6 +345,23 @@ def test_any_hits_of_extreme_cases_are_compared_with_exact_arithmetic_too() -> N
     assert (row["exact_rays"], row["exact_wrong"]) == (1, 1)
 
 
+def test_times_stand_beside_answers_and_slow_rows_are_marked() -> None:
+    case = small_case("random soup")
+    rows = list(stability.measure_case(halfspace_native, case, ["kd", "brute"], exact_pairs=0, threads=1))
+    assert all(row[name] > 0 for row in rows for name in stability.SECONDS)
+    head, _, *lines = stability.table(rows).splitlines()
+    assert head.endswith("× brute")
+    assert len(lines) == 2
+    # Ten times as slow as brute force, as slow, and slower by less than two calls take.
+    for seconds, marked in (((1.0, 0.1), True), ((0.1, 0.1), False), ((2e-4, 1e-4), False)):
+        row = {**rows[0], **dict(zip(stability.SECONDS, seconds, strict=True))}
+        assert stability.is_slower(row) == marked
+        assert stability.table([row]).endswith("!") == marked
+        assert ("<td class=wrong>10.00!</td>" in stability.as_html({"rows": [row], "verdict": ""})) == marked
+    assert stability.sums(rows + rows)[0]["trace_seconds"] == 2 * rows[0]["trace_seconds"]
+    assert not stability.is_slower(trials.trial(halfspace_native, ["kd"], 3, 0)[0]), "trials have no times"
+
+
 def test_nearest_hits_are_compared_for_shadow_none_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     nearest = stability.nearest
     calls: list[int] = []

@@ -79,7 +79,9 @@ impl Sample {
     /// Takes all triangles that can be hit if the tree has at most `max_nodes` nodes; otherwise a fraction of them, in
     /// inverse proportion to the nodes.
     pub fn new(structure: &Structure, max_nodes: usize) -> Self {
-        let (scene, shape) = (structure.scene(), structure.shape());
+        // Take those of the tree alone: others of the scene may have trees of their own.
+        let scene = structure.scene_of(0).expect("a scene that is built");
+        let shape = structure.progress().shape;
         let live = scene.live();
         let nodes = shape.nodes_axis + shape.nodes_oblique + shape.leaves;
         // Choose the positions in the list of triangles that can be hit.

@@ -19,6 +19,12 @@ pub const CASES: &[Recipe] = &[
         make: giant,
     },
     Recipe {
+        name: "huge among tiny",
+        summary: "one triangle of size 1 among overlapping ones of 10^-8",
+        extremes: &["X21", "X38"],
+        make: huge,
+    },
+    Recipe {
         name: "soup at 2^60",
         summary: "products of three coordinates would overflow",
         extremes: &["X22"],
@@ -113,6 +119,21 @@ fn giant(size: Size, random: &mut Random) -> Draft {
     corners.extend(placed(&tiny, 1e-3, [0.0; 3]));
     corners.extend(placed(&tiny, 2.0_f32.powi(-20), [0.5; 3]));
     (corners, everywhere(size.rays(), random))
+}
+
+fn huge(size: Size, random: &mut Random) -> Draft {
+    let mut corners = vec![[-1.0, -1.0, -0.3], [1.0, -1.0, -0.31], [0.0, 1.0, -0.3]];
+    corners.extend(placed(
+        &cloud(size.pick(600, 20_000), 0.1, random),
+        1e-7,
+        [0.0; 3],
+    ));
+    // Look at the cloud from its own distance.
+    let mut rays = everywhere(size.rays(), random);
+    for ray in &mut rays {
+        ray.o = ray.o.map(|x| x * 1e-7);
+    }
+    (corners, rays)
 }
 
 /// Makes a cloud scaled by a power of two.

@@ -7,6 +7,7 @@
 
 use crate::instances::Instances;
 use crate::outline::Outline;
+use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_geom::Aabb;
@@ -177,7 +178,8 @@ impl Instances {
             if !matches!(states[batch[0].state].log, Log::Nothing) {
                 for call in batch {
                     let mesh = &self.meshes[call.mesh as usize];
-                    states[call.state].observe::<Q>(mesh, &call.ray);
+                    let unused = &mut RayCounters::default();
+                    states[call.state].observe::<Q>(mesh, &mesh.built, &call.ray, unused);
                 }
                 continue;
             }
@@ -293,6 +295,11 @@ impl Instances {
         if !outline.flat.is_empty() && enter_flat::<Q>(mesh, instance, state, counters) {
             return None;
         }
+        for (part, built) in mesh.apart().iter().enumerate() {
+            if state.enter_apart::<Q>(mesh, instance, (part, built), counters) {
+                return None;
+            }
+        }
         // Transform the ray with error bounds.
         match mesh.frame().placed(state.ray, instance, state.best.hit()) {
             Placed::Miss => None,
@@ -365,11 +372,36 @@ impl RayState<'_> {
         ended
     }
 
-    /// Traces the ray alone through the mesh of an instance, in whose space `placed` is.
-    fn observe<Q: Query>(&mut self, mesh: &Structure, placed: &FrameRay<'_>) {
-        let (mut counters, mut nearest) = (RayCounters::default(), Hit::MISS);
-        let count = Count::with(&mut counters, self.log.reborrow());
-        mesh.observe_placed::<Q>(self.ray, placed, &mut |_, hit| nearest = hit, count);
+    /// Traces the ray through the tree of one part of a mesh, alone; returns whether the traversal may end.
+    fn enter_apart<Q: Query>(
+        &mut self,
+        mesh: &Structure,
+        instance: &MeshInstance,
+        (part, built): (usize, &Built),
+        counters: &mut RayCounters,
+    ) -> bool {
+        match built.frame.placed(self.ray, instance, self.best.hit()) {
+            Placed::Miss => {}
+            Placed::Traverse(framed) => self.observe::<Q>(mesh, built, &framed, counters),
+            Placed::ExactOnly => {
+                let framed = FrameRay::exact_only(instance, self.best.hit());
+                self.offer::<Q>(&framed, mesh.scene(), &mesh.ids_apart(part), counters);
+            }
+        }
+        Q::ANY && self.best.hit().is_hit()
+    }
+
+    /// Traces the ray alone through a tree of the mesh of an instance, in whose space `placed` is.
+    fn observe<Q: Query>(
+        &mut self,
+        mesh: &Structure,
+        built: &Built,
+        placed: &FrameRay<'_>,
+        counters: &mut RayCounters,
+    ) {
+        let mut nearest = Hit::MISS;
+        let count = Count::with(counters, self.log.reborrow());
+        mesh.observe_placed::<Q>(built, self.ray, placed, &mut |_, hit| nearest = hit, count);
         self.found(nearest);
     }
 
