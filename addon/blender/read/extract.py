@@ -21,7 +21,7 @@ from .displacement import applying
 from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
-from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, MASK, Instance, Value, as_sheet, is_regular
 from .strands.collecting import Collector
 from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
@@ -189,7 +189,10 @@ class _Reader:
         self.uvs = uvs
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
         owners = (layer, scene, scene.world)
-        self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
+        volumes = grids.occur(depsgraph)
+        self.palette = materials.Palette(
+            notes, depsgraph.ids, layer.material_override, owners, wanted.outputs, grids=volumes
+        )
         self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
         self.lights: list[Light] = []
         self.light_images: set[int] = set()
@@ -220,7 +223,7 @@ class _Reader:
         shown, kind = (placed.show_self, placed.show_particles), item.type
         matrix = np.array(placed.matrix_world, np.float64)
         given = self.instancing.of(placed)
-        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id, given=given)
+        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id & MASK, given=given)
         if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
             self._place_round(instance, matrix, self._seen(item, parent), hair=True)
         if not shown[0]:
