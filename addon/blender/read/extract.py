@@ -21,7 +21,7 @@ from .displacement import applying
 from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
-from .object_values import DENSITY_SCALE, Instance, Value, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, MASK, Instance, Value, as_sheet, is_regular
 from .simplifying import Culling
 from .standing import Standing
 from .strands.collecting import Collector
@@ -213,7 +213,10 @@ class _Reader:
         self.uvs = uvs
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
         owners = (layer, scene, scene.world)
-        self.palette = materials.Palette(notes, depsgraph.ids, layer.material_override, owners, wanted.outputs)
+        volumes = grids.occur(depsgraph)
+        self.palette = materials.Palette(
+            notes, depsgraph.ids, layer.material_override, owners, wanted.outputs, grids=volumes
+        )
         self._standing = wanted.standing or Standing()
         self._culling = Culling(depsgraph)
         self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
@@ -249,7 +252,7 @@ class _Reader:
             return
         matrix = self._standing.place(item, parent, placed.persistent_id, matrix)
         given = self.instancing.of(placed)
-        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id, given=given)
+        instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id & MASK, given=given)
         if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
             self._place_round(instance, matrix, self._seen(item, parent), hair=True)
         if not shown[0]:

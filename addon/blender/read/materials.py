@@ -69,10 +69,12 @@ class Palette:
         override: Any = None,
         owners: Sequence[Any] = (),
         wanted: outputs.Outputs | None = None,
+        *,
+        grids: bool = False,
     ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
         before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
-        the passes that materials write.
+        the passes that materials write. grids: whether there are volume objects.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -88,7 +90,7 @@ class Palette:
         self._wanted = wanted or {}
         self._names = [NAMELESS]
         blocks = list(blocks)
-        self.layers.grids = any(isinstance(block, bpy.types.Volume) for block in blocks)
+        self.layers.grids = grids
         for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)

@@ -59,7 +59,8 @@ class Instance:
                 case "Location":
                     return as_value(self.location)
                 case "Color":
-                    return as_value(item.color)
+                    # Instances have the colour of their instancer, unlike the index.
+                    return as_value((item if self.parent is None else self.parent).color)
                 case "Object Index":
                     return as_value(item.pass_index)
             return as_value(self._random())

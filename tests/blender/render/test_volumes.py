@@ -185,6 +185,77 @@ def test_volume_objects_are_those_of_cycles(lit: Any, add: Any, fog: Path) -> No
     assert not report.warnings
 
 
+def made(way: str, material: Any) -> Any:
+    """Geometry nodes that make a volume of this material on a mesh object."""
+    tree = bpy.data.node_groups.new(way, "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+
+    def new(kind: str, **inputs: Any) -> Any:
+        one = tree.nodes.new(f"GeometryNode{kind}")
+        for name, value in inputs.items():
+            one.inputs[name.replace("_", " ")].default_value = value
+        return one
+
+    def linked(source: Any, target: Any, name: str = "Geometry") -> Any:
+        tree.links.new(source.outputs[0], target.inputs[name])
+        return target
+
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    if way == "from a mesh":
+        source = linked(first, new("MeshToVolume", Density=1.0, Voxel_Amount=16.0), "Mesh")
+    else:
+        size = 0.15 if way.startswith("instances") else 0.3
+        cube = new("VolumeCube", Density=1.0, Min=(-size,) * 3, Max=(size,) * 3)
+        for axis in "XYZ":
+            cube.inputs[f"Resolution {axis}"].default_value = 12
+        # A density that varies, so that a box without the grid is another picture.
+        place, parts = new("InputPosition"), tree.nodes.new("ShaderNodeSeparateXYZ")
+        clamp = tree.nodes.new("ShaderNodeMath")
+        clamp.operation, clamp.inputs[1].default_value, clamp.inputs[2].default_value = "MULTIPLY_ADD", 0.5 / size, 0.5
+        tree.links.new(place.outputs[0], parts.inputs[0])
+        tree.links.new(parts.outputs[0], clamp.inputs[0])
+        tree.links.new(clamp.outputs[0], cube.inputs["Density"])
+        source = cube
+    shaded = linked(source, new("SetMaterial", Material=material))
+    if way.startswith("instances"):
+        placed = linked(first, tree.nodes.new("GeometryNodeInstanceOnPoints"), "Points")
+        placed.inputs["Rotation"].default_value = (0.0, 0.0, 0.4)
+        shaded = linked(shaded, placed, "Instance")
+        if way == "instances that are made real":
+            shaded = linked(shaded, new("RealizeInstances"))
+    if way == "beside a mesh":
+        moved = linked(first, new("Transform", Scale=(0.3, 0.3, 0.3), Translation=(0.0, 0.0, -0.3)))
+        joined = linked(shaded, new("JoinGeometry"))
+        tree.links.new(moved.outputs[0], joined.inputs["Geometry"])
+        shaded = joined
+    tree.links.new(shaded.outputs[0], last.inputs[0])
+    return tree
+
+
+WAYS = ("a cube", "from a mesh", "beside a mesh", "instances", "instances that are made real", "turned")
+"""How nodes make volumes on mesh objects."""
+
+
+def test_volumes_that_nodes_make_are_those_of_cycles(lit: Any, add: Any) -> None:
+    """On mesh objects, where no data block is a volume: as dense as their grids are, not solid boxes."""
+    family = dict.fromkeys(WAYS, volume("Principled", Density=9.0, Color=(0.3, 0.6, 0.8, 1)))
+    atlas.sheet(lit, family, cube(size=0.45))
+    assert len(list(only_volumes(family))) == len(family)
+    for name in family:
+        item = bpy.data.objects[name]
+        item.modifiers.new("Volume", "NODES").node_group = made(name, item.material_slots[0].material)
+        if name == "turned":
+            item.rotation_euler, item.scale = (0.4, 0.2, 0.7), (1.2, 0.9, 0.7)
+    assert not any(isinstance(block, bpy.types.Volume) for block in bpy.context.evaluated_depsgraph_get().ids)
+    lit.halfspace.volume_bounces = lit.cycles.volume_bounces = 4
+    ours, theirs = atlas.both(lit, family, samples=SAMPLES, bounces=BOUNCES)
+    assert not atlas.differences(ours, theirs, alike=0.9)
+    report = reports.last(lit)
+    assert report is not None
+    assert not report.warnings
+
+
 def test_grids_have_a_limit_in_total(lit: Any, add: Any, fog: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(grids, "MOST_OF_ALL", 3000)
     for name in ("First", "Second"):

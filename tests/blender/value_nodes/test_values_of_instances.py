@@ -93,16 +93,8 @@ def test_particles_are_those_of_cycles(stage: Any, add: Any) -> None:
     compared(stage)
 
 
-def test_attributes_and_places_of_instances_are_those_of_cycles(stage: Any, add: Any) -> None:
-    makers = [
-        read("Attribute", "Color", attribute_type="INSTANCER", attribute_name="tint"),
-        read("Attribute", "Vector", attribute_type="INSTANCER", attribute_name="own"),
-        read("TexCoord", "Generated", from_instancer=True),
-        read("TexCoord", "UV", from_instancer=True),
-    ]
-    shown = add("Shown", fan(makers), location=(0, -2.7, 0))
-    shown["own"] = (0.3, 0.8, 0.1)
-    # Geometry nodes put an instance on each vertex, with an attribute of its own.
+def scatter(shown: Any) -> Any:
+    """Geometry nodes that put an instance on each vertex, with an attribute of its own."""
     tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
@@ -120,8 +112,117 @@ def test_attributes_and_places_of_instances_are_those_of_cycles(stage: Any, add:
         (store.outputs[0], last.inputs[0]),
     ):
         tree.links.new(output, end)
+    return tree
+
+
+def duplicates(shown: Any, add: Any) -> None:
+    for k, (x, y) in enumerate(((-1.2, -1), (0.3, -0.2), (1.1, 1.2), (-1, 1.4))):
+        other = add("Copy", shown.data, location=(x, y, 0), rotation_euler=(0, 0, 0.4 * k))
+        other.color, other.pass_index, other["own"] = (0.2 * k, 0.5, 1 - 0.2 * k, 0.3 * k), k, (0.1, 0.2 * k, 0.7)
+
+
+def by_mesh(shown: Any, add: Any, kind: str) -> None:
+    parent = add("Parent", grid(2), location=(0.2, 0.4, 0), scale=(1.4, 1.1, 1))
+    parent.instance_type, parent.show_instancer_for_render, parent["tint"] = kind, False, (0.1, 0.6, 0.7)
+    parent.color, parent.pass_index = (0.9, 0.1, 0.2, 0.4), 5
+    child = add("Child", shown.data, scale=(0.7, 0.7, 1))
+    child.parent, child["own"], child.color, child.pass_index = parent, (0.9, 0.2, 0.4), (0.3, 0.8, 0.5, 0.6), 3
+
+
+def collection(add: Any, *items: Any) -> Any:
+    """A collection of these objects and, by two empties that stand for it, the instances of it."""
+    group = bpy.data.collections.new("Group")
+    for item in items:
+        for old in list(item.users_collection):
+            old.objects.unlink(item)
+        group.objects.link(item)
+    for k, y in enumerate((-0.9, 1.3)):
+        empty = add("Instancer", None, location=(0.3, y, 0), rotation_euler=(0, 0, 0.5 * k))
+        empty.instance_type, empty.instance_collection, empty["tint"] = "COLLECTION", group, (0.7, 0.2 * k, 0.3)
+        empty.color, empty.pass_index = (0.2, 0.3 + 0.5 * k, 0.6, 0.9), 2 + k
+    return group
+
+
+def by_collection(shown: Any, add: Any) -> None:
+    collection(add, add("Member", shown.data, location=(-0.9, 0.2, 0)), add("Other", shown.data, location=(0.8, 0, 0)))
+
+
+def by_nodes(shown: Any, add: Any) -> None:
+    scattered = add("Scattered", grid(2), location=(0.2, 0.4, 0), scale=(1.5, 1.3, 1))
+    scattered["tint"] = (0.9, 0.9, 0.1)
+    scattered.color, scattered.pass_index = (0.4, 0.3, 0.9, 0.2), 6
+    scattered.modifiers.new("Scatter", "NODES").node_group = scatter(shown)
+
+
+def by_particles(shown: Any, add: Any) -> None:
+    emitter = add("Emitter", grid(2), location=(0.2, 0.4, 0), scale=(1.3, 1.2, 1))
+    with bpy.context.temp_override(object=emitter, active_object=emitter):
+        bpy.ops.object.particle_system_add()
+    emitter.show_instancer_for_render, emitter["tint"] = False, (0.2, 0.5, 0.6)
+    settings = emitter.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 4, 1, 1, 60
+    settings.render_type, settings.instance_object, settings.particle_size = "OBJECT", shown, 0.8
+    settings.normal_factor, settings.effector_weights.gravity, settings.emit_from = 0.0, 0.0, "VERT"
+    settings.physics_type = "NO"
+
+
+def by_nested_collections(shown: Any, add: Any) -> None:
+    inner = add("Member", shown.data, location=(-0.5, 0.1, 0), scale=(0.6, 0.6, 1))
+    collection(add, inner)
+    collection(add, *[item for item in bpy.context.scene.objects if item.instance_type == "COLLECTION"])
+
+
+WAYS = {
+    "linked duplicates": duplicates,
+    "vertices": lambda shown, add: by_mesh(shown, add, "VERTS"),
+    "faces": lambda shown, add: by_mesh(shown, add, "FACES"),
+    "collections": by_collection,
+    "geometry nodes": by_nodes,
+    "particles": by_particles,
+    "nested collections": by_nested_collections,
+}
+"""All ways to make instances of an object, beside that object itself."""
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_values_of_every_kind_of_instance_are_those_of_cycles(way: str, stage: Any, add: Any) -> None:
+    """Random is a share of the largest number for all of them, never negative."""
+    makers = [
+        read("ObjectInfo", "Random", 1.0),
+        read("ObjectInfo", "Color"),
+        read("ObjectInfo", "Alpha"),
+        read("ObjectInfo", "Object Index", 0.1),
+        read("ObjectInfo", "Material Index", 0.2),
+        read("ObjectInfo", "Location", 0.2),
+        read("Attribute", "Vector", attribute_type="INSTANCER", attribute_name="tint"),
+        read("Attribute", "Vector", attribute_type="OBJECT", attribute_name="own"),
+        read("Attribute", "Vector", attribute_type="GEOMETRY", attribute_name="own"),
+        read("TexCoord", "Generated", from_instancer=True),
+        read("TexCoord", "UV", from_instancer=True),
+    ]
+    mesh = fan(makers)
+    values = mesh.attributes.new("own", "FLOAT_VECTOR", "POINT")
+    values.data.foreach_set("vector", np.linspace(-1, 1, 3 * len(mesh.vertices), dtype=np.float32))
+    for index, material in enumerate(mesh.materials):
+        material.pass_index = index % 4
+    shown = add("Shown", mesh, location=(0, -2.7, 0))
+    shown["own"], shown.color, shown.pass_index = (0.3, 0.8, 0.1), (0.6, 0.1, 0.4, 0.5), 4
+    WAYS[way](shown, add)
+    compared(stage)
+
+
+def test_attributes_and_places_of_instances_are_those_of_cycles(stage: Any, add: Any) -> None:
+    makers = [
+        read("Attribute", "Color", attribute_type="INSTANCER", attribute_name="tint"),
+        read("Attribute", "Vector", attribute_type="INSTANCER", attribute_name="own"),
+        read("TexCoord", "Generated", from_instancer=True),
+        read("TexCoord", "UV", from_instancer=True),
+    ]
+    shown = add("Shown", fan(makers), location=(0, -2.7, 0))
+    shown["own"] = (0.3, 0.8, 0.1)
+    # Geometry nodes put an instance on each vertex, with an attribute of its own.
     scattered = add("Scattered", grid(1), location=(0.2, 0.8, 0))
-    scattered.modifiers.new("Scatter", "NODES").node_group = tree
+    scattered.modifiers.new("Scatter", "NODES").node_group = scatter(shown)
     # Another object has an instance on each vertex of a parent.
     parent = add("Parent", grid(1), location=(0, -1.2, 0), scale=(0.6, 0.3, 1))
     parent.instance_type, parent.show_instancer_for_render = "VERTS", False

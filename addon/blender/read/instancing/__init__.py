@@ -65,7 +65,8 @@ class Instancing:
         """An attribute of the instances that geometry nodes made: of the innermost ones that have it."""
         parent = instance.parent
         read = getattr(parent, "evaluated_geometry", None)  # since Blender 5.0
-        if read is None or instance.particle_system is not None:
+        # Collections are instanced by empties, which have no geometry.
+        if read is None or instance.particle_system is not None or parent.type == "EMPTY":
             return None
         key = parent.original.as_pointer()
         if key not in self._levels:

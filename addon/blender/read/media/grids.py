@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 
 from ....core.base.arrays import F64
 from ....core.scene.scene import Voxels
+from ..bundled import bundled
 from ..meshes import MeshArrays
 from ..nodes import Unsupported
 
@@ -47,6 +47,16 @@ class Grids:
 
     box: MeshArrays | None
     voxels: Mapping[str, Voxels]
+
+
+def occur(depsgraph: Any) -> bool:
+    """Whether the depsgraph shows volumes: as data blocks, or made by the modifiers of other objects."""
+    volumes = modified = False
+    for block in depsgraph.ids:
+        volumes |= isinstance(block, bpy.types.Volume)
+        modified |= isinstance(block, bpy.types.Object) and any(one.type == "NODES" for one in block.modifiers)
+    # What modifiers make is not among the data blocks.
+    return volumes or (modified and any(placed.object.type == "VOLUME" for placed in depsgraph.object_instances))
 
 
 def read_volume(data: Any, name: str, notes: Notes, taken: int = 0) -> Grids:
@@ -102,7 +112,7 @@ def _dense(path: str, grid: Any, left: int) -> tuple[Voxels, F64 | None]:
     channels = CHANNELS.get(grid.data_type)
     if channels is None:
         raise Unsupported(f"its type {grid.data_type} is not supported yet")
-    sparse = _openvdb().read(path, grid.name)
+    sparse = bundled("openvdb").read(path, grid.name)
     nothing = Voxels(np.zeros((0, 0, 0, channels), np.float32), np.zeros((3, 4)).tolist())
     if sparse.activeVoxelCount() == 0:
         return nothing, None
@@ -126,18 +136,3 @@ def _dense(path: str, grid: Any, left: int) -> tuple[Voxels, F64 | None]:
     if not (np.isfinite(to_index).all() and np.isfinite(box).all()):
         raise Unsupported("its transform is not finite")
     return Voxels(values.reshape(*size.tolist(), channels), to_index.tolist()), box
-
-
-def _openvdb() -> Any:
-    """Blender's own module for grids, which its Python has since 4.4."""
-    try:
-        return importlib.import_module("openvdb")
-    except ImportError:
-        # With Blender as a module, the modules that it comes with are hidden at first.
-        expose = getattr(bpy.utils, "expose_bundled_modules", None)
-        if expose is not None:
-            expose()
-        try:
-            return importlib.import_module("openvdb")
-        except ImportError as error:
-            raise Unsupported("Blender's module openvdb is missing") from error
