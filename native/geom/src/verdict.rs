@@ -407,10 +407,13 @@ mod tests {
         let mut hits = [0_u32; 2];
         for i in 0..20_000_u16 {
             let [x, y] = [i % 199, i / 199].map(f32::from);
-            let v = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[i, j]: [f32; 2]| {
-                [x + i, y + j, height(x + i, y + j)]
-            });
-            let at = if i % 2 == 0 { v[0] } else { [x + 0.5, y + 0.5, 0.0] };
+            let v = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+                .map(|[i, j]: [f32; 2]| [x + i, y + j, height(x + i, y + j)]);
+            let at = if i % 2 == 0 {
+                v[0]
+            } else {
+                [x + 0.5, y + 0.5, 0.0]
+            };
             hits[0] += u32::from(verdict([at[0], at[1], 50.0], [0.0, 0.0, -1.0], v).is_some());
             // Aim at a vertex that few bits describe.
             let [o, a] = [random.point(-50.0, 50.0), random.point(-9.0, 9.0)];
@@ -429,7 +432,14 @@ mod tests {
     /// Of six triangles around a vertex, all at one distance, only the first needs the signs of its weights.
     #[test]
     fn triangles_that_cannot_precede_a_hit_need_no_signs() {
-        let rim = [[1.0, 0.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, -1.0]];
+        let rim = [
+            [1.0, 0.0],
+            [0.0, 1.0],
+            [-1.0, 1.0],
+            [-1.0, 0.0],
+            [0.0, -1.0],
+            [1.0, -1.0],
+        ];
         let rim = rim.map(|[x, y]: [f32; 2]| [x, y, 0.1 * x - 0.3 * y]);
         let before = SETTLED.get();
         let mut end = f32::INFINITY;

@@ -326,14 +326,32 @@ fn beams_along_symmetries_of_deep_trees_end() {
         // Stand on diagonals, in planes of the octants, at face centres, edges and vertices of the root and of small cells.
         let unit = cube.unit();
         let cell = corner + ((at - corner) / unit).floor() * unit;
-        let places = [at, 0.3 * at + 7e-5, cell, cell + 0.5 * unit, middle, corner, corner + cube.side];
+        let places = [
+            at,
+            0.3 * at + 7e-5,
+            cell,
+            cell + 0.5 * unit,
+            middle,
+            corner,
+            corner + cube.side,
+        ];
         let mut eyes = Vec::new();
         for x in places {
-            eyes.extend([[x; 3], [x, x, middle], [middle, x, cell], [x, cell, cell + unit]]);
+            eyes.extend([
+                [x; 3],
+                [x, x, middle],
+                [middle, x, cell],
+                [x, cell, cell + unit],
+            ]);
         }
         for (i, eye) in eyes.into_iter().enumerate() {
             let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-            let towards = [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -1.0, 1.0]];
+            let towards = [
+                [1.0, 1.0, 1.0],
+                [1.0, 1.0, 0.0],
+                [0.0, 0.0, 1.0],
+                [1.0, -1.0, 1.0],
+            ];
             for towards in [towards[0], towards[1 + i % 3]] {
                 let rays = view(eye, towards.map(|x: f32| x * sign));
                 let own = |ray: &Ray| {

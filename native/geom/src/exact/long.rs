@@ -21,8 +21,7 @@ impl Long {
         // The lower word of `b` is not negative, the upper one has its sign.
         let (lower, upper) = (b & i128::from(u64::MAX), b >> 64);
         let (lower, upper) = (i128::from(a) * lower, i128::from(a) * upper);
-        let (low, carry) =
-            (lower.cast_unsigned()).overflowing_add(upper.cast_unsigned() << 64);
+        let (low, carry) = (lower.cast_unsigned()).overflowing_add(upper.cast_unsigned() << 64);
         Self {
             high: (lower >> (HALF - 1)) + (upper >> 64) + i128::from(carry),
             low,

@@ -416,7 +416,11 @@ pub(crate) mod tests {
     fn rounding_is_to_nearest_even() {
         let ratio = |n: i128, d: i128| {
             let long = round_to_f32(&BigInt::from(n), &BigInt::from(d), 0);
-            assert_eq!(quotient(Long::product(1, n), Long::product(1, d), 0), long, "{n} / {d}");
+            assert_eq!(
+                quotient(Long::product(1, n), Long::product(1, d), 0),
+                long,
+                "{n} / {d}"
+            );
             long
         };
         assert_eq!(ratio(1, 3), 1.0 / 3.0);

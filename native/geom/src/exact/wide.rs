@@ -25,7 +25,10 @@ type Part = (i32, i32);
 #[cold]
 pub fn edge_sign(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], vertex: usize) -> i32 {
     let (o, d) = (o.map(parts), d.map(parts));
-    let (p, q) = (v[(vertex + 1) % 3].map(parts), v[(vertex + 2) % 3].map(parts));
+    let (p, q) = (
+        v[(vertex + 1) % 3].map(parts),
+        v[(vertex + 2) % 3].map(parts),
+    );
     let mut sum = Sum::default();
     sum.add_determinant(&d, &p, &q);
     sum.add_determinant(&d, &q, &o);

@@ -148,7 +148,9 @@ fn scaled(size: Size, power: i32, random: &mut Random) -> Draft {
 fn sizes_away(size: Size, random: &mut Random) -> Draft {
     let (mut corners, mut rays) = (Vec::new(), Vec::new());
     // Put clusters of ever smaller triangles at places far from the origin in their units.
-    let places: Vec<_> = (-1..8).map(|power| (10.0_f32.powi(-power), random.point(-1.0, 1.0))).collect();
+    let places: Vec<_> = (-1..8)
+        .map(|power| (10.0_f32.powi(-power), random.point(-1.0, 1.0)))
+        .collect();
     for (unit, at) in &places {
         corners.extend(placed(&cloud(size.pick(30, 800), 0.5, random), *unit, *at));
     }
@@ -156,8 +158,13 @@ fn sizes_away(size: Size, random: &mut Random) -> Draft {
         // Look at a cluster from as far in its units as another one lies, or from the origin's neighbourhood.
         let (unit, at) = random.pick(&places);
         let from = random.point(-1.0, 1.0);
-        let away = if i % 2 == 0 { unit * random.pick(&places).0.recip() } else { 1.0 };
-        let o: [f32; 3] = std::array::from_fn(|k| from[k] * away + if i % 2 == 0 { at[k] } else { 0.0 });
+        let away = if i % 2 == 0 {
+            unit * random.pick(&places).0.recip()
+        } else {
+            1.0
+        };
+        let o: [f32; 3] =
+            std::array::from_fn(|k| from[k] * away + if i % 2 == 0 { at[k] } else { 0.0 });
         let to = random.point(-unit, unit);
         rays.push(ray(o, std::array::from_fn(|k| at[k] + to[k] - o[k])));
     }

@@ -261,6 +261,32 @@ impl<
         self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
     }
 
+    /// Finds the surface of a hit. Returns the ray that goes on if the surface is invisible to it, or only the boundary of
+    /// a volume.
+    #[inline(always)]
+    fn arrive(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        known: Option<Surface<'a>>,
+        path: &mut Path,
+        out: &mut Output<'_, EXTRA>,
+    ) -> Result<Surface<'a>, Option<Ray>> {
+        let (scene, d) = (self.scene, Vec3::from(ray.d));
+        let surface = known.unwrap_or_else(|| Surface::at::<SMOOTH>(scene, hit, d, Some(ray)));
+        out.work.normals_fetched += u64::from(SMOOTH);
+        if self.features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
+            || EXTRA && path.catch == Catch::OnlyCatchers && !surface.material.catcher
+        {
+            return Err(pass_invisible(&surface, ray, hit, path));
+        }
+        if out.media.is_some() && surface.material.boundary {
+            out.cross(&surface);
+            return Err(pass_invisible(&surface, ray, hit, path));
+        }
+        Ok(surface)
+    }
+
     /// Shades one hit. `known`: its surface, if its program has run. Returns the next ray if the path continues.
     #[inline(always)]
     fn shade_hit(
@@ -295,19 +321,10 @@ impl<
             self.add_background(d, path, out);
             return None;
         }
-        // Find the surface; rays to which it is invisible pass through it.
-        let mut surface = known.unwrap_or_else(|| Surface::at::<SMOOTH>(scene, hit, d, Some(ray)));
-        out.work.normals_fetched += u64::from(SMOOTH);
-        if features.hidden && surface.is_passed(scene, path.kind) && !self.is_point(path)
-            || EXTRA && path.catch == Catch::OnlyCatchers && !surface.material.catcher
-        {
-            return pass_invisible(&surface, ray, hit, path);
-        }
-        // Pass the boundaries of volumes.
-        if out.media.is_some() && surface.material.boundary {
-            out.cross(&surface);
-            return pass_invisible(&surface, ray, hit, path);
-        }
+        let mut surface = match self.arrive(ray, hit, known, path, out) {
+            Ok(surface) => surface,
+            Err(next) => return next,
+        };
         self.run_program(&mut surface, d, hit.t, path, out);
         // Add the emission of the surface.
         let material = surface.material;
