@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
-from shapes import material, node
+from shapes import material, node, with_nodes
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
@@ -31,7 +31,7 @@ def stage(add: Any, scene: Any, place: tuple[float, float, float], lens: float) 
     if not hasattr(scene, "cycles"):
         pytest.skip("this Blender has no Cycles")
     scene.world = bpy.data.worlds.new("World")
-    scene.world.use_nodes = True
+    with_nodes(scene.world)
     node(scene.world.node_tree, "ShaderNodeBackground").inputs[0].default_value = (0.4, 0.4, 0.4, 1)
     sun = bpy.data.lights.new("Sun", "SUN")
     sun.energy, sun.angle = 3.0, 0.0

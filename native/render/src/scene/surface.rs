@@ -285,9 +285,9 @@ impl<'a> Surface<'a> {
         };
         // Project the point onto each corner's tangent plane, and interpolate the shifts.
         let mut lift = Vec3::ZERO;
-        for k in 0..3 {
+        for (k, normal) in normals.into_iter().enumerate() {
             // The normal on the light's side; only points below the tangent plane are lifted.
-            let n = Vec3::from(normals[k]).normalized_or(side);
+            let n = Vec3::from(normal).normalized_or(side);
             let n = if n.dot(side) < 0.0 { -n } else { n };
             let from_corner = sub(self.facet.point, widen(self.corners[k]));
             let below = (dot(from_corner, widen(n.array())) as f32).min(0.0);

@@ -70,6 +70,17 @@ pub fn choose(features: Features, extra: bool) -> Shade {
     variant!(features.glossy, features.glass, smooth_normals;)
 }
 
+/// Returns the triangle that a ray behind a hit has left, or [`Hit::NONE`]: rays that begin on a surface exclude it by
+/// their interval.
+#[inline(always)]
+fn left_by(next: &Ray, hit: &Hit) -> u32 {
+    if next.t_min > 0.0 {
+        hit.triangle
+    } else {
+        Hit::NONE
+    }
+}
+
 /// Shades all hits: adds emission, collects shadow rays, and replaces the rays by those of the next bounce. Paths
 /// that continue keep their order.
 ///
@@ -123,8 +134,7 @@ fn shade<
         };
         let known = programs.ready::<SMOOTH>(context, i, all, registers);
         // Shade on a copy of the path; it is stored back only if it continues.
-        let mut path = paths[i];
-        let ray = rays[i];
+        let (mut path, ray) = (paths[i], rays[i]);
         let (sample, extra) = if EXTRA {
             if let Some(alone) =
                 catcher::split(context, &ray, &hits[i], &mut path, batch, light_registers)
@@ -155,12 +165,7 @@ fn shade<
         };
         if let Some(next) = shader.shade_hit(&ray, &hits[i], known, &mut path, &mut bsdf, &mut out)
         {
-            // Rays that begin on a surface exclude it by their interval.
-            path.left = if next.t_min > 0.0 {
-                hits[i].triangle
-            } else {
-                Hit::NONE
-            };
+            path.left = left_by(&next, &hits[i]);
             rays[kept] = next;
             set(sources, kept, Some(out.next));
             set(shares, kept, out.shares());
@@ -327,9 +332,8 @@ impl<
         };
         self.run_program(&mut surface, d, hit.t, path, out);
         // Add the emission of the surface.
-        let material = surface.material;
-        let unscattered = material.unscattered(out.registers);
-        let hole = features.holes && material.hole && path.camera;
+        let unscattered = surface.material.unscattered(out.registers);
+        let hole = features.holes && surface.material.hole && path.camera;
         if features.emission
             && !hole
             && !self.is(Integrator::Ambient)
@@ -353,7 +357,7 @@ impl<
             [0.0; 2]
         };
         // Go on at another place with the probability of the portals.
-        if features.portals && !hole && !material.portals.is_empty() {
+        if features.portals && !hole && !surface.material.portals.is_empty() {
             match portal::pass(scene, &surface, &unscattered, d, opacity, path, out) {
                 Ok(rest) => opacity = rest,
                 Err(next) => return next,
