@@ -21,13 +21,6 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     let trees = trees.chain(structure.apart().iter().map(|apart| (apart, &apart.shape)));
     for (part, (built, shape)) in trees.enumerate() {
         let scene = structure.scene_of(part).expect("a scene that is built");
-        // Build the rest of a tree apart that rays build.
-        let growing = built.growing.as_ref();
-        let whole = growing.map(|growing| growing.whole(&scene, &built.frame));
-        let (built, shape) = match &whole {
-            Some(whole) => (whole, &whole.shape),
-            None => (built, shape),
-        };
         let body = Body {
             scene: &scene,
             frame: &built.frame,

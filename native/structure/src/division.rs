@@ -36,9 +36,9 @@ const PLACES: usize = 16;
 /// are 2^-21 of the frame's extent, so from here on they exceed a five-hundredth of the cluster.
 const APART: f32 = 4096.0;
 
-/// [`APART`] of structures whose cells do not follow the triangles: equal cells, and octants, whose depth is limited. Each
-/// halving of the extent costs a level of the depth.
-const APART_CELLS: f32 = 256.0;
+/// [`APART`] of structures whose cells do not follow the triangles: equal cells, octants and halved cells, whose depth is
+/// limited. Each halving of the extent costs a level of the depth.
+const APART_CELLS: f32 = 64.0;
 
 /// The trees of a scene.
 #[derive(Debug)]
@@ -47,8 +47,8 @@ pub struct Parts {
     pub main: Built,
     /// The trees of all other triangles; mostly none.
     pub apart: Vec<Built>,
-    /// The triangles of each part, if rays build its tree; else empty.
-    pub growing: Vec<Arc<Triangles>>,
+    /// The triangles of `main`, if rays build it and it is not the only tree.
+    pub growing: Option<Arc<Triangles>>,
     /// The part of each triangle of the scene: 0 for `main`, `i + 1` for `apart[i]`; empty if there is only one.
     pub part_of: Vec<u8>,
     /// What was done differently than the configuration says, with reasons.
@@ -67,7 +67,7 @@ pub fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Pa
         return Ok(Parts {
             main,
             apart: Vec::new(),
-            growing: Vec::new(),
+            growing: None,
             part_of: Vec::new(),
             remarks,
         });
@@ -80,15 +80,20 @@ pub fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Pa
             part_of[id as usize] = part;
         }
     }
-    let (mut built, mut growing) = (Vec::with_capacity(lists.len()), Vec::new());
+    let (mut built, mut growing) = (Vec::with_capacity(lists.len()), None);
     for part in 0..lists.len() {
         let _held = monitor.hold(scene.len() * footprint::TRIANGLE)?;
         let own = only(scene, &part_of, part)?;
         let tree = work::build(&own, config, monitor, &mut remarks)?;
-        if tree.growing.is_some() {
-            growing.push(Arc::new(own));
+        // Rays build the largest tree alone.
+        match (&tree.growing, part) {
+            (Some(later), 1..) => built.push(later.whole(&own, &tree.frame)),
+            (Some(_), 0) => {
+                built.push(tree);
+                growing = Some(Arc::new(own));
+            }
+            (None, _) => built.push(tree),
         }
-        built.push(tree);
     }
     let apart = built.split_off(1);
     let main = built.pop().expect("at least two parts");
@@ -149,20 +154,27 @@ fn divided(scene: &Triangles, config: &Config) -> Vec<Vec<u32>> {
     if config.structure().family == "oracle" || published || scene.live().len() < FEW {
         return Vec::new();
     }
-    let apart = if matches!(config.way().nodes, "cells" | "octants") {
-        APART_CELLS
-    } else {
-        APART
-    };
-    let mut done = Vec::new();
+    let row = config.structure();
+    let regular = matches!(row.id, "grid" | "kd-median") || row.family == "octants";
+    let apart = if regular { APART_CELLS } else { APART };
+    let (mut done, mut others) = (Vec::new(), Vec::new());
     let mut open = vec![scene.live().to_vec()];
-    // Divide the parts, near ones before the rest, until none is a cluster with others far around it.
+    // Divide the parts, near ones before the rest, until none is a cluster with others far around it. One part takes all
+    // that are so few that no tree helps.
     while let Some(ids) = open.pop() {
-        let full = done.len() + open.len() + 2 > MOST;
-        match cluster(scene, &ids, apart).filter(|_| !full) {
-            Some([near, rest]) => open.extend([rest, near]),
-            None => done.push(ids),
+        let full = done.len() + open.len() + 3 > MOST;
+        match cluster(scene, &ids, apart) {
+            Some([near, rest]) if rest.len() < FEW => {
+                others.extend(rest);
+                open.push(near);
+            }
+            Some([near, rest]) if !full => open.extend([rest, near]),
+            _ => done.push(ids),
         }
+    }
+    if !others.is_empty() {
+        others.sort_unstable();
+        done.push(others);
     }
     // The sort is stable: parts of equal size keep their order.
     done.sort_by_key(|ids| std::cmp::Reverse(ids.len()));
@@ -170,7 +182,7 @@ fn divided(scene: &Triangles, config: &Config) -> Vec<Vec<u32>> {
 }
 
 /// Returns the triangles of the fullest place whose extent is at most that of all triangles divided by `apart`, and the
-/// rest; `None` unless an eighth of the triangles lies there.
+/// rest; `None` unless an eighth of the triangles lies there, with few others around them.
 fn cluster(scene: &Triangles, ids: &[u32], apart: f32) -> Option<[Vec<u32>; 2]> {
     if ids.len() < FEW {
         return None;
@@ -180,32 +192,31 @@ fn cluster(scene: &Triangles, ids: &[u32], apart: f32) -> Option<[Vec<u32>; 2]> 
     });
     let extent = (0..3).fold(0.0_f64, |most, k| most.max(bounds.extent(k)));
     let most = extent / f64::from(apart);
-    // Return whether a triangle lies within `most` of a point, along each axis.
-    let within = |id: u32, middle: [f32; 3]| {
+    // Return whether a triangle lies within a distance of a point, along each axis.
+    let within = |id: u32, middle: [f32; 3], most: f64| {
         let corners = scene.corners(id);
         let near = |x: f32, k: usize| (f64::from(x) - f64::from(middle[k])).abs() <= most;
         (corners.iter()).all(|p| near(p[0], 0) && near(p[1], 1) && near(p[2], 2))
     };
     // Count the triangles of a sample around some of them.
     let every = |n: usize| ids.iter().step_by(ids.len().div_ceil(n)).copied();
+    let count = |middle, most| every(SAMPLE).filter(|&id| within(id, middle, most)).count();
     let counted = every(PLACES).map(|id| {
         let middle = scene.corners(id)[0];
-        (
-            every(SAMPLE).filter(|&id| within(id, middle)).count(),
-            middle,
-        )
+        (count(middle, most), middle)
     });
-    // Keep the first of the fullest.
-    let (count, middle) = counted.fold(
+    // Keep the first of the fullest. It must not be a part of something larger, which one tree serves better.
+    let (inside, middle) = counted.fold(
         (0, [0.0; 3]),
         |best, new| {
             if new.0 > best.0 { new } else { best }
         },
     );
-    if 8 * count < every(SAMPLE).count() {
+    let full = 8 * inside >= every(SAMPLE).count();
+    if !full || 4 * count(middle, 4.0 * most) > 5 * inside {
         return None;
     }
-    let (near, rest): (Vec<_>, Vec<_>) = ids.iter().partition(|&&id| within(id, middle));
+    let (near, rest): (Vec<_>, Vec<_>) = ids.iter().partition(|&&id| within(id, middle, most));
     (near.len() >= FEW && !rest.is_empty()).then_some([near, rest])
 }
 

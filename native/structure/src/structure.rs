@@ -37,7 +37,7 @@ pub struct Structure {
     /// The trees of triangles that differ too much in scale from those of `built`; mostly none.
     pub(crate) apart: Vec<Built>,
     /// As [`Parts::growing`].
-    growing: Vec<Arc<Triangles>>,
+    growing: Option<Arc<Triangles>>,
     /// As [`Parts::part_of`].
     part_of: Vec<u8>,
     /// As [`Parts::remarks`].
@@ -125,7 +125,7 @@ impl Structure {
                 config: self.config.clone(),
                 built,
                 apart: parts,
-                growing: Vec::new(),
+                growing: None,
                 part_of: self.part_of.clone(),
                 remarks: self.remarks.clone(),
                 whole: OnceLock::new(),
@@ -195,11 +195,11 @@ impl Structure {
         std::iter::once(&self.built).chain(&self.apart)
     }
 
-    /// Returns the triangles that a tree may read: those of its part if rays build it, else those of the scene.
+    /// Returns the triangles that a tree may read: its own if rays build it, else those of the scene.
     pub(crate) fn triangles(&self, built: &Built) -> &Triangles {
-        let mut parts = self.parts().zip(&self.growing);
-        let own = parts.find(|(part, _)| std::ptr::eq(*part, built));
-        own.map_or(&self.scene, |(_, triangles)| triangles)
+        let own = self.growing.as_ref();
+        own.filter(|_| std::ptr::eq(built, &self.built))
+            .unwrap_or(&self.scene)
     }
 
     /// Returns the triangles of [`Self::built`], or of `apart()[part - 1]`; all others have no area.
