@@ -251,14 +251,19 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
             sphere: keys.flag_or("sphere", false)?,
             casts_shadow: keys.flag_or("casts_shadow", true)?,
             visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
-            sets: LightSets {
-                receivers: set(&keys, "receivers")?,
-                blockers: set(&keys, "blockers")?,
-            },
+            sets: sets(&keys)?,
             group: group(&keys)?,
             max_bounces: bounces(&keys)?,
             program: lamp_program(&keys)?,
         })
+    })
+}
+
+/// Reads which objects a light lights, and which block it.
+fn sets(keys: &Keys<'_, '_>) -> Result<LightSets> {
+    Ok(LightSets {
+        receivers: set(keys, "receivers")?,
+        blockers: set(keys, "blockers")?,
     })
 }
 
