@@ -127,6 +127,8 @@ def _settings(scene: Any) -> None:
     render.use_motion_blur = render.use_simplify = cycles.use_camera_cull = cycles.use_distance_cull = True
     scene.halfspace.use_denoising = cycles.film_transparent_glass = True
     scene.halfspace.motion_steps = 2
+    if "feature_set" in cycles.bl_rna.properties:  # before Blender 5.0, for adaptive subdivision
+        cycles.feature_set = "EXPERIMENTAL"
     scene.view_layers[0].lightgroups.add(name="Other")
     scene.view_layers[0].use_pass_cryptomatte_object = render.use_border = True
     render.threads_mode, render.border_max_x, render.border_max_y = "FIXED", 0.8, 0.8

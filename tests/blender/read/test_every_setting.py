@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import bpy
 import pytest
+from shapes import cube, material, read
 from walking import LIGHTS, OWNERS, Outcome, build, differs, outcome, owners, values
 
 EVERYWHERE = "*"
@@ -27,8 +29,8 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "Scene": "frame_start frame_end frame_step time_jump_unit time_jump_delta lock_frame_selection_to_range "
         "allow_preroll use_preview_range frame_preview_start frame_preview_end show_subframe "
         "show_keys_from_selected_only use_custom_simulation_range simulation_frame_start simulation_frame_end "
-        "sync_mode playback_loop_mode annotation gravity use_gravity use_audio use_audio_scrub audio_doppler_speed "
-        "audio_doppler_factor audio_distance_model audio_volume active_clip",
+        "sync_mode playback_loop_mode grease_pencil annotation gravity use_gravity use_audio use_audio_scrub "
+        "audio_doppler_speed audio_doppler_factor audio_distance_model audio_volume active_clip",
         "Object": "track_axis up_axis use_camera_lock_parent lock_location lock_rotation lock_rotation_w "
         "lock_rotations_4d lock_scale use_simulation_cache use_mesh_mirror_x use_mesh_mirror_y use_mesh_mirror_z "
         "use_shape_key_edit_mode active_shape_key_index active_material_index active_selection_set "
@@ -104,6 +106,10 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "compositor_denoise_preview_quality compositor_denoise_final_quality",
         "ViewLayer": "use_pass_combined",
     },
+    "bakes, which have settings of their own": {
+        "RenderSettings": "bake_type use_bake_selected_to_active use_bake_clear bake_margin bake_margin_type bake_bias "
+        "use_bake_multires use_bake_lores_mesh bake_samples use_bake_user_scale bake_user_scale",
+    },
     "grease pencil, Freestyle and line art, which Blender draws": {
         "ViewLayer": "use_grease_pencil use_freestyle",
         "RenderSettings": "line_thickness_mode line_thickness simplify_gpencil simplify_gpencil_onplay "
@@ -167,14 +173,14 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
     },
     "the accuracy of steps that Halfspace does not take": {
         "Cycles of Scene": "volume_step_rate volume_max_steps volume_biased",
-        "Cycles of World": "volume_interpolation volume_step_size",
-        "Cycles of Material": "volume_step_rate",
+        "Cycles of World": "volume_interpolation volume_step_size homogeneous_volume",
+        "Cycles of Material": "volume_step_rate homogeneous_volume",
         "Curves of Scene": "shape subdivisions",
     },
     "parts of a feature that is named where it is in use": {
         "Cycles of Scene": "fast_gi_method ao_bounces ao_bounces_render rolling_shutter_duration dicing_rate "
         "max_subdivisions dicing_camera offscreen_dicing_scale",
-        "Cycles of Object": "ao_distance",
+        "Cycles of Object": "ao_distance dicing_rate",
         "ViewLayer": "use_ao",
         "WorldLighting": "ao_factor distance use_ambient_occlusion",
         "Subdivision": "adaptive_space adaptive_pixel_size adaptive_object_edge_length",
@@ -253,7 +259,7 @@ def test_no_setting_is_ignored_in_silence(owner: str) -> None:
         if not shown(scene, base, block, name):
             ignored.append(name)
         scene = restored(scene, base, block, before)
-    assert not ignored, f"of {owner}: honour or name them, or list why they have no effect"
+    assert not ignored, f"of {owner}: honour or name, or list with a reason: {' '.join(ignored)}"
 
 
 def test_every_owner_is_tested_and_every_reason_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -261,3 +267,100 @@ def test_every_owner_is_tested_and_every_reason_printed(capsys: pytest.CaptureFi
     with capsys.disabled():
         for reason, listed in WITHOUT_EFFECT.items():
             print(f"\n{sum(len(names.split()) for names in listed.values()):4d} without an effect: {reason}", end="")
+
+
+NODES_WITHOUT_EFFECT = {
+    "ShaderNodeMixRGB": "use_alpha",  # nor in Cycles
+    "ShaderNodeRaycast": "active_index active_item",  # the node's interface
+    "ShaderNodeScript": "script filepath mode use_auto_update bytecode bytecode_hash",  # named where it has outputs
+    "ShaderNodeTexIES": "ies",  # texts: see test_lights.py
+    "ShaderNodeUVMap": "from_instancer",  # of instances alone
+}
+"""Properties of shader nodes without an effect on a picture, by the type of the node."""
+
+
+def node_types() -> list[str]:
+    """The types of nodes that a material's tree can have, but for groups and outputs."""
+    found = [name for name in dir(bpy.types) if name.startswith("ShaderNode") and name != "ShaderNode"]
+    others = ("Group", "Output", "Custom", "Tree")
+    return [name for name in found if not any(part in name for part in others)]
+
+
+def varied(kind: str, output: int = 0, **chosen: Any) -> Any:
+    """A node of this type whose inputs vary, as the surface of the only material in use. output: which of its outputs.
+    chosen: properties of the node.
+    """
+    block = bpy.data.materials["Skin"]
+    tree = block.node_tree
+    tree.nodes.clear()
+    noise, place = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexCoord")
+    made, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    if "image" in made.bl_rna.properties:
+        made.image = bpy.data.images["Picture"]
+    for name, value in chosen.items():
+        setattr(made, name, value)
+    for socket in made.inputs:
+        if socket.enabled and socket.type in ("VALUE", "RGBA", "VECTOR", "INT"):
+            tree.links.new((place if socket.type == "VECTOR" else noise).outputs[0], socket)
+    outputs = [socket for socket in made.outputs if socket.enabled]
+    result = outputs[output] if output < len(outputs) else None
+    if result is not None and result.type != "SHADER":
+        glow = tree.nodes.new("ShaderNodeEmission")
+        tree.links.new(result, glow.inputs[0])
+        result = glow.outputs[0]
+    if result is not None:
+        volume = "Volume" in kind and "Info" not in kind
+        tree.links.new(result, end.inputs["Volume" if volume else "Surface"])
+    return made
+
+
+def ways(kind: str, name: str) -> Iterator[Any]:
+    """The node in ways in which a property may have an effect: its other outputs, other choices of its kind."""
+    first = varied(kind)
+    yield first
+    for output in range(1, len([socket for socket in first.outputs if socket.enabled])):
+        yield varied(kind, output)
+    for other in settable(varied(kind)):
+        item = varied(kind).bl_rna.properties[other]
+        if item.type == "ENUM" and other != name:
+            for value in [one.identifier for one in item.enum_items]:
+                try:
+                    yield varied(kind, **{other: value})
+                except TypeError:
+                    continue
+
+
+def settable(node: Any) -> list[str]:
+    """The properties of a node's own type."""
+    common = set(bpy.types.ShaderNode.bl_rna.properties.keys())
+    items = [item for item in node.bl_rna.properties if item.identifier not in common and not item.is_readonly]
+    return [item.identifier for item in items if item.type != "COLLECTION"]
+
+
+def has_effect(node: Any, name: str) -> bool:
+    """Whether another value of a node's property changes what is read, or the node is named."""
+    base = read()
+    if base[1]:
+        return True
+    for value in list(values(node, node.bl_rna.properties[name])):
+        try:
+            setattr(node, name, value)
+        except (TypeError, AttributeError, ValueError, RuntimeError):
+            continue
+        if differs(base, read()):
+            return True
+    return False
+
+
+def test_no_property_of_a_node_is_ignored_in_silence(scene: Any, add: Any) -> None:
+    mesh = cube()
+    mesh.materials.append(material("Skin"))
+    bpy.data.images.new("Picture", 2, 2)
+    add("Thing", mesh)
+    ignored = []
+    for kind in node_types():
+        for name in settable(varied(kind)):
+            listed = name in NODES_WITHOUT_EFFECT.get(kind, "").split()
+            if not listed and not any(has_effect(node, name) for node in ways(kind, name)):
+                ignored.append(f"{kind}.{name}")
+    assert not ignored, " ".join(ignored)

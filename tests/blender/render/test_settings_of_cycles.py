@@ -259,3 +259,20 @@ def test_an_object_may_have_no_motion_blur(stage: Any, add: Any, switch: str) ->
     assert still is not None
     assert np.sqrt(((pictures.render(stage)[..., 0] - still) ** 2).mean()) < 0.1 * still.std()
     assert blurred[0] > 0
+
+
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+def test_a_normal_map_with_the_green_of_directx(stage: Any, add: Any, space: str) -> None:
+    block = cube()
+    block.materials.append(material("Block", Specular_IOR_Level=0.0))
+    add("Block", block)
+    tree = block.materials[0].node_tree
+    bent = tree.nodes.new("ShaderNodeNormalMap")
+    if "convention" not in bent.bl_rna.properties:
+        pytest.skip("new in Blender 5")
+    bent.space, bent.inputs["Color"].default_value = space, (0.6, 0.8, 0.8, 1)
+    tree.links.new(bent.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Normal"])
+    lamp(add, "SUN", 3.0, rotation_euler=(-0.4, 0.1, 0))
+    before = agree(stage)
+    bent.convention = "DIRECTX"
+    assert abs(agree(stage)[0] / before[0] - 1) > 0.1

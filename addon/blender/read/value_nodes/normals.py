@@ -25,6 +25,11 @@ def _normal_map(values: Values, node: Place) -> Operand:
     if item.space not in ("TANGENT", "OBJECT", "WORLD"):
         raise Unsupported(f"Normal Map ({item.space.replace('_', ' ').lower()})")
     color, strength = values.input(node, "Color"), values.input(node, "Strength")
+    # Both choices are new in Blender 5.
+    if getattr(item, "convention", "OPENGL") == "DIRECTX":
+        color = values.step("vector_math", color, (1.0, -1.0, 1.0), (0.0, 1.0, 0.0), kind="MULTIPLY_ADD")
+    if getattr(item, "base", "DISPLACED") == "ORIGINAL":
+        values.remark("Normal Map relative to the surface before displacement")
     if item.space == "TANGENT":
         layer = values.layers.number(TANGENT, item.uv_map)
         values.layers.objects = True
