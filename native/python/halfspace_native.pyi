@@ -913,8 +913,10 @@ class RenderScene:
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
         an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must not
         vary, as for materials. "group", "max_bounces" and "casts_shadow" as for lights.
-    images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
-        whether colours are decoded after interpolation. An image without pixels is missing: pink.
+    images: dictionaries of "name", "pixels", (h, w, 4 or 1) uint8, uint16, float16 or float32, rows from the bottom,
+        and "srgb", whether colours are decoded after interpolation. An image without pixels is missing: pink. Arrays
+        that view a `bytes` object are not copied. With "tiles", such dictionaries with a "number" each (UDIM), the
+        image consists of these.
     layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
     objects: dictionaries of "to_object", (3, 4), scene to object space, and "generated",
         (2, 3), offset and then factor that map object space to 0..1 in the object's box, and "values",

@@ -77,7 +77,7 @@ class Palette:
         the passes that materials write. grids: whether there are volume objects.
         """
         self.layers = Layers()
-        self.gallery = Gallery()
+        self.gallery = Gallery(next((owner.frame_current for owner in owners if isinstance(owner, bpy.types.Scene)), 1))
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[tuple[int, Hidden, Sets, Mask], int] = {(0, (), (ALL, ALL), SEEN): 0}

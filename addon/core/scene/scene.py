@@ -225,17 +225,29 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """A texture. pixels: (h, w, 4) float32, rows from the bottom; zero rows if the image is missing.
+    """A texture. pixels: (h, w, 4 or 1) uint8, uint16 (both: the largest number is 1), float16 or float32, rows from
+    the bottom; zero rows if the image is missing. An array that views a `bytes` object is not copied.
 
-    srgb: whether colours are sRGB-encoded and decoded after filtering, as in Cycles; otherwise they are linear.
+    srgb: whether colours are sRGB-encoded and decoded after filtering, as in Cycles; otherwise they are linear. tiles:
+    by UDIM number those of an image of tiles, which has no pixels itself.
     """
 
     name: str
-    pixels: F32
+    pixels: NDArray[Any]
     srgb: bool = False
+    tiles: tuple[tuple[int, Image], ...] = ()
 
     def __post_init__(self) -> None:
-        check(f"image {self.name}", self.pixels, np.float32, (None, None, 4))
+        stored = getattr(self.pixels, "dtype", None) in (np.uint8, np.uint16, np.float16)
+        grey = np.shape(self.pixels)[-1:] == (1,)
+        dtype = self.pixels.dtype if stored else np.float32
+        check(f"image {self.name}", self.pixels, dtype, (None, None, 1 if grey else 4))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The image as the native module takes it."""
+        if self.tiles:
+            return {"name": self.name, "tiles": [{"number": n, **tile.as_dict()} for n, tile in self.tiles]}
+        return {"name": self.name, "pixels": self.pixels, "srgb": self.srgb}
 
 
 Operand = int | float | tuple[float, ...]

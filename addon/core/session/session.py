@@ -252,7 +252,7 @@ def arguments(scene: Scene) -> SceneArguments:
         "materials": [material.as_dict() for material in scene.materials],
         "lights": [asdict_shallow(light) for light in scene.lights],
         "world": asdict_shallow(scene.world),
-        "images": [asdict_shallow(image) for image in scene.images],
+        "images": [image.as_dict() for image in scene.images],
         "indices": scene.for_passes(),
         "origin": (float(x), float(y), float(z)),
     }

@@ -330,7 +330,8 @@ def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
     notes = Notes()
     found, images, _ = read_world(world, notes, Gallery())
     assert [step["op"] for step in found.program] == ["coordinate", "image"]
-    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])
+    assert found.program[1]["projection"] == "panorama"
+    assert (found.radiance, images, notes.lines()) == (1, {0}, [])
 
 
 @pytest.mark.parametrize("by_reroute", [False, True])

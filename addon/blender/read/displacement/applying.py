@@ -96,9 +96,7 @@ def _offsets(
         "values": around.values,
     }
     images = [
-        {"name": image.name, "pixels": image.pixels, "srgb": image.srgb}
-        if number in displacement.images
-        else {"name": image.name, "pixels": image.pixels[:0, :0]}
+        image.as_dict() if number in displacement.images else {"name": image.name, "pixels": image.pixels[:0, :0]}
         for number, image in enumerate(around.images)
     ]
     request: Mapping[str, Any] = {

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .. import sky
 from ..images import associated
@@ -15,41 +15,52 @@ if TYPE_CHECKING:
     from ..values import Values
 
 
+INTERPOLATIONS = {"Linear": "linear", "Closest": "closest", "Cubic": "cubic", "Smart": "cubic"}
+"""By the settings of nodes; Cycles renders smart interpolation as cubic."""
+
+PROJECTIONS = {
+    "FLAT": "flat",
+    "BOX": "box",
+    "SPHERE": "sphere",
+    "TUBE": "tube",
+    "EQUIRECTANGULAR": "panorama",
+    "MIRROR_BALL": "mirror_ball",
+}
+
+
 def _image(values: Values, node: Place) -> Operand:
     item = node.node
     if item.image is None:
         rgba: Operand = (1.0, 0.0, 1.0, 1.0)  # the pink of Cycles, as for a missing image
+        return values.step("alpha", rgba) if node.socket.name == "Alpha" else rgba
+    # Find the vector, and for a box the normal that chooses its sides.
+    around = item.bl_idname == "ShaderNodeTexEnvironment"
+    settings: dict[str, Any] = {"projection": PROJECTIONS[item.projection]}
+    if around:
+        place = node.input("Vector")
+        linked = place is not None and place.source().socket.is_output
+        fallback = "generated" if values.background else "position"
+        where = [values.value(place) if linked and place is not None else values.coordinate(fallback)]
     else:
-        # Find the texture coordinates, by the kind of projection.
-        panorama = item.bl_idname == "ShaderNodeTexEnvironment"
-        if panorama:
-            if item.projection != "EQUIRECTANGULAR":
-                raise Unsupported(f"{item.bl_label} ({item.projection.replace('_', ' ').lower()})")
-            place = node.input("Vector")
-            linked = place is not None and place.source().socket.is_output
-            fallback = "generated" if values.background else "position"
-            where = values.value(place) if linked and place is not None else values.coordinate(fallback)
-        else:
-            if item.projection != "FLAT":
-                raise Unsupported(f"{item.bl_label} ({item.projection.lower()} projection)")
-            where = values.vector(node, "uv")
-        if item.interpolation in ("Cubic", "Smart"):
-            values.remark("Cubic interpolation of images (linear is used)")
-        # Sample the image once for both outputs of the node.
-        number = values.gallery.number(item.image)
-        values.images.add(number)
-        rgba = values.once(
-            ("image", tuple(g.as_pointer() for g in node.groups), item.as_pointer()),
-            lambda: values.step(
-                "image",
-                where,
-                image=number,
-                interpolation="closest" if item.interpolation == "Closest" else "linear",
-                extension="repeat" if panorama else item.extension.lower(),
-                unassociate="Alpha" in item.outputs and item.outputs["Alpha"].is_linked and associated(item.image),
-                panorama=panorama,
-            ),
-        )
+        where = [values.vector(node, "uv")]
+    if item.projection == "BOX":
+        where.append(values.coordinate("normal" if values.background else "object_normal"))
+        settings["blend"] = float(item.projection_blend)
+    # Sample the image once for both outputs of the node.
+    number = values.gallery.number(item.image, item.image_user)
+    values.images.add(number)
+    rgba = values.once(
+        ("image", tuple(g.as_pointer() for g in node.groups), item.as_pointer()),
+        lambda: values.step(
+            "image",
+            *where,
+            image=number,
+            interpolation=INTERPOLATIONS[item.interpolation],
+            extension="repeat" if around else item.extension.lower(),
+            unassociate="Alpha" in item.outputs and item.outputs["Alpha"].is_linked and associated(item.image),
+            **settings,
+        ),
+    )
     return values.step("alpha", rgba) if node.socket.name == "Alpha" else rgba
 
 
@@ -63,7 +74,7 @@ def _sky(values: Values, node: Place) -> Operand:
     where = values.step("unit", values.vector(node, "generated"))
     number = values.gallery.add("Sky Texture", found.pixels)
     values.images.add(number)
-    rgb = values.step("image", where, image=number, interpolation="linear", extension="repeat", panorama=True)
+    rgb = values.step("image", where, image=number, interpolation="linear", extension="repeat", projection="panorama")
     # Add the sun's disc: as a light of its own, or as a step that tests the direction.
     if found.sun is None:
         return rgb

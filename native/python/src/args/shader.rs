@@ -9,12 +9,15 @@ use crate::args::keys::{Keys, list};
 use crate::args::steps::{self, COORDINATES};
 use crate::args::textures;
 use halfspace_base::error::{Error, Result};
+use halfspace_render::values::image::projection::Projection;
+use halfspace_render::values::image::texels::{Format, Memory, Texels};
 use halfspace_render::values::image::{Extension, Image, Interpolation};
 use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
 use halfspace_render::values::program::{Bump, Gradient, Op, Operand, Shift, Step, Value};
 use halfspace_render::values::varying::{Layer, ObjectFrame, Varying};
-use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBool, PyFloat, PyInt};
 
 /// Gradient textures by Blender's names.
@@ -32,6 +35,7 @@ const GRADIENTS: &[(&str, Gradient)] = &[
 const INTERPOLATIONS: &[(&str, Interpolation)] = &[
     ("linear", Interpolation::Linear),
     ("closest", Interpolation::Closest),
+    ("cubic", Interpolation::Cubic),
 ];
 
 /// Continuations of images beyond their edges by their names in dictionaries.
@@ -53,7 +57,8 @@ const STEP_KEYS: &[&str] = &[
     "interpolation",
     "extension",
     "unassociate",
-    "panorama",
+    "projection",
+    "blend",
     "layer",
     "channel",
     "matrix",
@@ -138,7 +143,7 @@ fn op(keys: &Keys<'_, '_>) -> Result<Op> {
             interpolation: keys.choice("interpolation", INTERPOLATIONS)?,
             extension: keys.choice("extension", EXTENSIONS)?,
             unassociate: keys.flag_or("unassociate", false)?,
-            panorama: keys.flag_or("panorama", false)?,
+            projection: projection(keys)?,
         },
         "attribute" => Op::Attribute(index(keys, "layer")?, shift(keys)?),
         "coordinate" => Op::Coordinate(keys.choice("kind", COORDINATES)?, shift(keys)?),
@@ -227,35 +232,81 @@ fn object_values(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
         .map_err(|_| keys.wrong("values", "rows of four floats", &value))
 }
 
-/// Reads images: dictionaries of `name`, `pixels`, (h, w, 4) float32, rows from the bottom up, and `srgb`, whether
-/// colours are encoded.
+/// Reads images: dictionaries of `name`, `pixels`, (h, w, 4 or 1) float32, float16, uint16 or uint8, rows from the
+/// bottom up, and `srgb`, whether colours are encoded; or `tiles`, such dictionaries with a `number`.
 pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
     list("images", value, |dict, index| {
-        let keys = Keys::new(
-            dict,
-            format!("images[{index}]"),
-            &["name", "pixels", "srgb"],
-        )?;
-        // Check the shape, and copy the pixels if they fit into memory.
-        let pixels = keys.need("pixels")?;
-        let wrong = || keys.wrong("pixels", "an (h, w, 4) float32 array", &pixels);
-        let array: PyReadonlyArray3<'_, f32> = pixels.extract().map_err(|_| wrong())?;
-        let [height, width, 4] = *array.shape() else {
-            return Err(wrong());
+        let name = format!("images[{index}]");
+        let keys = Keys::new(dict, name, &["name", "pixels", "srgb", "tiles"])?;
+        let Some(tiles) = keys.find("tiles") else {
+            return image(&keys);
         };
-        check_copy("pixels", &*array, size_of::<f32>())?;
-        let texels = match array.as_slice() {
-            Ok(flat) => flat.as_chunks::<4>().0.to_vec(),
-            Err(_) => return Err(wrong()),
-        };
-        Image::new(
-            width,
-            height,
-            texels,
-            keys.flag_or("srgb", false)?,
-            &keys.name,
-        )
+        let name = format!("{}['tiles']", keys.name);
+        let tiles = list(&name, Some(&tiles), |dict, index| {
+            let known = &["name", "pixels", "srgb", "number"];
+            let keys = Keys::new(dict, format!("{name}[{index}]"), known)?;
+            Ok((keys.count("number")?, image(&keys)?))
+        })?;
+        Ok(Image::from_tiles(tiles))
     })
+}
+
+/// Reads one image, whose memory is shared if the array views a `bytes` object.
+fn image(keys: &Keys<'_, '_>) -> Result<Image> {
+    let pixels = keys.need("pixels")?;
+    let expected = "an (h, w, 4 or 1) array of float32, float16, uint16 or uint8";
+    let wrong = || keys.wrong("pixels", expected, &pixels);
+    // Read shape and type.
+    let array = pixels.cast::<PyUntypedArray>().map_err(|_| wrong())?;
+    let [height, width, channels] = *array.shape() else {
+        return Err(wrong());
+    };
+    let format = (array.dtype().getattr("name"))
+        .and_then(|name| name.extract::<String>())
+        .map_err(|_| wrong())?;
+    let named = Format::NAMED.iter().find(|(name, _)| *name == format);
+    let Some(&(_, format)) = named.filter(|_| [1, 4].contains(&channels)) else {
+        return Err(wrong());
+    };
+    // Share the memory, or copy it if that fits.
+    let shared: Option<PyBackedBytes> = pixels
+        .getattr("base")
+        .and_then(|base| base.extract().map_err(PyErr::from))
+        .ok()
+        .filter(|bytes: &PyBackedBytes| {
+            array.is_c_contiguous() && bytes.len() == array.len() * format.size()
+        });
+    let memory = match shared {
+        Some(bytes) => Memory::new(bytes),
+        None => {
+            check_copy("pixels", array, format.size())?;
+            let bytes = pixels.call_method0("tobytes").map_err(|_| wrong())?;
+            Memory::new(bytes.extract::<PyBackedBytes>().map_err(|_| wrong())?)
+        }
+    };
+    let texels = Texels {
+        format,
+        channels,
+        memory,
+    };
+    Image::new(
+        width,
+        height,
+        texels,
+        keys.flag_or("srgb", false)?,
+        &keys.name,
+    )
+}
+
+/// Reads how a vector becomes a place on an image.
+fn projection(keys: &Keys<'_, '_>) -> Result<Projection> {
+    match keys.find("projection") {
+        None => Ok(Projection::Flat),
+        Some(_) => match keys.choice("projection", Projection::NAMED)? {
+            Projection::Box(_) => Ok(Projection::Box(keys.number_or("blend", 0.0)?)),
+            other => Ok(other),
+        },
+    }
 }
 
 /// Reads layers: (m, 3, 2 to 4) float32 arrays, or None for a missing one.

@@ -3,7 +3,7 @@
 
 use crate::math::trig::sin_cos_turns;
 use crate::math::vector::{Vec3, vec3};
-use crate::values::program::direction_to_uv;
+use crate::values::image::projection::direction_to_uv;
 
 /// Fraction of the mean brightness added to every texel for sampling, so that each has a positive density.
 const MIN_SHARE: f32 = 0.02;

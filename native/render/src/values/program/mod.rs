@@ -105,17 +105,12 @@ impl Step {
                 interpolation,
                 extension,
                 unassociate,
-                panorama,
+                projection,
             } => {
-                // A panorama is addressed by direction, any other image by (u, v).
-                let [x, y, z, _] = arg(0);
-                let [u, v] = if *panorama {
-                    direction_to_uv(vec3(x, y, z))
-                } else {
-                    [x, y]
-                };
                 let image = &images[usize::from(*image)];
-                image.at(u, v, *interpolation, *extension, *unassociate)
+                let at =
+                    |[u, v]: [f32; 2]| image.at(u, v, *interpolation, *extension, *unassociate);
+                projection.look_up(rgb(arg(0)), || rgb(arg(1)), at)
             }
             Op::Attribute(layer, shift) => point.attribute_at(*layer, *shift),
             Op::Coordinate(which, shift) => point.coordinate(*which, *shift),
@@ -199,18 +194,6 @@ fn number(x: f32) -> Value {
 #[inline(always)]
 fn vector(v: Vec3) -> Value {
     [v.x, v.y, v.z, 1.0]
-}
-
-/// Maps a direction to its position in an equirectangular image, with Blender's orientation.
-pub fn direction_to_uv(d: Vec3) -> [f32; 2] {
-    use std::f32::consts::{FRAC_1_PI, TAU};
-    if d == Vec3::ZERO {
-        return [0.0; 2];
-    }
-    [
-        0.5 - d.y.atan2(d.x) / TAU,
-        0.5 + d.z.atan2(d.x.hypot(d.y)) * FRAC_1_PI,
-    ]
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::values::ies::Ies;
+use crate::values::image::projection::Projection;
 use crate::values::image::{Extension, Interpolation};
 use crate::values::math_nodes::{Blend, Math, VectorMath, named};
 use crate::values::program::Value;
@@ -217,7 +218,7 @@ pub struct Cells {
 /// The operation of a step.
 #[derive(Debug, Clone)]
 pub enum Op {
-    /// Colour and alpha of an image at (u, v).
+    /// Colour and alpha of an image for a vector and, in a box, a normal.
     Image {
         /// Index of the image.
         image: u16,
@@ -227,8 +228,8 @@ pub enum Op {
         extension: Extension,
         /// Whether to divide the colour by alpha.
         unassociate: bool,
-        /// Whether the argument is a direction and the image an equirectangular map.
-        panorama: bool,
+        /// How the vector becomes a place on the image.
+        projection: Projection,
     },
     /// Attribute of the corners: a UV map or a colour; at the point, or beside it.
     Attribute(u16, Shift),
@@ -367,6 +368,10 @@ impl Op {
     pub fn arity(&self) -> usize {
         match self {
             Self::Attribute(..) | Self::Coordinate(..) | Self::ObjectValue(_) => 0,
+            Self::Image {
+                projection: Projection::Box(_),
+                ..
+            } => 2,
             Self::Image { .. }
             | Self::Alpha
             | Self::Channel(_)

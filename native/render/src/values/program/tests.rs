@@ -2,6 +2,7 @@
 //! Tests of [`super`].
 
 use super::*;
+use crate::values::image::projection::direction_to_uv;
 use crate::values::math_nodes::{Blend, Math};
 
 fn step(op: Op, args: &[Operand]) -> Step {

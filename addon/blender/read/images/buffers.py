@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures that only Blender can read: generated, painted and packed ones, and frames of movies."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from . import files
+from .numbers import Numbers
+
+_frames: dict[str, tuple[int, Numbers]] = {}
+"""The last frame of each movie. To read one makes a data block, at which Blender updates its views."""
+
+
+def needed(image: Any) -> bool:
+    """Whether the picture is not, or not as it is shown, in a file of its own."""
+    return bool(
+        image.source in ("GENERATED", "MOVIE") or image.packed_file or len(image.packed_files) or image.is_dirty
+    )
+
+
+def read(image: Any, frame: int = 0) -> Numbers | None:
+    """The picture in Blender's memory, of a movie at this frame; None if it is missing or empty."""
+    if image.source != "MOVIE":
+        return _copied(image)
+    path = files.path_of(image, 0)
+    if path not in _frames or _frames[path][0] != frame:
+        with _shown(image, frame):
+            found = _copied(image)
+        if found is None:
+            return None
+        _frames[path] = frame, found
+    number, found = _frames[path]
+    return Numbers(found.pixels.copy(), found.linear) if number == frame else None
+
+
+@contextmanager
+def _shown(image: Any, frame: int) -> Iterator[None]:
+    """Make Blender hold this frame of a movie as the image: that of the texture that was evaluated last."""
+    texture: Any = bpy.data.textures.new("Frame", "IMAGE")
+    try:
+        texture.image = image.original
+        texture.image_user.frame_current = frame
+        texture.evaluate((0.0, 0.0, 0.0))
+        yield
+    finally:
+        bpy.data.textures.remove(texture)
+
+
+def _copied(image: Any) -> Numbers | None:
+    """A copy of the numbers; what Blender read for it is freed again."""
+    held = image.has_data
+    # A missing file has no size or raises.
+    try:
+        width, height = image.size
+        count = len(image.pixels)
+    except RuntimeError:
+        return None
+    channels = image.channels
+    if not width or not height or count != width * height * channels:
+        return None
+    flat = np.empty(count, np.float32)
+    image.pixels.foreach_get(flat)
+    linear = bool(image.is_float)
+    if not held and not image.is_dirty:
+        image.buffers_free()
+    pixels = flat.reshape(height, width, channels)
+    if linear:
+        return Numbers(pixels, linear=True)
+    pixels *= 255.0
+    return Numbers(np.rint(pixels, out=pixels).astype(np.uint8))
+
+
+def tiles(image: Any) -> dict[int, str]:
+    """Files with the tiles of an image that are packed or painted, by their UDIM numbers."""
+    folder = Path(tempfile.mkdtemp(prefix="halfspace-tiles-"))
+    packed = {file.tile_number: bytes(file.data) for file in image.packed_files}
+    suffix = Path(image.filepath).suffix or ".png"
+    if image.is_dirty or not packed:
+        path = folder / f"tile.<UDIM>{suffix}"
+        image.save(filepath=str(path), save_copy=True)
+        return files.tiles(image, str(path))
+    found = {}
+    for number, data in packed.items():
+        path = folder / f"tile.{number}{suffix}"
+        path.write_bytes(data)
+        found[number] = str(path)
+    return found
