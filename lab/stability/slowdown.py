@@ -260,7 +260,8 @@ def ratio(here: int, there: int) -> float:
 
 def slowed(row: Row) -> bool:
     """Whether a case far from the origin, or with one huge triangle, takes more work than its limit allows."""
-    limits = {"offset": LIMITS, "shape": {0: HUGE}}.get(row["group"], {})
+    known: dict[str, dict[Any, float]] = {"offset": {**LIMITS}, "shape": {0: HUGE}}
+    limits = known.get(row["group"], {})
     return bool(row["work"] > limits.get(row["at"], 1.0 if row["group"] == "offset" else float("inf")))
 
 
