@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Limits of the sources: lines of functions and files, parameters, files of a folder, and names that were given up.
+"""Limits of the sources: lines and parameters of functions, and names that were given up.
 
 `native/clippy.toml` and `pyproject.toml` hold the limits of functions for the linters. These tests read all sources
 without a compiler, among them the tests and those parts that only some platforms compile.
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,8 +20,6 @@ FOLDERS = [environment.ROOT / name for name in ("native", "addon", "lab", "scrip
 
 FUNCTION_LINES = 80
 PARAMETERS = 7
-FILE_LINES = 450
-FOLDER_FILES = 20
 
 KEYWORDS = {
     ("native/python/src/instances.rs", "closest"),
@@ -50,16 +47,6 @@ def long_functions(folders: list[Path]) -> list[str]:
     return [f"{at}:{f.line} {f.name}: {f.lines}" for at, f in of_all(folders) if f.lines > FUNCTION_LINES]
 
 
-def long_files(folders: list[Path]) -> list[str]:
-    lengths = {path: path.read_text(encoding="utf-8").count("\n") for one in folders for path in sizes.sources(one)}
-    return [f"{path.name}: {lines}" for path, lines in lengths.items() if lines > FILE_LINES]
-
-
-def full_folders(folders: list[Path]) -> list[str]:
-    files = Counter(path.parent for one in folders for path in sizes.sources(one))
-    return [f"{folder.name}: {count}" for folder, count in files.items() if count > FOLDER_FILES]
-
-
 def many_parameters(folders: list[Path]) -> list[tuple[str, str]]:
     return [(at, f.name) for at, f in of_all(folders) if f.parameters > PARAMETERS]
 
@@ -73,10 +60,8 @@ def given_up(folders: list[Path]) -> list[str]:
     return [f"{path.name}: {name}" for path in rust for name in GIVEN_UP.findall(sizes.code_of(path))]
 
 
-def test_functions_files_and_folders_are_short() -> None:
+def test_functions_are_short() -> None:
     assert not long_functions(FOLDERS)
-    assert not long_files(FOLDERS)
-    assert not full_folders(FOLDERS)
 
 
 def test_functions_take_few_parameters_and_no_tuples() -> None:
@@ -172,18 +157,6 @@ def test_long_functions_are_found(tmp_path: Path) -> None:
     assert not long_functions([tmp_path])
     (tmp_path / "cast.py").write_text(text + "    f()\n", encoding="utf-8")
     assert long_functions([tmp_path]) == [f"{tmp_path.name}/cast.py:1 f: {FUNCTION_LINES + 1}"]
-
-
-def test_long_files_and_full_folders_are_found(tmp_path: Path) -> None:
-    (tmp_path / "long.py").write_text("\n" * FILE_LINES, encoding="utf-8")
-    assert not long_files([tmp_path])
-    (tmp_path / "long.py").write_text("\n" * (FILE_LINES + 1), encoding="utf-8")
-    assert long_files([tmp_path]) == [f"long.py: {FILE_LINES + 1}"]
-    for i in range(FOLDER_FILES):
-        assert not full_folders([tmp_path])
-        rust(tmp_path / "target", f"generated{i}.rs")
-        rust(tmp_path, f"file{i}.rs")
-    assert full_folders([tmp_path]) == [f"{tmp_path.name}: {FOLDER_FILES + 1}"]
 
 
 def test_given_up_names_are_found_in_code_alone(tmp_path: Path) -> None:

@@ -296,7 +296,7 @@ impl Instances {
             return None;
         }
         for (part, built) in mesh.apart().iter().enumerate() {
-            if state.enter_apart::<Q>(mesh, instance, (part, built), counters) {
+            if state.enter_apart::<Q>(mesh, instance, part, built, counters) {
                 return None;
             }
         }
@@ -377,7 +377,8 @@ impl RayState<'_> {
         &mut self,
         mesh: &Structure,
         instance: &MeshInstance,
-        (part, built): (usize, &Built),
+        part: usize,
+        built: &Built,
         counters: &mut RayCounters,
     ) -> bool {
         match built.frame.placed(self.ray, instance, self.best.hit()) {
