@@ -53,6 +53,10 @@ fn wrong(hits: &[Hit], expected: &[Hit]) -> usize {
 
 fn same_tree(eager: &Structure, lazy: &Structure, about: &str) {
     let (eager, lazy) = (eager.built(), lazy.built());
+    // Brute force replaces a complete tree whose rays would do more work, which is unknown while rays build it.
+    if eager.tree.is_none() {
+        return;
+    }
     assert!(eager.same_nodes(lazy), "{about}: nodes");
     assert!(eager.leaves == lazy.leaves, "{about}: leaves");
     // The expected cost is summed in another order.
