@@ -84,6 +84,7 @@ fn scene_params(triangles: usize) -> SceneParams {
             visible: Visibility::NOT_BY_CAMERA,
             sets: LightSets::default(),
             group: 0,
+            max_bounces: u32::MAX,
             program: None,
         }],
         world: [0.2, 0.3, 0.5].into(),
@@ -178,6 +179,7 @@ fn polygons_render_sunny_pictures_of_orthographic_cameras() {
             sphere: true,
             sets: LightSets::default(),
             group: 0,
+            max_bounces: u32::MAX,
             program: None,
         }
     };

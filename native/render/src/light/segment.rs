@@ -335,6 +335,7 @@ mod tests {
             normal: Vec3::ZERO,
             sets: u32::MAX,
             each: false,
+            bounce: 0,
         };
         let arrival = lights.sample(receiver, 0.5, u);
         arrival.map_or(0.0, |arrival| arrival.radiance.x)
@@ -358,7 +359,7 @@ mod tests {
             spot(0.3, 0.0),
             spot(1.2, 0.0),
             spot(0.6, 0.05),
-            spot(std::f32::consts::PI, 0.0),
+            spot(PI, 0.0),
             square,
         ];
         let ways = [
