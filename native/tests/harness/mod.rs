@@ -248,6 +248,7 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
             blockers: bytes.byte() % 32,
         },
         group: 1,
+        max_bounces: u32::from(bytes.byte()),
         program: None,
     }
 }
@@ -337,6 +338,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         },
         max_bounces: u32::from(bytes.byte() % 5),
         volume_bounces: u32::from(bytes.byte() % 3),
+        transparent_bounces: u32::from(bytes.byte() % 9),
         clamp_indirect: bytes.number(),
         clamp_direct: bytes.number(),
         filter_glossy: bytes.number(),
@@ -345,6 +347,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         secondary_beams: bytes.byte().is_multiple_of(2),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
+        transparent_glass: bytes.number(),
         passes: Pass::all()
             .chain([Pass::Output(0), Pass::Group(0)])
             .collect(),
