@@ -61,7 +61,9 @@ def _fewer(kind: str) -> Check:
     def check(scene: Any, _block: Any) -> bool:
         name = f"{kind}_bounces"
         default = scene.cycles.bl_rna.properties[name].default
-        return bool(getattr(scene.cycles, name) < min(default, scene.halfspace.max_bounces))
+        # Scripts read scenes without the settings of the extension.
+        ours = found(scene, "halfspace.max_bounces")
+        return bool(getattr(scene.cycles, name) < min(default, default if ours is None else ours))
 
     return check
 
