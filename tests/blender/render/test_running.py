@@ -83,13 +83,13 @@ def test_no_render_begins_while_closing(
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
     scene.halfspace.samples = 1
     begun: list[Any] = []
-    original = HalfspaceEngine._render
+    original = running.picture
 
-    def begin(engine: Any, picture: Any) -> None:
-        begun.append(picture)
-        original(engine, picture)
+    def begin(engine: Any) -> Any:
+        begun.append(engine)
+        return original(engine)
 
-    monkeypatch.setattr(HalfspaceEngine, "_render", begin)
+    monkeypatch.setattr(running, "picture", begin)
     if closing:
         running._closing.set()
     bpy.ops.render.render()
