@@ -14,7 +14,6 @@ import pytest
 from shapes import cube
 
 from addon.blender.render import running
-from addon.blender.render.engine import HalfspaceEngine
 
 
 @pytest.fixture(autouse=True)
