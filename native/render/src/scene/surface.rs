@@ -44,6 +44,9 @@ pub struct Surface<'a> {
     at: At<'a>,
 }
 
+/// Sine of the angle to its triangle up to which a lift is along the triangle, as on cards with normals up (chosen).
+const ALONG: f32 = 0.01;
+
 /// Returns geometric and shading normal of a hit, on the front of the triangle.
 pub fn outward_normals(scene: &RenderScene, hit: &Hit) -> [Vec3; 2] {
     let corners = scene.tracer.corners(hit.triangle);
@@ -269,12 +272,14 @@ impl<'a> Surface<'a> {
             1.0 - flat / terminator
         };
         let amount = amount.clamp(0.0, 1.0);
-        // Light from the far side of the triangle that the shading normal faces does not meet the triangle itself.
-        let begin = self.side(if flat < 0.0 { -side } else { side });
         if amount == 0.0 {
-            return self.facet.ray(begin, to, t_max);
+            return self.facet.ray(self.side(side), to, t_max);
         }
-        let lift = (self.lift(side) * amount).array().map(f64::from);
+        let lift = self.lift(side) * amount;
+        // Light from the far side of the triangle does not meet the triangle itself, unless the lift is above it.
+        let is_above = lift.dot(side) > ALONG * lift.length();
+        let begin = self.side(if flat < 0.0 && !is_above { -side } else { side });
+        let lift = lift.array().map(f64::from);
         self.facet.lifted(lift, begin, &to, t_max)
     }
 
