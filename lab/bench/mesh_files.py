@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import F32, I32
 from addon.core.base.native import first_line
-from addon.core.scene import polygons, workload
+from addon.core.scene import workload
 from addon.core.scene.workload import Workload, WorkloadError, framing_view
+
+from . import polygons
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices, (n, 3), and triangles, (m, 3)."""

@@ -3,6 +3,8 @@
 //! for bit, valid trees, the same tree on any number of threads.
 
 mod all_ways;
+#[path = "common/cores.rs"]
+mod cores;
 mod far_scenes;
 mod hard;
 #[path = "hard/turns.rs"]
@@ -10,6 +12,7 @@ mod turns;
 mod watertight;
 
 use all_ways::{specs, with};
+use cores::on_all_cores;
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
 use halfspace::inspect::validate::validate;
@@ -21,7 +24,6 @@ use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::row::{Kind, Only};
 use halfspace::structure::way::{NODES, TRAVERSAL};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
@@ -67,7 +69,7 @@ fn every_structure_answers_like_brute_force() {
     // Run the cases on all cores: this is the longest of all tests.
     let (specs, sets) = (specs(), levels());
     let cases: Vec<_> = hard::cases(7).into_iter().enumerate().collect();
-    cases.into_par_iter().for_each(|(c, case)| {
+    on_all_cores(cases, |(c, case)| {
         let Case {
             name, scene, rays, ..
         } = case;

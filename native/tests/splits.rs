@@ -3,14 +3,17 @@
 //! way to send rays.
 
 mod common;
+#[path = "common/cores.rs"]
+mod cores;
 
 use common::build;
+use cores::on_all_cores;
 use halfspace::inspect::validate::validate;
 use halfspace::oracle::cases::{Case, Random, Size, aimed, cases, soup};
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry;
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bit patterns of the nearest hits, and whether each ray is occluded.
 type Answers = (Vec<[u32; 4]>, Vec<bool>);
@@ -61,34 +64,33 @@ fn beams(count: usize) -> Vec<[f32; 3]> {
 #[test]
 fn answers_are_those_of_brute_force_on_all_contract_scenes() {
     let specs = specs();
-    let cut: usize = (cases(Size::Small, 7).into_par_iter())
-        .map(|case| {
-            let Case {
-                name, scene, rays, ..
-            } = case;
-            let brute = build(&scene, "brute");
-            let mut cut = 0;
-            for (i, spec) in specs.iter().enumerate() {
-                // Trace a third of the rays, another third for the next specification.
-                let rays: Vec<_> = rays.iter().copied().skip(i % 3).step_by(3).collect();
-                let structure = build(&scene, spec);
-                assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
-                cut += structure.shape().references - scene.live().len();
-                let expected = answers(&brute, &rays, Order::None, None);
-                let found = answers(&structure, &rays, Order::None, None);
-                assert!(found == expected, "{name}, {spec}");
-                let some: Vec<_> = rays.iter().copied().step_by(8).collect();
-                let expected = answers(&brute, &some, Order::None, None);
-                for (set, level) in levels() {
-                    for order in [Order::None, Order::Tiles] {
-                        let found = answers(&structure.at_level(level), &some, order, None);
-                        assert!(found == expected, "{name}, {spec}, {set}");
-                    }
+    let cut = AtomicUsize::new(0);
+    on_all_cores(cases(Size::Small, 7), |case| {
+        let Case {
+            name, scene, rays, ..
+        } = case;
+        let brute = build(&scene, "brute");
+        for (i, spec) in specs.iter().enumerate() {
+            // Trace a third of the rays, another third for the next specification.
+            let rays: Vec<_> = rays.iter().copied().skip(i % 3).step_by(3).collect();
+            let structure = build(&scene, spec);
+            assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
+            let further = structure.shape().references - scene.live().len();
+            cut.fetch_add(further, Ordering::Relaxed);
+            let expected = answers(&brute, &rays, Order::None, None);
+            let found = answers(&structure, &rays, Order::None, None);
+            assert!(found == expected, "{name}, {spec}");
+            let some: Vec<_> = rays.iter().copied().step_by(8).collect();
+            let expected = answers(&brute, &some, Order::None, None);
+            for (set, level) in levels() {
+                for order in [Order::None, Order::Tiles] {
+                    let found = answers(&structure.at_level(level), &some, order, None);
+                    assert!(found == expected, "{name}, {spec}, {set}");
                 }
             }
-            cut
-        })
-        .sum();
+        }
+    });
+    let cut = cut.into_inner();
     assert!(cut > 1000, "only {cut} further references");
 }
 

@@ -178,7 +178,9 @@ def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="sign", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("wheels", type=Path, nargs="+", help="wheels for Windows or macOS, signed in place")
-    parser.add_argument("--timestamp", default=TIMESTAMP, help=f"server of timestamps (default: {TIMESTAMP})")
+    parser.add_argument(
+        "--timestamp", type=str, default=TIMESTAMP, help=f"server of timestamps, '' for none (default: {TIMESTAMP})"
+    )
     return command.run("sign", arguments, parser.parse_args, chosen, told=REPORTED)
 
 

@@ -3,14 +3,13 @@
 //! near it, at the origin and beyond, where the frame rounds their origins; and far scenes take no more work than near
 //! ones.
 
-use super::{build, same};
+use super::{build, on_all_cores, same};
 use halfspace::oracle::cases::{Random, aimed, grid, ray, soup};
 use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
 use halfspace::structure::row::Kind;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Offsets, with scenes that are scaled or translated along some axes only.
@@ -98,7 +97,7 @@ fn rays(scene: &Triangles, offset: [f32; 3], size: f32) -> Vec<Ray> {
 
 #[test]
 fn far_scenes_get_exact_answers() {
-    OFFSETS.into_par_iter().for_each(|(offset, size)| {
+    on_all_cores(OFFSETS.to_vec(), |(offset, size)| {
         let scene = scene(offset, size);
         let rays = rays(&scene, offset, size);
         assert!(scene.live().len() > 60 && rays.len() > 500, "{offset:?}");

@@ -4,12 +4,11 @@
 //! arithmetic for each ray, also through shared edges and vertices, and misses none.
 
 use super::far_scenes::specs;
-use super::{build, same};
+use super::{build, on_all_cores, same};
 use halfspace::oracle::cases::{Random, ray};
 use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, Tracer};
 use halfspace::scene::Triangles;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A place from which whole surfaces are seen.
@@ -170,8 +169,8 @@ fn holds(name: &str, scene: &Arc<Triangles>, rays: &[Ray]) {
         shared > rays.len() / 16,
         "{name}: {shared} rays through edges and vertices"
     );
-    specs().par_iter().for_each(|spec| {
-        let structure = build(scene, spec, 1);
+    on_all_cores(specs(), |spec| {
+        let structure = build(scene, &spec, 1);
         let check = |hits: &[Hit], way: &str| {
             for ((hit, exact), ray) in hits.iter().zip(&exact).zip(rays) {
                 assert!(

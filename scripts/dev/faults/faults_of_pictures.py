@@ -194,7 +194,7 @@ PICTURES = (
     Fault(
         "all objects shade linked lights",
         "native/render/src/path/shadow_rays.rs",
-        "surface.material.sets.shades(self.blockers)",
+        "surface.material.sets.shades(self.aim.blockers)",
         "true",
         ("lib", _LINKED),
     ),

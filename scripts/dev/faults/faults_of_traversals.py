@@ -390,8 +390,8 @@ TRAVERSALS = (
     Fault(
         "reversed rays that go on from the light, not from their origin",
         f"{_POLYGONS}/leaf.rs",
-        "Q::ANY || !(octant.form.origin().is_some() || begun)",
-        "!(octant.form.origin().is_some() || begun)",
+        "Q::ANY || beam.unbounded || !(octant.form.origin().is_some() || begun)",
+        "beam.unbounded || !(octant.form.origin().is_some() || begun)",
         _LIGHTS,
     ),
     Fault(

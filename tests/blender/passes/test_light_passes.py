@@ -66,7 +66,8 @@ def shelf(add: Any, scene: Any) -> Any:
     floor.materials.append(tile_material("Floor", paint(Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.5)))
     add("Floor", floor, location=(0, 0, -1.2), scale=(9, 9, 1))
     sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy, sun.angle = 2.0, 0.2
+    # Seen through glass, a smaller sun would be noise.
+    sun.energy, sun.angle = 2.0, 1.0
     add("Sun", sun, rotation_euler=(0.5, 0.3, 0))
     area = bpy.data.lights.new("Area", "AREA")
     area.energy, area.size = 400.0, 2.0

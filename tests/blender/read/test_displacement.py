@@ -84,7 +84,7 @@ def test_normals_follow_the_displaced_surface(add: Any) -> None:
     add("Net", placed(grid(4, smooth=True), displacing(sloped)))
     add("Facets", placed(grid(4, "Flat", smooth=False), bpy.data.materials["Displaced"]))
     read = found()[0]
-    smooth, flat = (placement.mesh for placement in read.placements)
+    flat, smooth = (placement.mesh for placement in read.placements)
     assert np.allclose(smooth.positions[:, 2], 0.5 * smooth.positions[:, 0], atol=1e-6)
     assert np.allclose(smooth.normals[smooth.normal_rows], np.array((-0.5, 0, 1)) / np.sqrt(1.25), atol=1e-5)
     assert flat.normals is None

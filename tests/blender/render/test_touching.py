@@ -46,7 +46,8 @@ def look(origin: tuple[float, ...], target: tuple[float, ...]) -> None:
     data = bpy.data.cameras.new("Camera")
     far = math.dist(origin, target)
     data.clip_start, data.clip_end = 1e-3 * far, 1e3 * far
-    turn = (Vector(target) - Vector(origin)).to_track_quat("-Z", "Y").to_euler()
+    # Blender takes short directions for none.
+    turn = ((Vector(target) - Vector(origin)) / far).to_track_quat("-Z", "Y").to_euler()
     bpy.context.scene.camera = place("Camera", data, location=origin, rotation_euler=turn)
 
 

@@ -268,7 +268,8 @@ def test_light_panels_draw_properties_that_exist(kind: str) -> None:
 def test_the_other_panels_draw(scene: Any) -> None:
     assert "integrator" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
     assert "samples" in draw(panels.HALFSPACE_PT_sampling_render, scene=scene)
-    assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_exposure", "film_transparent"]
+    film = ["film_exposure", "film_transparent", "film_transparent_glass", "film_transparent_roughness"]
+    assert draw(panels.HALFSPACE_PT_film, scene=scene) == film
     assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
     assert "use_pass_steps" in draw(pass_panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
 

@@ -129,14 +129,14 @@ def by_mesh(shown: Any, add: Any, kind: str) -> None:
     child.parent, child["own"], child.color, child.pass_index = parent, (0.9, 0.2, 0.4), (0.3, 0.8, 0.5, 0.6), 3
 
 
-def collection(add: Any, *items: Any) -> Any:
+def collection(add: Any, *items: Any, places: tuple[float, float] = (-0.9, 1.3)) -> Any:
     """A collection of these objects and, by two empties that stand for it, the instances of it."""
     group = bpy.data.collections.new("Group")
     for item in items:
         for old in list(item.users_collection):
             old.objects.unlink(item)
         group.objects.link(item)
-    for k, y in enumerate((-0.9, 1.3)):
+    for k, y in enumerate(places):
         empty = add("Instancer", None, location=(0.3, y, 0), rotation_euler=(0, 0, 0.5 * k))
         empty.instance_type, empty.instance_collection, empty["tint"] = "COLLECTION", group, (0.7, 0.2 * k, 0.3)
         empty.color, empty.pass_index = (0.2, 0.3 + 0.5 * k, 0.6, 0.9), 2 + k
@@ -169,7 +169,9 @@ def by_particles(shown: Any, add: Any) -> None:
 def by_nested_collections(shown: Any, add: Any) -> None:
     inner = add("Member", shown.data, location=(-0.5, 0.1, 0), scale=(0.6, 0.6, 1))
     collection(add, inner)
-    collection(add, *[item for item in bpy.context.scene.objects if item.instance_type == "COLLECTION"])
+    # No instance lies on another, of which each engine shows one.
+    outer = [item for item in bpy.context.scene.objects if item.instance_type == "COLLECTION"]
+    collection(add, *outer, places=(-1.2, 1.5))
 
 
 WAYS = {

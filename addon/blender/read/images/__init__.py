@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,10 +77,10 @@ def read_image(image: Any, notes: Notes, frame: int = 0) -> Image:
     if image.source != "TILED":
         path = None if buffers.needed(image) else files.path_of(image, frame)
         return _one(image, image.name, path, frame, notes)
-    tiles = buffers.tiles(image) if buffers.needed(image) else files.tiles(image)
-    read = tuple(
-        (number, _one(image, f"{image.name} ({number})", path, frame, notes)) for number, path in tiles.items()
-    )
+    with buffers.tiles(image) if buffers.needed(image) else nullcontext(files.tiles(image)) as tiles:
+        read = tuple(
+            (number, _one(image, f"{image.name} ({number})", path, frame, notes)) for number, path in tiles.items()
+        )
     return Image(image.name, EMPTY, tiles=read)
 
 

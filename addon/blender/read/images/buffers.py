@@ -78,18 +78,17 @@ def _copied(image: Any) -> Numbers | None:
     return Numbers(np.rint(pixels, out=pixels).astype(np.uint8))
 
 
-def tiles(image: Any) -> dict[int, str]:
-    """Files with the tiles of an image that are packed or painted, by their UDIM numbers."""
-    folder = Path(tempfile.mkdtemp(prefix="halfspace-tiles-"))
+@contextmanager
+def tiles(image: Any) -> Iterator[dict[int, str]]:
+    """Temporary files with the tiles of an image that are packed or painted, by their UDIM numbers."""
     packed = {file.tile_number: bytes(file.data) for file in image.packed_files}
     suffix = Path(image.filepath).suffix or ".png"
-    if image.is_dirty or not packed:
-        path = folder / f"tile.<UDIM>{suffix}"
-        image.save(filepath=str(path), save_copy=True)
-        return files.tiles(image, str(path))
-    found = {}
-    for number, data in packed.items():
-        path = folder / f"tile.{number}{suffix}"
-        path.write_bytes(data)
-        found[number] = str(path)
-    return found
+    with tempfile.TemporaryDirectory(prefix="halfspace-tiles-") as folder:
+        pattern = Path(folder) / f"tile.<UDIM>{suffix}"
+        found = files.tiles(image, str(pattern))
+        if image.is_dirty or not packed:
+            image.save(filepath=str(pattern), save_copy=True)
+        else:
+            for number in found.keys() & packed.keys():
+                Path(found[number]).write_bytes(packed[number])
+        yield found

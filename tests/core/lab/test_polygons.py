@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core.scene import polygons
+from lab.bench import polygons
 
 
 def star(count: int, seed: int) -> Any:
