@@ -162,6 +162,45 @@ def squares(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
             image.tiles.new(number)
         yield mark, shown(image, 2.4)
         yield f"{mark} closest", shown(image, 2.4, interpolation="Closest", extension="EXTEND")
+    packed = loaded(written(folder / "packed.1001.png", 30), source="TILED")
+    packed.filepath = str(folder / "packed.<UDIM>.png")
+    written(folder / "packed.1002.png", 31, width=4)
+    packed.tiles.new(1002)
+    packed.pack()
+    for path in folder.glob("packed.*"):
+        path.unlink()
+    yield "packed", shown(packed, 2.4)
+    # Before 5.0, Cycles shows tiles in pink that are in no file.
+    if bpy.app.version >= (5, 0):
+        painted = bpy.data.images.new("Painted", 5, 4, tiled=True)
+        painted.pixels.foreach_set(np.random.default_rng(8).uniform(0.1, 1, 80).astype(np.float32))
+        yield "painted", shown(painted, 2.4)
+
+
+def films(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
+    """Frames of a movie that a scene at frame 12 shows."""
+    maker = bpy.data.scenes.new("Film")
+    strips = maker.sequence_editor_create()
+    strips = strips.strips if hasattr(strips, "strips") else strips.sequences
+    for frame in range(1, 7):
+        end = {"length": 1} if bpy.app.version >= (5, 0) else {"frame_end": frame + 1}
+        strip = strips.new_effect(f"{frame}", "COLOR", 1, frame_start=frame, **end)
+        strip.color = (0.15 * frame, 0.9 - 0.1 * frame, 0.3)
+    render = maker.render
+    render.resolution_x = render.resolution_y = 64
+    render.resolution_percentage, render.filepath = 100, str(folder / "film.mp4")
+    maker.frame_start, maker.frame_end = 1, 6
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "VIDEO"
+    render.image_settings.file_format = "FFMPEG"
+    render.ffmpeg.format, render.ffmpeg.codec = "MPEG4", "H264"
+    render.ffmpeg.constant_rate_factor = "PERC_LOSSLESS"
+    bpy.ops.render.render(scene=maker.name, animation=True)
+    bpy.data.scenes.remove(maker)
+    film = loaded(folder / "film.mp4", source="MOVIE")
+    for start, offset, cyclic, length in ((9, 0, False, 6), (9, 1, False, 6), (11, 0, True, 5), (1, 0, False, 6)):
+        user = {"frame_start": start, "frame_offset": offset, "use_cyclic": cyclic, "use_auto_refresh": True}
+        yield f"{start} {offset} {cyclic} {length}", shown(film, user={**user, "frame_duration": length})
 
 
 def projections(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
@@ -182,7 +221,9 @@ def projections(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
             yield f"{kind} {mode}", make
 
 
-@pytest.mark.parametrize("family", [formats, spaces, alphas, kept, interpolations, sequences, squares, projections])
+@pytest.mark.parametrize(
+    "family", [formats, spaces, alphas, kept, interpolations, sequences, squares, films, projections]
+)
 def test_images_are_those_of_cycles(family: Callable[[Path], Any], scene: Any, tmp_path: Path) -> None:
     makers = dict(family(tmp_path))
     solid = family is projections

@@ -81,7 +81,7 @@ def _copied(image: Any) -> Numbers | None:
 @contextmanager
 def tiles(image: Any) -> Iterator[dict[int, str]]:
     """Temporary files with the tiles of an image that are packed or painted, by their UDIM numbers."""
-    packed = {file.tile_number: bytes(file.data) for file in image.packed_files}
+    packed = {file.tile_number: bytes(file.packed_file.data) for file in image.packed_files}
     suffix = Path(image.filepath).suffix or ".png"
     with tempfile.TemporaryDirectory(prefix="halfspace-tiles-") as folder:
         pattern = Path(folder) / f"tile.<UDIM>{suffix}"
