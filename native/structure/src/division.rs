@@ -7,6 +7,7 @@
 //! therefore get a tree of their own, in a frame of their own, and the rest another. A ray goes through one after the
 //! other; its answer is the best of both, by distance and number, as of one tree.
 
+use crate::plan::Plan;
 use crate::row::{Built, Refit};
 use crate::spec::{Config, Value};
 use crate::structure::Structure;
@@ -18,6 +19,7 @@ use halfspace_ray::query::{Any, Closest, Query};
 use halfspace_ray::ray::HitKey;
 use halfspace_ray::{Hit, Ray, RayCounters};
 use halfspace_scene::Triangles;
+use halfspace_trace::kernel::Kernel;
 use std::sync::Arc;
 
 /// Largest number of parts (chosen): a ray goes through each.
@@ -244,6 +246,9 @@ pub trait Joined: Query {
 
     /// Replaces an answer by that of another tree if it is better.
     fn join(known: &mut Self::Answer, found: Self::Answer);
+
+    /// Returns the kernel of single rays.
+    fn single(plan: &Plan) -> &dyn Kernel<Self>;
 }
 
 impl Joined for Closest {
@@ -265,6 +270,10 @@ impl Joined for Closest {
             *known = found;
         }
     }
+
+    fn single(plan: &Plan) -> &dyn Kernel<Self> {
+        &*plan.single
+    }
 }
 
 impl Joined for Any {
@@ -281,23 +290,31 @@ impl Joined for Any {
     fn join(known: &mut bool, found: bool) {
         *known |= found;
     }
+
+    fn single(plan: &Plan) -> &dyn Kernel<Self> {
+        &*plan.single
+    }
 }
 
 impl Structure {
-    /// Answers rays by all trees, one after the other. `trace` answers them by one tree. `counters`: one per ray, or none.
+    /// Answers rays by all trees, one after the other. `trace` answers them by one tree, of which it gets the part: 0 for
+    /// the main tree, `i + 1` for `apart()[i]`. `counters`: one per ray, or none.
     pub(crate) fn each_part<Q: Joined>(
         &self,
         rays: &[Ray],
         answers: &mut [Q::Answer],
         mut counters: Option<&mut [RayCounters]>,
-        trace: impl Fn(&Built, &[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
+        trace: impl Fn((usize, &Built), &[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
     ) {
-        let Some((first, others)) = self.apart.split_first() else {
-            return trace(&self.built, rays, answers, counters);
-        };
+        let main = (0, &self.built);
+        let mut parts = (1..).zip(&self.apart).chain([main]);
+        if self.apart.is_empty() {
+            return trace(main, rays, answers, counters);
+        }
+        let first = parts.next().expect("at least one part");
         trace(first, rays, answers, counters.as_deref_mut());
         let (mut open, mut rest, mut found) = (Vec::new(), Vec::new(), Vec::new());
-        for built in others.iter().chain([&self.built]) {
+        for part in parts {
             // Collect the rays that may have a better answer, in their order.
             open.clear();
             open.extend((0..rays.len()).filter(|&i| !Q::is_final(&answers[i])));
@@ -308,7 +325,7 @@ impl Structure {
             let mut counts = counters
                 .as_ref()
                 .map(|_| vec![RayCounters::default(); open.len()]);
-            trace(built, &rest, &mut found, counts.as_deref_mut());
+            trace(part, &rest, &mut found, counts.as_deref_mut());
             // Join answers and counters.
             for (&i, &found) in open.iter().zip(&found) {
                 Q::join(&mut answers[i], found);

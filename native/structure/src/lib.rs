@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Built structures: a tree over a scene, and a plan that assigns a kernel to each kind of ray batch.
 
+pub mod blurred;
 pub mod coherence;
 pub mod division;
 pub mod footprint;

@@ -44,6 +44,8 @@ pub struct Structure {
     remarks: Vec<String>,
     /// The whole tree in one piece, if rays build the tree; made on demand.
     whole: OnceLock<Built>,
+    /// All triangles of each part in one leaf, for rays that its tree does not separate; made on demand.
+    pub(crate) one_leaf: Box<[OnceLock<Option<Built>>]>,
     build_seconds: f64,
     refitted: Refitted,
     /// Made on demand.
@@ -80,6 +82,7 @@ impl Structure {
             scene,
             config,
             whole: OnceLock::new(),
+            one_leaf: one_each(apart.len() + 1),
             build_seconds,
             refitted: Refitted {
                 times: 0,
@@ -119,6 +122,7 @@ impl Structure {
             let mut parts = division::refit(&scene, self.parts(), &self.part_of, |refit, own| {
                 refit.refit(own, &self.config, monitor)
             })?;
+            let one_leaf = one_each(parts.len());
             let built = parts.remove(0);
             Ok(Self {
                 scene,
@@ -129,6 +133,7 @@ impl Structure {
                 part_of: self.part_of.clone(),
                 remarks: self.remarks.clone(),
                 whole: OnceLock::new(),
+                one_leaf,
                 build_seconds: self.build_seconds,
                 refitted: Refitted {
                     times: self.refitted.times + 1,
@@ -213,10 +218,11 @@ impl Structure {
         Ok(Arc::new(division::only(&self.scene, &self.part_of, part)?))
     }
 
-    /// Returns the triangles of `apart()[i]` that can be hit.
-    pub(crate) fn ids_apart(&self, i: usize) -> Vec<u32> {
-        let own = |id: &u32| usize::from(self.part_of[*id as usize]) == i + 1;
-        self.scene.live().iter().copied().filter(own).collect()
+    /// Returns the triangles of a part that can be hit, as of [`Self::scene_of`].
+    pub(crate) fn ids_of(&self, part: usize) -> Vec<u32> {
+        let of = |id: u32| self.part_of.get(id as usize).map_or(0, |&of| of.into());
+        let live = self.scene.live().iter().copied();
+        live.filter(|&id| of(id) == part).collect()
     }
 
     /// Returns the progress of the build of the tree that [`Self::built`] returns; only trees that rays build are ever
@@ -298,6 +304,11 @@ fn joined(mut shape: Shape, others: &[Built]) -> Shape {
         shape.join(&other.shape, 0);
     }
     shape
+}
+
+/// Returns a place for each part.
+fn one_each(parts: usize) -> Box<[OnceLock<Option<Built>>]> {
+    (0..parts).map(|_| OnceLock::new()).collect()
 }
 
 /// Starts `threads` threads; 0 means one per core.

@@ -193,7 +193,7 @@ impl Structure {
 }
 
 /// Traces a batch by `kernel`, or by single rays where there is none or it cannot count. `counters`: one per ray, or none.
-fn trace<Q: Query>(
+pub(crate) fn trace<Q: Query>(
     routed: Option<&RoutedKernel<Q>>,
     single: &dyn Kernel<Q>,
     batch: &Batch<'_>,
@@ -271,9 +271,14 @@ impl Tracer for AtLevel<'_> {
             rays,
             hits,
             counters,
-            |built, rays, hits, counters| {
-                let batch = self.structure.batch(built, self.level, rays);
-                closest(&batch, &built.plan, hits, counters, order);
+            |part, rays, hits, counters| {
+                let (_, built) = part;
+                let ways = |rays: &[Ray], hits: &mut [Hit], counters: Option<&mut _>| {
+                    let batch = self.structure.batch(built, self.level, rays);
+                    closest(&batch, &built.plan, hits, counters, order);
+                };
+                self.structure
+                    .each_near::<Closest>(part, rays, self.level, (hits, counters), ways);
             },
         );
     }
@@ -283,19 +288,20 @@ impl Tracer for AtLevel<'_> {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        let trace =
-            |built: &Built, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
-                let plan = &built.plan;
+        let ways = |part: (usize, &Built),
+                    rays: &[Ray],
+                    occluded: &mut [bool],
+                    counters: Option<&mut _>| {
+            let (_, built) = part;
+            let ways = |rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
                 let batch = self.structure.batch(built, self.level, rays);
-                trace::<Any>(
-                    plan.shadow.as_ref(),
-                    &*plan.single,
-                    &batch,
-                    occluded,
-                    counters,
-                );
+                let shadow = built.plan.shadow.as_ref();
+                trace::<Any>(shadow, &*built.plan.single, &batch, occluded, counters);
             };
-        (self.structure).each_part::<Any>(rays, occluded, counters, trace);
+            self.structure
+                .each_near::<Any>(part, rays, self.level, (occluded, counters), ways);
+        };
+        (self.structure).each_part::<Any>(rays, occluded, counters, ways);
     }
 }
 

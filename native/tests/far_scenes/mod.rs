@@ -3,7 +3,7 @@
 //! near it, at the origin and beyond, where the frame rounds their origins; and far scenes take no more work than near
 //! ones.
 
-use super::{build, on_all_cores, same};
+use super::{build, closest, on_all_cores, same};
 use halfspace::oracle::cases::{Random, aimed, grid, ray, soup};
 use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
@@ -164,6 +164,36 @@ fn far_scenes_take_no_more_work() {
         );
         for (far, near) in far.into_iter().zip(near) {
             assert!(far <= 1.5 * near, "{spec}: {far} instead of {near}");
+        }
+    }
+}
+
+/// Rays from far away are blurred as much as the scene is large: they meet nearly all leaves, and a triangle is in many.
+#[test]
+fn rays_from_far_away_test_no_triangle_often() {
+    let scene = scene([0.0; 3], 1.0);
+    for far in [1e6_f32, 1e8, 1e12] {
+        let mut random = Random(4);
+        let rays: Vec<_> = aimed(&scene, 64, &mut random)
+            .iter()
+            .map(|near| {
+                let o = std::array::from_fn(|k| near.o[k] - far * near.d[k]);
+                ray(o, near.d)
+            })
+            .collect();
+        let expected = closest(&build(&scene, "brute", 1), &rays);
+        for spec in specs() {
+            let structure = build(&scene, &spec, 1);
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            let mut hits = vec![Hit::MISS; rays.len()];
+            structure.closest(&rays, &mut hits, Some(&mut counters));
+            assert!(
+                hits.iter().zip(&expected).all(|(a, b)| same(a, b)),
+                "{spec} from {far}"
+            );
+            let tests: f64 = counters.iter().map(|c| f64::from(c.tests)).sum();
+            let most = 1.5 * (rays.len() * scene.live().len()) as f64;
+            assert!(tests <= most, "{spec} from {far}: {tests} of {most}");
         }
     }
 }

@@ -386,7 +386,7 @@ impl RayState<'_> {
             Placed::Traverse(framed) => self.observe::<Q>(mesh, built, &framed, counters),
             Placed::ExactOnly => {
                 let framed = FrameRay::exact_only(instance, self.best.hit());
-                self.offer::<Q>(&framed, mesh.scene(), &mesh.ids_apart(part), counters);
+                self.offer::<Q>(&framed, mesh.scene(), &mesh.ids_of(part + 1), counters);
             }
         }
         Q::ANY && self.best.hit().is_hit()
