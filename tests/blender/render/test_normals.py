@@ -176,6 +176,8 @@ MAPPED: dict[str, Maker] = {
 
 @pytest.mark.parametrize("case", MAPPED)
 def test_normal_maps_bend_as_in_cycles(add: Any, scene: Any, case: str) -> None:
+    if bpy.app.version < (5, 0) and case in ("no map", "no map, stretched", "metaball"):
+        pytest.skip("Cycles 4.5 takes other tangents without a UV map")
     stage(add, scene, (4, -5, 3.5), 50)
     MAPPED[case](with_map((0.8, 0.35, 0.9)))
     square, mean = apart(scene)
@@ -208,6 +210,7 @@ def test_a_mapped_normal_beyond_a_right_angle_is_dark(add: Any, scene: Any, kind
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0.01), (1, 0, 0), (0, 0.7, 0.7)])
 @pytest.mark.parametrize("kind", ["Principled", "Metal", "Diffuse"])
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="Cycles 4.5 makes them up to 2.5 % brighter than Cycles 5.2")
 def test_cards_whose_normals_face_away(add: Any, scene: Any, kind: str, normal: tuple[float, float, float]) -> None:
     stage(add, scene, (0, -5, 1.5), 50)
     bpy.ops.mesh.primitive_plane_add(size=12, location=(0, 0, -1))

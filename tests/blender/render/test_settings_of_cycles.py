@@ -104,6 +104,9 @@ def agree(scene: Any, *, within: float = 0.01) -> Any:
 @pytest.mark.parametrize("count", [7, 8, 9])
 @pytest.mark.parametrize("below", ["sky", "glow", "matte", "film"])
 def test_as_many_transparent_surfaces_are_passed(stage: Any, add: Any, count: int, below: str) -> None:
+    passed = 7 if below == "matte" else 8
+    if bpy.app.version < (5, 0) and count == passed + 1:
+        pytest.skip("Cycles 4.5 lets camera rays pass one surface more, shadow rays as many")
     stage.halfspace.samples = stage.cycles.samples = 64
     stage.render.film_transparent = below == "film"
     if below in ("sky", "film"):
@@ -116,7 +119,7 @@ def test_as_many_transparent_surfaces_are_passed(stage: Any, add: Any, count: in
     sheets(add, count)
     found = agree(stage)
     seen = found[3] < 1 if below == "film" else found[0] > 0
-    assert seen == (count <= (7 if below == "matte" else 8))
+    assert seen == (count <= passed)
 
 
 @pytest.mark.parametrize(("count", "most"), [(6, 12), (7, 12), (7, 14), (8, 15), (8, 16)])

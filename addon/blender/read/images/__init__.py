@@ -6,6 +6,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 
 from ....core.scene.scene import Image
@@ -106,8 +107,10 @@ def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes) -> I
         faulty = ~np.isfinite(pixels)
         notes.add("Image has values that are not finite, replaced by 0", name, int(faulty.any(axis=-1).sum()))
         pixels[faulty] = 0
-    # As in Cycles, only what is declared as straight is multiplied by alpha, whatever its format, and no grey.
-    straight = image.alpha_mode == "STRAIGHT" and associated(image)
+    # As in Cycles, only what is declared as straight is multiplied by alpha, whatever its format, and no grey. Before
+    # Blender 5.0 the format decides.
+    declared = image.alpha_mode == "STRAIGHT" if bpy.app.version >= (5, 0) else not stored.multiplied
+    straight = declared and associated(image)
     if space not in (colours.RAW, colours.SRGB):
         pixels = colours.converted(pixels, space, divided=associated(image) and not straight)
     if straight and stored.pixels.shape[2] >= 4:

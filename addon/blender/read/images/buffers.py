@@ -73,7 +73,7 @@ def _copied(image: Any) -> Numbers | None:
         image.buffers_free()
     pixels = flat.reshape(height, width, channels)
     if linear:
-        return Numbers(pixels, linear=True)
+        return Numbers(pixels, linear=True, multiplied=True)
     pixels *= 255.0
     return Numbers(np.rint(pixels, out=pixels).astype(np.uint8))
 

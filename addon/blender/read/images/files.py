@@ -62,8 +62,10 @@ def read(path: str) -> Numbers | None:
     try:
         spec = source.spec()
         found = source.read_image(0, 0, 0, spec.nchannels, TYPES.get(str(spec.format), "uint8"))
+        multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0
     finally:
         source.close()
     if found is None:
         return None
-    return Numbers(np.ascontiguousarray(found.reshape(spec.height, spec.width, spec.nchannels)[::-1]))
+    pixels = found.reshape(spec.height, spec.width, spec.nchannels)
+    return Numbers(np.ascontiguousarray(pixels[::-1]), multiplied=multiplied)

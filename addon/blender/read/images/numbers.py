@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Numbers:
     """pixels: (h, w, c) uint8, uint16, float16 or float32, rows from the bottom. linear: whether they are in the
-    working space, whatever the image's colour space.
+    working space, whatever the image's colour space. multiplied: whether its format has colours multiplied by alpha.
     """
 
     pixels: NDArray[Any]
     linear: bool = False
+    multiplied: bool = False
 
 
 def associated(image: Any) -> bool:
