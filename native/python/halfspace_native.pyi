@@ -168,7 +168,7 @@ def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""
 
 class Monitor:
-    """Progress and cancellation of a build; usable from any thread."""
+    """Progress of a build, and cancellation of builds and of traced rays; usable from any thread."""
 
     progress: float
     """Fraction of the work that is done, 0..1."""
@@ -176,7 +176,7 @@ class Monitor:
     """Whether cancel() was called."""
     def __init__(self) -> None: ...
     def cancel(self) -> None:
-        """Requests the build to stop; it raises Cancelled within a tenth of a second."""
+        """Requests the work to stop; a build raises Cancelled within a tenth of a second."""
 
 class Hits:
     """The results of closest(), one per ray.
@@ -407,6 +407,7 @@ class Structure:
         counters: bool = False,
         triangle_mask: npt.NDArray[np.uint32] | None = None,
         ray_mask: int | npt.NDArray[np.uint32] | None = None,
+        monitor: Monitor | None = None,
     ) -> Hits:
         """The nearest triangle that each ray hits; the same bits for every structure.
 
@@ -417,8 +418,10 @@ class Structure:
         rays are an 8x8-pixel tile. threads: 0 = one per core.
         triangle_mask: (m,) uint32, ray_mask: one number or (n,) uint32, all bits when not given: a ray meets only the
         triangles with which it shares a bit. Such rays are traced singly, and are not counted.
+        monitor: to cancel the call, read between slices of at most 1024 rays; counted rays are traced in whole batches.
+        It counts no progress.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
-        (order; counters with masks).
+        (order; counters with masks), Cancelled.
         """
 
     @overload
@@ -434,6 +437,7 @@ class Structure:
         counters: Literal[False] = False,
         triangle_mask: npt.NDArray[np.uint32] | None = None,
         ray_mask: int | npt.NDArray[np.uint32] | None = None,
+        monitor: Monitor | None = None,
     ) -> npt.NDArray[np.bool_]:
         """Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
         and the counters of Hits. Arguments and errors as for closest().
@@ -449,6 +453,7 @@ class Structure:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: Literal[True],
+        monitor: Monitor | None = None,
     ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
     def all_hits(
         self,
@@ -459,6 +464,7 @@ class Structure:
         *,
         max_hits: int | None = None,
         threads: int = 0,
+        monitor: Monitor | None = None,
     ) -> tuple[npt.NDArray[np.int64], Hits]:
         """Every triangle that each ray hits, nearest first; of equal distances, the smallest index first. The same for
         every structure, to the bit.
@@ -476,6 +482,7 @@ class Structure:
         t_max: float | F32 | None = None,
         *,
         threads: int = 0,
+        monitor: Monitor | None = None,
     ) -> npt.NDArray[np.int64]:
         """The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest()."""
 
@@ -670,6 +677,7 @@ class Instances:
         counters: bool = False,
         triangle_mask: npt.NDArray[np.uint32] | None = None,
         ray_mask: int | npt.NDArray[np.uint32] | None = None,
+        monitor: Monitor | None = None,
     ) -> Hits:
         """Like Structure.closest(). Steps include those of the tree over the instances."""
 
@@ -686,6 +694,7 @@ class Instances:
         counters: Literal[False] = False,
         triangle_mask: npt.NDArray[np.uint32] | None = None,
         ray_mask: int | npt.NDArray[np.uint32] | None = None,
+        monitor: Monitor | None = None,
     ) -> npt.NDArray[np.bool_]:
         """Like Structure.occluded()."""
     @overload
@@ -699,6 +708,7 @@ class Instances:
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
         counters: Literal[True],
+        monitor: Monitor | None = None,
     ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
     def all_hits(
         self,
@@ -709,6 +719,7 @@ class Instances:
         *,
         max_hits: int | None = None,
         threads: int = 0,
+        monitor: Monitor | None = None,
     ) -> tuple[npt.NDArray[np.int64], Hits]:
         """Like Structure.all_hits()."""
 
@@ -720,6 +731,7 @@ class Instances:
         t_max: float | F32 | None = None,
         *,
         threads: int = 0,
+        monitor: Monitor | None = None,
     ) -> npt.NDArray[np.int64]:
         """Like Structure.count_hits()."""
 

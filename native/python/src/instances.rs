@@ -30,7 +30,7 @@ pub struct Instances(pub Arc<instances::Instances>);
 #[pymethods]
 impl Instances {
     /// Like Structure.closest(). Steps include those of the tree over the instances.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -44,18 +44,19 @@ impl Instances {
         counters: bool,
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Hits> {
         let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
-            return selective::closest(py, &*self.0, &rays, threads, &masks);
+            return selective::closest(py, &*self.0, &rays, threads, &masks, monitor);
         }
-        trace::closest(py, self.counted(), &rays, threads, counters)
+        trace::closest(py, self.counted(), &rays, threads, counters, monitor)
     }
 
     /// Like Structure.occluded().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -69,18 +70,19 @@ impl Instances {
         counters: bool,
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
-            return selective::occluded(py, &*self.0, &rays, threads, &masks);
+            return selective::occluded(py, &*self.0, &rays, threads, &masks, monitor);
         }
-        trace::occluded(py, self.counted(), &rays, threads, counters)
+        trace::occluded(py, self.counted(), &rays, threads, counters, monitor)
     }
 
     /// Like Structure.all_hits().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn all_hits<'py>(
         &self,
@@ -91,13 +93,14 @@ impl Instances {
         t_max: Option<&Bound<'_, PyAny>>,
         max_hits: Option<MaxHits>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
-        selective::all_hits(py, &*self.0, &rays, threads, max_hits)
+        selective::all_hits(py, &*self.0, &rays, threads, max_hits, monitor)
     }
 
     /// Like Structure.count_hits().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0, monitor=None)")]
     fn count_hits<'py>(
         &self,
         py: Python<'py>,
@@ -106,9 +109,10 @@ impl Instances {
         t_min: Option<&Bound<'_, PyAny>>,
         t_max: Option<&Bound<'_, PyAny>>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
-        selective::count_hits(py, &*self.0, &rays, threads)
+        selective::count_hits(py, &*self.0, &rays, threads, monitor)
     }
 
     /// Number of instances, including dropped ones.

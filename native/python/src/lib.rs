@@ -21,6 +21,7 @@ mod render;
 mod selective;
 mod structure;
 mod trace;
+mod watched;
 
 use crate::errors::raise;
 use halfspace_base::simd;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Monitoring of builds, and their memory limit.
+//! Monitoring of builds and of traced rays, and the memory limit of builds.
 
 use crate::args::integers::MemoryLimit;
 use halfspace_base::memory;
@@ -7,7 +7,7 @@ use halfspace_base::monitor::Monitor as BuildMonitor;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
-/// Progress and cancellation of a build; usable from any thread.
+/// Progress of a build, and cancellation of builds and of traced rays; usable from any thread.
 #[pyclass(frozen)]
 pub struct Monitor(pub Arc<BuildMonitor>);
 
@@ -30,7 +30,7 @@ impl Monitor {
         self.0.is_cancelled()
     }
 
-    /// Requests the build to stop; it raises Cancelled within a tenth of a second.
+    /// Requests the work to stop; a build raises Cancelled within a tenth of a second.
     fn cancel(&self) {
         self.0.cancel();
     }

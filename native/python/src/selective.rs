@@ -6,6 +6,8 @@ use crate::args::integers::{MaxHits, Threads};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::Hits;
+use crate::monitor::Monitor;
+use crate::watched::Watched;
 use halfspace_base::error::{Error, Result};
 use halfspace_ray::SelectiveTracer;
 use halfspace_ray::query::{Any, Closest};
@@ -93,12 +95,18 @@ pub fn all_hits<'py>(
     rays: &RayArrays<'_>,
     threads: Threads,
     most: Option<MaxHits>,
+    monitor: Option<&Monitor>,
 ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
     let rays = rays.rays();
     let most = most.map_or(usize::MAX, |most| most.0);
-    let found = py
-        .detach(|| selective::all_hits(tracer, rays, threads.0, most))
-        .map_err(raise)?;
+    let found = match monitor {
+        None => py
+            .detach(|| selective::all_hits(tracer, rays, threads.0, most))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
+            selective::all_hits(tracer, rays, threads.0, most)
+        })?,
+    };
     let offsets: Vec<_> = found.offsets.iter().map(|&offset| offset as i64).collect();
     let hits = Hits {
         hits: found.hits,
@@ -114,11 +122,16 @@ pub fn count_hits<'py>(
     tracer: &dyn SelectiveTracer,
     rays: &RayArrays<'_>,
     threads: Threads,
+    monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let rays = rays.rays();
-    let counts = py
-        .detach(|| selective::count_hits(tracer, rays, threads.0))
-        .map_err(raise)?;
+    let counts = match monitor {
+        None => py
+            .detach(|| selective::count_hits(tracer, rays, threads.0))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor)
+            .run(py, |tracer| selective::count_hits(tracer, rays, threads.0))?,
+    };
     let counts: Vec<_> = counts.into_iter().map(i64::from).collect();
     Ok(counts.to_pyarray(py))
 }
@@ -130,11 +143,17 @@ pub fn closest(
     rays: &RayArrays<'_>,
     threads: Threads,
     masks: &MaskArrays<'_>,
+    monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
     let (rays, masks) = (rays.rays(), masks.masks().map_err(raise)?);
-    let hits = py
-        .detach(|| selective::visible::<Closest>(tracer, rays, threads.0, masks))
-        .map_err(raise)?;
+    let hits = match monitor {
+        None => py
+            .detach(|| selective::visible::<Closest>(tracer, rays, threads.0, masks))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
+            selective::visible::<Closest>(tracer, rays, threads.0, masks)
+        })?,
+    };
     Ok(Hits {
         hits,
         counts: None,
@@ -149,10 +168,16 @@ pub fn occluded<'py>(
     rays: &RayArrays<'_>,
     threads: Threads,
     masks: &MaskArrays<'_>,
+    monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (rays, masks) = (rays.rays(), masks.masks().map_err(raise)?);
-    let occluded = py
-        .detach(|| selective::visible::<Any>(tracer, rays, threads.0, masks))
-        .map_err(raise)?;
+    let occluded = match monitor {
+        None => py
+            .detach(|| selective::visible::<Any>(tracer, rays, threads.0, masks))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
+            selective::visible::<Any>(tracer, rays, threads.0, masks)
+        })?,
+    };
     Ok(occluded.to_pyarray(py).into_any())
 }

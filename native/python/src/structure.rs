@@ -72,9 +72,11 @@ impl Structure {
     /// rays are an 8x8-pixel tile. threads: 0 = one per core.
     /// triangle_mask: (m,) uint32, ray_mask: one number or (n,) uint32, all bits when not given: a ray meets only the
     /// triangles with which it shares a bit. Such rays are traced singly, and are not counted.
+    /// monitor: to cancel the call, read between slices of at most 1024 rays; counted rays are traced in whole batches.
+    /// It counts no progress.
     /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
-    /// (order; counters with masks).
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
+    /// (order; counters with masks), Cancelled.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -88,19 +90,20 @@ impl Structure {
         counters: bool,
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Hits> {
         let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
-            return selective::closest(py, &*self.0, &rays, threads, &masks);
+            return selective::closest(py, &*self.0, &rays, threads, &masks, monitor);
         }
-        trace::closest(py, self.counted(), &rays, threads, counters)
+        trace::closest(py, self.counted(), &rays, threads, counters, monitor)
     }
 
     /// Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
     /// and the counters of Hits. Arguments and errors as for closest().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -114,14 +117,15 @@ impl Structure {
         counters: bool,
         triangle_mask: Option<&Bound<'_, PyAny>>,
         ray_mask: Option<&Bound<'_, PyAny>>,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let _mode = DefaultMode::set(py)?;
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
         let masks = MaskArrays::new(triangle_mask, ray_mask, counters).map_err(raise)?;
         if let Some(masks) = masks {
-            return selective::occluded(py, &*self.0, &rays, threads, &masks);
+            return selective::occluded(py, &*self.0, &rays, threads, &masks, monitor);
         }
-        trace::occluded(py, self.counted(), &rays, threads, counters)
+        trace::occluded(py, self.counted(), &rays, threads, counters, monitor)
     }
 
     /// Every triangle that each ray hits, nearest first; of equal distances, the smallest index first. The same for
@@ -130,7 +134,7 @@ impl Structure {
     /// Returns (offsets, hits): offsets, (n + 1,) int64, where the hits of each ray begin, and the number of all hits;
     /// hits, those of one ray after another. max_hits: largest number of hits of a ray, the nearest; None = no limit.
     /// Rays are traced singly. Other arguments and errors as for closest(); MemoryError if the hits do not fit.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, max_hits=None, threads=0, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn all_hits<'py>(
         &self,
@@ -141,13 +145,14 @@ impl Structure {
         t_max: Option<&Bound<'_, PyAny>>,
         max_hits: Option<MaxHits>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
-        selective::all_hits(py, &*self.0, &rays, threads, max_hits)
+        selective::all_hits(py, &*self.0, &rays, threads, max_hits, monitor)
     }
 
     /// The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest().
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0)")]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0, monitor=None)")]
     fn count_hits<'py>(
         &self,
         py: Python<'py>,
@@ -156,9 +161,10 @@ impl Structure {
         t_min: Option<&Bound<'_, PyAny>>,
         t_max: Option<&Bound<'_, PyAny>>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
-        selective::count_hits(py, &*self.0, &rays, threads)
+        selective::count_hits(py, &*self.0, &rays, threads, monitor)
     }
 
     /// The point of the triangles that is closest to each point, and its triangle. Exact: integers decide where f64 cannot.

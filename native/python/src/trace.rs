@@ -5,6 +5,8 @@ use crate::args::integers::Threads;
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::{Hits, counters};
+use crate::monitor::Monitor;
+use crate::watched::Watched;
 use halfspace_ray::Tracer;
 use halfspace_trace::threads;
 use numpy::ToPyArray;
@@ -26,11 +28,17 @@ pub fn closest(
     rays: &RayArrays<'_>,
     threads: Threads,
     counters: bool,
+    monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
     let rays = rays.rays();
-    let (hits, counts) = py
-        .detach(|| threads::closest(tracer, rays, threads.0, counters))
-        .map_err(raise)?;
+    let (hits, counts) = match monitor {
+        None => py
+            .detach(|| threads::closest(tracer, rays, threads.0, counters))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
+            threads::closest(tracer, rays, threads.0, counters)
+        })?,
+    };
     Ok(Hits {
         hits,
         counts: counts.map(|counts| (cases, counts)),
@@ -45,11 +53,17 @@ pub fn occluded<'py>(
     rays: &RayArrays<'_>,
     threads: Threads,
     counting: bool,
+    monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let rays = rays.rays();
-    let (occluded, counts) = py
-        .detach(|| threads::occluded(tracer, rays, threads.0, counting))
-        .map_err(raise)?;
+    let (occluded, counts) = match monitor {
+        None => py
+            .detach(|| threads::occluded(tracer, rays, threads.0, counting))
+            .map_err(raise)?,
+        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
+            threads::occluded(tracer, rays, threads.0, counting)
+        })?,
+    };
     let occluded = occluded.to_pyarray(py).into_any();
     match counts {
         None => Ok(occluded),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import threading
 from collections.abc import Callable
@@ -310,6 +311,63 @@ def test_a_build_can_be_cancelled_from_another_thread() -> None:
     timer.join()
     assert monitor.cancelled
     assert monitor.progress < 1
+
+
+def ways(tracer: Any, count: int, monitor: native.Monitor | None) -> list[Callable[[], bytes]]:
+    """Every way of tracing rays through 300 triangles, each returning its answers as bytes."""
+    rays = random_rays(count)
+    kinds: list[dict[str, Any]] = [{}, {"order": "tile8"}, {"triangle_mask": np.arange(300, dtype=np.uint32)}]
+
+    def closest(**kind: Any) -> bytes:
+        hits = tracer.closest(*rays, **kind, monitor=monitor)
+        return bytes(hits.t.tobytes() + hits.triangle.tobytes())
+
+    def occluded(**kind: Any) -> bytes:
+        return bytes(tracer.occluded(*rays, **kind, monitor=monitor).tobytes())
+
+    def counted() -> bytes:
+        return bytes(tracer.closest(*rays, counters=True, monitor=monitor).t.tobytes())
+
+    def counted_any() -> bytes:
+        return bytes(tracer.occluded(*rays, counters=True, monitor=monitor)[0].tobytes())
+
+    def all_hits() -> bytes:
+        offsets, hits = tracer.all_hits(*rays, monitor=monitor)
+        return bytes(offsets.tobytes() + hits.t.tobytes() + hits.triangle.tobytes())
+
+    def count_hits() -> bytes:
+        return bytes(tracer.count_hits(*rays, monitor=monitor).tobytes())
+
+    each = [functools.partial(way, **kind) for way in (closest, occluded) for kind in kinds]
+    return [*each, counted, counted_any, all_hits, count_hits]
+
+
+@pytest.mark.parametrize("spec", [*SPECS, "octree-beam:traversal=polygon"])
+@pytest.mark.parametrize("placed", [False, True])
+def test_a_monitor_changes_no_answer_and_cancels_every_way_of_tracing(spec: str, placed: bool) -> None:
+    tracer: Any = native.build(*soup(300), spec)
+    if placed:
+        tracer = native.build_instances([tracer], np.zeros(1, np.int32), np.eye(4)[None])
+    cancelled = native.Monitor()
+    cancelled.cancel()
+    watched = ways(tracer, 2048, native.Monitor())
+    for plain, way, refused in zip(ways(tracer, 2048, None), watched, ways(tracer, 2048, cancelled), strict=True):
+        assert plain() == way()
+        with pytest.raises(native.Cancelled):
+            refused()
+
+
+def test_rays_can_be_cancelled_from_another_thread() -> None:
+    # Without the cancel, these rays meet 2e11 triangles.
+    tree = native.build(*soup(100_000), "brute")
+    rays = random_rays(2_000_000)
+    for trace in (tree.closest, tree.occluded, tree.all_hits, tree.count_hits):
+        monitor = native.Monitor()
+        timer = threading.Timer(0.02, monitor.cancel)
+        timer.start()
+        with pytest.raises(native.Cancelled):
+            trace(*rays, threads=1, monitor=monitor)
+        timer.join()
 
 
 @pytest.mark.parametrize("spec", ["kd", "kd:lazy=1", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah"])

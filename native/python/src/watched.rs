@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Tracing that a monitor can cancel.
+
+use crate::errors::raise;
+use crate::monitor::Monitor;
+use halfspace_base::error::{Error, Result};
+use halfspace_base::monitor::Monitor as Cancellation;
+use halfspace_geom::Aabb;
+use halfspace_ray::counters::Log;
+use halfspace_ray::{Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
+use halfspace_scene::Triangles;
+use pyo3::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Number of rays of a tile, which slices do not divide.
+const TILE: usize = 64;
+
+/// Largest number of rays between two reads of the monitor: 0.1 s for rays of 100 µs.
+const MOST: usize = 1024;
+
+/// Slices that take less time become longer, those that take more than four times as long become shorter.
+const SHORT: Duration = Duration::from_millis(5);
+
+/// A tracer that reads a monitor between slices of its rays, and leaves rays without an answer once it is cancelled.
+/// Answers do not depend on the slices. Counted rays are not divided: what is counted may depend on the batch.
+pub struct Watched<'a, T: ?Sized> {
+    tracer: &'a T,
+    monitor: Arc<Cancellation>,
+    /// Number of rays of the next slice.
+    slice: AtomicUsize,
+}
+
+impl<'a, T: ?Sized> Watched<'a, T> {
+    /// A tracer that reads `monitor`.
+    pub fn new(tracer: &'a T, monitor: &Monitor) -> Self {
+        Self {
+            tracer,
+            monitor: Arc::clone(&monitor.0),
+            slice: AtomicUsize::new(1),
+        }
+    }
+
+    /// Runs `trace` with the GIL released. Raises Cancelled if the monitor was cancelled until its end.
+    pub fn run<A: Send>(
+        &self,
+        py: Python<'_>,
+        trace: impl FnOnce(&Self) -> Result<A> + Send,
+    ) -> PyResult<A>
+    where
+        T: Sync,
+    {
+        let traced = py.detach(|| match trace(self) {
+            Ok(_) if self.monitor.is_cancelled() => Err(Error::Cancelled),
+            traced => traced,
+        });
+        traced.map_err(raise)
+    }
+
+    /// Runs `work` on slices of `count` rays, of a multiple of `unit` each, until the monitor is cancelled.
+    fn sliced(&self, count: usize, unit: usize, mut work: impl FnMut(Range<usize>)) {
+        let mut first = 0;
+        while first < count && !self.monitor.is_cancelled() {
+            let slice = self.slice.load(Ordering::Relaxed);
+            let end = count.min(first + slice.next_multiple_of(unit));
+            let start = Instant::now();
+            work(first..end);
+            let time = start.elapsed();
+            if time < SHORT {
+                self.slice.store((2 * slice).min(MOST), Ordering::Relaxed);
+            } else if time > 4 * SHORT {
+                self.slice.store((slice / 2).max(1), Ordering::Relaxed);
+            }
+            first = end;
+        }
+    }
+}
+
+impl<T: Tracer + ?Sized> Tracer for Watched<'_, T> {
+    fn triangles(&self) -> Option<&Triangles> {
+        self.tracer.triangles()
+    }
+
+    fn count(&self) -> usize {
+        self.tracer.count()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.tracer.corners(id)
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        self.closest_ordered(rays, hits, counters, Order::None);
+    }
+
+    fn takes_tiles(&self) -> bool {
+        self.tracer.takes_tiles()
+    }
+
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        if counters.is_some() {
+            if !self.monitor.is_cancelled() {
+                self.tracer.closest_ordered(rays, hits, counters, order);
+            }
+            return;
+        }
+        let unit = if order == Order::Tiles { TILE } else { 1 };
+        self.sliced(rays.len(), unit, |part| {
+            let (rays, hits) = (&rays[part.clone()], &mut hits[part]);
+            self.tracer.closest_ordered(rays, hits, None, order);
+        });
+    }
+
+    fn near_rays(&self, any: bool) -> Option<Aabb> {
+        self.tracer.near_rays(any)
+    }
+
+    fn batch(&self, order: Order, any: bool) -> Option<usize> {
+        self.tracer.batch(order, any)
+    }
+
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        self.tracer.leaf_depths(rays, depths);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        if counters.is_some() {
+            if !self.monitor.is_cancelled() {
+                self.tracer.occluded(rays, occluded, counters);
+            }
+            return;
+        }
+        self.sliced(rays.len(), 1, |part| {
+            let (rays, occluded) = (&rays[part.clone()], &mut occluded[part]);
+            self.tracer.occluded(rays, occluded, None);
+        });
+    }
+}
+
+impl<T: SelectiveTracer + ?Sized> SelectiveTracer for Watched<'_, T> {
+    fn observe<'l>(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        write: &mut dyn FnMut(usize, Hit),
+        log: &mut dyn FnMut(usize) -> Log<'l>,
+    ) {
+        self.sliced(rays.len(), 1, |part| {
+            let first = part.start;
+            let mut write = |i: usize, hit: Hit| write(first + i, hit);
+            (self.tracer).observe(&rays[part], any, &mut write, &mut |i| log(first + i));
+        });
+    }
+}
