@@ -3,7 +3,8 @@
 
 Sets up what it needs, then runs formatters, linters, type checks and all tests, two side by side. The last line is the
 count; the exit status is 0 only if nothing failed. Arguments choose checks by the beginning of their names:
-`test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130.
+`test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130. `overflow` runs
+only so: the Rust tests with checks of overflow. `HALFSPACE_TEST_SHARE=1` traces all rays of hard scenes, not a quarter.
 """
 
 from __future__ import annotations
@@ -31,7 +32,13 @@ import environment
 from environment import CURRENT, LTS, ROOT
 
 CRATES = ["--manifest-path", "native/Cargo.toml", "--workspace"]
-ENVIRONMENT = {**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"}
+ENVIRONMENT = {
+    # Tests of hard scenes trace a quarter of their rays; 1 is all.
+    "HALFSPACE_TEST_SHARE": "4",
+    **os.environ,
+    "PYO3_PYTHON": str(CURRENT.python),
+    "CARGO_TERM_COLOR": "never",
+}
 
 SILENT_SECONDS, SILENT_WORK = 900.0, 3600.0
 """A check hangs if it printed nothing for the first and did not work meanwhile, or worked for the second.
@@ -228,11 +235,15 @@ def python_tool(module: str, *arguments: str) -> Callable[[], Counts]:
     return gate(str(CURRENT.python), "-m", module, *arguments)
 
 
-def rust_tests() -> Counts:
-    """The unit, integration and documentation tests of all crates, with checks of overflow."""
-    status, said = run(["cargo", "test", *CRATES, "--exclude", "halfspace_python", "--exclude", "halfspace_benches"])
-    # A failed compilation fails no test, and so counts by itself.
-    return judged(cargo_counts(said), status, said)
+def rust_tests(*profile: str) -> Callable[[], Counts]:
+    """The unit, integration and documentation tests of all crates."""
+
+    def check() -> Counts:
+        status, said = run(["cargo", "test", *CRATES, "--exclude", "halfspace_benches", *profile])
+        # A failed compilation fails no test, and so counts by itself.
+        return judged(cargo_counts(said), status, said)
+
+    return check
 
 
 def judged(counts: Counts, status: int, said: str) -> Counts:
@@ -266,11 +277,15 @@ CARGO_CHECKS: dict[str, Callable[[], Counts]] = {
     "rustfmt": gate("cargo", "fmt", *CRATES[:2], "--all", "--check"),
     "dependencies": gate(str(CURRENT.python), "scripts/dev/dependencies.py"),
     "deny": gate("cargo", "deny", *CRATES, "--offline", "check", "bans", "licenses", "sources"),
-    # With the Python module, which is more code; `rust` compiles the crates without it.
     "clippy": gate("cargo", "clippy", *CRATES, "--all-targets", "--all-features", "--", "-D", "warnings"),
-    "rust": rust_tests,
+    # In the profile of the wheel, and with the Python module: cargo then uses the crates that the wheel is made of.
+    "rust": rust_tests("--release"),
+    "overflow": rust_tests(),
 }
-"""Name to check, in order. They run while the wheel is built: they need no wheel, and use other files of cargo."""
+"""Name to check, in order. They need no wheel and begin while it is built; `rust` waits for cargo."""
+
+LONG = {"overflow"}
+"""Checks that run only if they are named: the tests of `rust` with checks of overflow, all crates compiled anew."""
 
 PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
@@ -405,7 +420,7 @@ def work(wanted: list[str]) -> int:
         print(f"test: no check is called {unknown[0]!r}; there are {', '.join(known)}", file=sys.stderr)
         return 2
     start = time.monotonic()
-    session = Session([name for name in known if not wanted or name.startswith(tuple(wanted))])
+    session = Session([name for name in known if (name.startswith(tuple(wanted)) if wanted else name not in LONG)])
     try:
         session.run()
     except environment.SetupError as error:

@@ -108,6 +108,7 @@ impl Arrays {
             t_min: Limits::Each(&self.t_min),
             t_max: Limits::Each(&self.t_max),
             order: Order::None,
+            monitor: None,
         }
     }
 }

@@ -16,8 +16,6 @@ pub mod view;
 
 pub mod aabb;
 pub mod exact;
-#[cfg(any(test, feature = "strategies"))]
-pub mod strategies;
 pub mod transform;
 pub mod vec3;
 pub mod verdict;

@@ -290,8 +290,7 @@ fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> 
     })
 }
 
-/// Returns the verdict on a ray without limits, for tests.
-#[cfg(any(test, feature = "strategies"))]
+/// Returns the verdict on a ray without limits.
 pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     verdict_within(o, d, v, [f32::NEG_INFINITY, f32::INFINITY])
 }

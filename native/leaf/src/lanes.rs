@@ -307,11 +307,11 @@ fn largest(a: [f32; 3]) -> f32 {
 mod tests {
     use super::*;
     use fearless_simd::{Level, dispatch};
-    use halfspace_geom::strategies::{near_triangle, point, tiny_from_afar};
     use halfspace_geom::verdict::verdict;
     use halfspace_ray::Ray;
     use halfspace_ray::frame::Frame;
     use halfspace_scene::Triangles;
+    use halfspace_strategies::{near_triangle, point, tiny_from_afar};
     use proptest::prelude::*;
 
     proptest! {

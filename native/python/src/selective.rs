@@ -97,7 +97,7 @@ pub fn all_hits<'py>(
     most: Option<MaxHits>,
     monitor: Option<&Monitor>,
 ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
-    let rays = rays.rays();
+    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
     let most = most.map_or(usize::MAX, |most| most.0);
     let found = match monitor {
         None => py
@@ -124,7 +124,7 @@ pub fn count_hits<'py>(
     threads: Threads,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let rays = rays.rays();
+    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
     let counts = match monitor {
         None => py
             .detach(|| selective::count_hits(tracer, rays, threads.0))
@@ -145,7 +145,10 @@ pub fn closest(
     masks: &MaskArrays<'_>,
     monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
-    let (rays, masks) = (rays.rays(), masks.masks().map_err(raise)?);
+    let (rays, masks) = (
+        rays.rays().watched(monitor.map(|monitor| &*monitor.0)),
+        masks.masks().map_err(raise)?,
+    );
     let hits = match monitor {
         None => py
             .detach(|| selective::visible::<Closest>(tracer, rays, threads.0, masks))
@@ -170,7 +173,10 @@ pub fn occluded<'py>(
     masks: &MaskArrays<'_>,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (rays, masks) = (rays.rays(), masks.masks().map_err(raise)?);
+    let (rays, masks) = (
+        rays.rays().watched(monitor.map(|monitor| &*monitor.0)),
+        masks.masks().map_err(raise)?,
+    );
     let occluded = match monitor {
         None => py
             .detach(|| selective::visible::<Any>(tracer, rays, threads.0, masks))

@@ -30,7 +30,7 @@ pub fn closest(
     counters: bool,
     monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
-    let rays = rays.rays();
+    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
     let (hits, counts) = match monitor {
         None => py
             .detach(|| threads::closest(tracer, rays, threads.0, counters))
@@ -55,7 +55,7 @@ pub fn occluded<'py>(
     counting: bool,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let rays = rays.rays();
+    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
     let (occluded, counts) = match monitor {
         None => py
             .detach(|| threads::occluded(tracer, rays, threads.0, counting))

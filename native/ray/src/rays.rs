@@ -2,6 +2,7 @@
 //! Rays in arrays of the caller, checked and gathered into [`Ray`]s a chunk at a time.
 
 use crate::ray::{Order, Ray};
+use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};
 use prefetch_index::prefetch_index;
 use std::ops::Range;
@@ -32,6 +33,8 @@ pub struct Rays<'a> {
     pub t_max: Limits<'a>,
     /// Order of the rays.
     pub order: Order,
+    /// Once it is cancelled, no further chunk is traced.
+    pub monitor: Option<&'a Monitor>,
 }
 
 /// The check, shared between threads, that all rays are finite. Each part is checked right before it is traced, which
@@ -44,19 +47,25 @@ pub struct Finite {
 
 impl Finite {
     /// Checks the rays of a range; returns whether all rays checked so far, on any thread, are finite, so that the
-    /// range should be traced.
+    /// range should be traced. No range should be once the rays are cancelled.
     pub fn allows(&self, rays: &Rays<'_>, range: Range<usize>) -> bool {
+        if rays.is_cancelled() {
+            return false;
+        }
         if !rays.are_finite(range) {
             self.failed.store(true, Ordering::Relaxed);
         }
         !self.failed.load(Ordering::Relaxed)
     }
 
-    /// Returns an error if some ray was not finite.
+    /// Returns an error if some ray was not finite, or if some were not traced.
     ///
     /// # Errors
-    /// [`Error::NonFinite`], which names the first ray that is not finite.
+    /// [`Error::NonFinite`], which names the first ray that is not finite, and [`Error::Cancelled`].
     pub fn end(self, rays: &Rays<'_>) -> Result<()> {
+        if rays.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         if !self.failed.into_inner() {
             return Ok(());
         }
@@ -78,6 +87,16 @@ impl<'a> Rays<'a> {
         let mut rays = vec![BLANK; self.origins.len()];
         self.put(0, &mut rays);
         Ok(rays)
+    }
+
+    /// The same rays, traced until `monitor` is cancelled.
+    pub fn watched(self, monitor: Option<&'a Monitor>) -> Self {
+        Self { monitor, ..self }
+    }
+
+    /// Returns whether no further chunk should be traced.
+    pub fn is_cancelled(&self) -> bool {
+        self.monitor.is_some_and(Monitor::is_cancelled)
     }
 
     /// Checks that all rays are finite.

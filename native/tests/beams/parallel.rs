@@ -312,6 +312,7 @@ fn counters_do_not_depend_on_the_number_of_threads() {
         t_min: Limits::Same(0.0),
         t_max: Limits::Same(f32::INFINITY),
         order: Order::Tiles,
+        monitor: None,
     };
     let nearest = [1, 2, 3].map(|n| threads::closest(&structure, batch(), n, true).unwrap());
     let any = [1, 2, 3].map(|n| threads::occluded(&structure, batch(), n, true).unwrap());

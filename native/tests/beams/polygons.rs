@@ -136,6 +136,7 @@ fn the_order_of_the_rays_and_the_size_of_batches_change_nothing() {
         t_min: Limits::Same(0.0),
         t_max: Limits::Same(f32::INFINITY),
         order: Order::Tiles,
+        monitor: None,
     };
     assert!(arrays[0].len() > 2 * threads::CHUNK);
     for count in [1, 2, 3] {

@@ -54,7 +54,8 @@ pub struct Masks<'a> {
 /// The first hit of a ray is its nearest hit, bit for bit.
 ///
 /// # Errors
-/// [`Error::Memory`] if the hits do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+/// [`Error::Memory`] if the hits do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite,
+/// [`Error::Cancelled`] once their monitor is cancelled.
 pub fn all_hits(
     tracer: &dyn SelectiveTracer,
     rays: Rays<'_>,
@@ -125,7 +126,8 @@ pub fn count_hits(
 ///
 /// # Errors
 /// [`Error::Shape`] unless there is one mask per triangle, and per ray if those differ; [`Error::Memory`] if the
-/// answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+/// answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite,
+/// [`Error::Cancelled`] once their monitor is cancelled.
 pub fn visible<Q: Query>(
     tracer: &dyn SelectiveTracer,
     rays: Rays<'_>,

@@ -52,10 +52,12 @@ impl Shares {
 /// Runs `work` on chunks of rays, their answers and their counters.
 ///
 /// # Errors
-/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite,
+/// [`Error::Cancelled`] once their monitor is cancelled.
 ///
 /// [`Error::Memory`]: halfspace_base::error::Error::Memory
 /// [`Error::NonFinite`]: halfspace_base::error::Error::NonFinite
+/// [`Error::Cancelled`]: halfspace_base::error::Error::Cancelled
 pub fn in_chunks<T: Clone + Send>(
     rays: Rays<'_>,
     shares: Shares,
@@ -148,10 +150,12 @@ pub type Answers<T> = (Vec<T>, Option<Vec<RayCounters>>);
 /// near rays follow one another, where that is faster.
 ///
 /// # Errors
-/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite.
+/// [`Error::Memory`] if the answers do not fit the memory, [`Error::NonFinite`] with the first ray that is not finite,
+/// [`Error::Cancelled`] once their monitor is cancelled.
 ///
 /// [`Error::Memory`]: halfspace_base::error::Error::Memory
 /// [`Error::NonFinite`]: halfspace_base::error::Error::NonFinite
+/// [`Error::Cancelled`]: halfspace_base::error::Error::Cancelled
 pub fn closest(
     tracer: &dyn Tracer,
     rays: Rays<'_>,
@@ -223,6 +227,9 @@ fn reordered<T: Copy + Send + Sync>(
             let order = reorder::order(own.origins, own.directions, bounds);
             let mut found = vec![blank; CHUNK.min(answers.len())];
             for indices in order.chunks(CHUNK) {
+                if rays.is_cancelled() {
+                    return;
+                }
                 let (buffer, found) = (&mut buffer[..indices.len()], &mut found[..indices.len()]);
                 own.gather(indices, buffer);
                 trace(buffer, found);

@@ -77,7 +77,7 @@ def test_rust_tests_fail_by_their_counts_and_by_their_exit_status(
     monkeypatch: pytest.MonkeyPatch, status: int, line: str, expected: Any
 ) -> None:
     monkeypatch.setitem(everything, "run", lambda _: (status, line + "\n"))
-    assert test_script["rust_tests"]() == expected
+    assert test_script["rust_tests"]()() == expected
 
 
 def fake_set_up(monkeypatch: pytest.MonkeyPatch) -> list[environment.Environment]:

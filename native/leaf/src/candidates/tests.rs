@@ -3,12 +3,12 @@
 use super::*;
 use crate::blocks::{Blocks, WORDS};
 use fearless_simd::{Level, dispatch};
-use halfspace_geom::strategies::{near_triangle, point, tiny_from_afar};
 use halfspace_geom::verdict::verdict;
 use halfspace_ray::Ray;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Closest, NoCountLate};
 use halfspace_scene::Triangles;
+use halfspace_strategies::{near_triangle, point, tiny_from_afar};
 use proptest::prelude::*;
 
 proptest! {

@@ -3,12 +3,12 @@
 use super::*;
 use crate::blocks::Blocks;
 use crate::keep::Keep;
-use halfspace_geom::strategies::{near_triangle, point, tiny_from_afar};
 use halfspace_geom::verdict::verdict;
 use halfspace_ray::Ray;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::NoCount;
 use halfspace_scene::Triangles;
+use halfspace_strategies::{near_triangle, point, tiny_from_afar};
 use proptest::prelude::*;
 
 /// The triangle in the frame of its scene.

@@ -257,7 +257,7 @@ impl<const D: usize> Nested for DopTree<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use halfspace_geom::strategies::point;
+    use halfspace_strategies::point;
     use num_bigint::BigInt;
     use proptest::prelude::*;
 

@@ -78,6 +78,7 @@ impl<'py> RayArrays<'py> {
             t_min: self.t_min.limits(),
             t_max: self.t_max.limits(),
             order: self.order,
+            monitor: None,
         }
     }
 }

@@ -112,10 +112,10 @@ impl Late {
 mod tests {
     use super::*;
     use fearless_simd::{Level, dispatch};
-    use halfspace_geom::strategies::point;
     use halfspace_geom::verdict::verdict;
     use halfspace_ray::frame::Frame;
     use halfspace_scene::Triangles;
+    use halfspace_strategies::point;
     use proptest::prelude::*;
 
     /// A triangle, an origin, and the weights of a point to aim at.

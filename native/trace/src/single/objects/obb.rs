@@ -219,13 +219,13 @@ mod tests {
     use super::*;
     use fearless_simd::{Level, dispatch};
     use halfspace_geom::Aabb;
-    use halfspace_geom::strategies::{near_triangle, point};
     use halfspace_geom::vec3::{dot, widen};
     use halfspace_geom::verdict::verdict;
     use halfspace_nodes::obb_tree::outwards;
     use halfspace_ray::Ray;
     use halfspace_ray::frame::Frame;
     use halfspace_scene::Triangles;
+    use halfspace_strategies::{near_triangle, point};
     use proptest::prelude::*;
 
     /// The rotation by the quaternion `(1, x, y, z)`, rounded.

@@ -3,12 +3,12 @@
 
 use super::*;
 use halfspace_geom::Aabb;
-use halfspace_geom::strategies::{near_triangle, point};
 use halfspace_geom::verdict::verdict;
 use halfspace_nodes::dop_tree::height;
 use halfspace_ray::Ray;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_strategies::{near_triangle, point};
 use proptest::prelude::*;
 
 fn triangle_node(corners: [[f32; 3]; 3]) -> Node<13> {
