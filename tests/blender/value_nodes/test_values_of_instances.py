@@ -174,6 +174,17 @@ def by_nested_collections(shown: Any, add: Any) -> None:
     collection(add, *outer, places=(-1.2, 1.5))
 
 
+def nodes_in_a_collection(shown: Any, add: Any) -> None:
+    hidden, scattered = (
+        add("Hidden", shown.data),
+        add("Scattered", grid(2), location=(0.2, 0.1, 0), scale=(0.6, 0.5, 1)),
+    )
+    hidden.hide_render, scattered["tint"] = True, (0.9, 0.9, 0.1)
+    scattered.color, scattered.pass_index = (0.4, 0.3, 0.9, 0.2), 6
+    scattered.modifiers.new("Scatter", "NODES").node_group = scatter(shown)
+    collection(add, hidden, scattered)
+
+
 WAYS = {
     "linked duplicates": duplicates,
     "vertices": lambda shown, add: by_mesh(shown, add, "VERTS"),
@@ -182,6 +193,7 @@ WAYS = {
     "geometry nodes": by_nodes,
     "particles": by_particles,
     "nested collections": by_nested_collections,
+    "geometry nodes in a collection": nodes_in_a_collection,
 }
 """All ways to make instances of an object, beside that object itself."""
 

@@ -27,7 +27,9 @@ class Instancing:
         self._keys = [key for key in keys if key[0] in (PARTICLE, PLACE, INSTANCER)]
         scene = depsgraph.scene_eval
         self._frame = scene.frame_current + scene.frame_subframe
+        self._depsgraph = depsgraph
         self._levels: dict[int, _Level] = {}
+        self._members: dict[int, list[Any]] = {}
 
     def of(self, instance: Any) -> Mapping[Key, Value]:
         """The values of an instance of the depsgraph; those that it does not have are missing."""
@@ -63,17 +65,20 @@ class Instancing:
 
     def _attribute(self, instance: Any, name: str) -> Value | None:
         """An attribute of the instances that geometry nodes made: of the innermost ones that have it."""
+        # Blender lists the numbers of nested instances from the inside out.
+        numbers = [number for number in instance.persistent_id if number != END]
         parent = instance.parent
+        # A collection is instanced by an empty, which has no geometry; one of its objects may have instances.
+        while parent is not None and parent.type == "EMPTY":
+            parent = self._member(parent, numbers.pop()) if numbers else None
         read = getattr(parent, "evaluated_geometry", None)  # since Blender 5.0
-        # Collections are instanced by empties, which have no geometry.
-        if read is None or instance.particle_system is not None or parent.type == "EMPTY":
+        if read is None or instance.particle_system is not None:
             return None
         key = parent.original.as_pointer()
         if key not in self._levels:
             self._levels[key] = _Level(read())
-        # Blender lists the numbers of nested instances from the inside out.
         value, level = None, self._levels[key]
-        for number in reversed([number for number in instance.persistent_id if number != END]):
+        for number in reversed(numbers):
             row = level.row(number)
             value = level.value(name, row) or value
             inner = level.inner(row)
@@ -81,6 +86,18 @@ class Instancing:
                 break
             level = inner
         return value
+
+    def _member(self, empty: Any, number: int) -> Any | None:
+        """The evaluated object with this number among those of the collection that an empty shows."""
+        group = empty.instance_collection
+        if group is None:
+            return None
+        # Numbers count all of them, also those that are hidden.
+        key = group.as_pointer()
+        if key not in self._members:
+            self._members[key] = list(group.all_objects)
+        items = self._members[key]
+        return items[number].evaluated_get(self._depsgraph) if 0 <= number < len(items) else None
 
 
 class _Level:
