@@ -487,7 +487,12 @@ class Structure:
         """The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest()."""
 
     def closest_points(
-        self, points: F32, max_distance: float | F32 | None = None, *, threads: int = 0
+        self,
+        points: F32,
+        max_distance: float | F32 | None = None,
+        *,
+        threads: int = 0,
+        monitor: Monitor | None = None,
     ) -> NearestPoints:
         """The point of the triangles that is closest to each point, and its triangle. Exact: integers decide where f64
         cannot.
@@ -495,10 +500,13 @@ class Structure:
         points: (n, 3). max_distance: one number or (n,), only triangles at most that far away count; None = inf.
         Triangles without area count as segments or points, those that are not finite do not count. The first call
         copies the nodes.
-        Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; MemoryError.
+        monitor: to cancel the queries.
+        Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; Cancelled; MemoryError.
         """
 
-    def points_within(self, points: F32, radius: float | F32, *, threads: int = 0) -> tuple[I64, NearestPoints]:
+    def points_within(
+        self, points: F32, radius: float | F32, *, threads: int = 0, monitor: Monitor | None = None
+    ) -> tuple[I64, NearestPoints]:
         """Every triangle at most `radius` away from each point, nearest first; of equal distances, the smallest index
         first.
 
@@ -507,7 +515,9 @@ class Structure:
         closest_points().
         """
 
-    def overlaps(self, other: Structure, *, threads: int = 0) -> npt.NDArray[np.int32]:
+    def overlaps(
+        self, other: Structure, *, threads: int = 0, monitor: Monitor | None = None
+    ) -> npt.NDArray[np.int32]:
         """Every pair of a triangle of this structure and one of the other that have a point in common: (k, 2) int32,
         sorted. Exact: triangles that touch in a vertex are a pair.
 

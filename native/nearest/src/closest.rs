@@ -6,7 +6,7 @@
 
 use crate::number::U;
 use crate::surface::{Node, Surface};
-use crate::threads;
+use crate::threads::{self, Work};
 use crate::verdict::Candidate;
 use halfspace_base::error::{Error, Result};
 use halfspace_base::memory::check_room;
@@ -149,35 +149,36 @@ impl Surface {
         found
     }
 
-    /// Returns the triangle nearest to each point, of those at most at the limit of the point, on `threads` threads, 0
-    /// for one per processor.
+    /// Returns the triangle nearest to each point, of those at most at the limit of the point.
     ///
     /// # Errors
-    /// [`Error::Memory`] if the answers do not fit the memory.
-    pub fn nearest_of_each(
+    /// [`Error::Memory`] if the answers do not fit the memory, and [`Error::Cancelled`].
+    pub fn nearest_of_each<'w>(
         &self,
         points: &[[f32; 3]],
         limit: impl Fn(usize) -> f32 + Sync,
-        threads: usize,
+        work: impl Into<Work<'w>>,
     ) -> Result<Vec<Nearest>> {
         check_room("points", size_of_val(points) as u64 * 2)?;
-        threads::each(points, threads, |i, &point| self.nearest(point, limit(i)))
+        threads::each(points, work.into(), |i, &point| {
+            self.nearest(point, limit(i))
+        })
     }
 
-    /// Returns all triangles at most at the radius of each point, on `threads` threads, 0 for one per processor.
-    /// Triangles whose distance exceeds the largest f32 are left out.
+    /// Returns all triangles at most at the radius of each point. Triangles whose distance exceeds the largest f32 are left
+    /// out.
     ///
     /// # Errors
-    /// [`Error::Memory`] if the answers do not fit the memory.
-    pub fn within(
+    /// [`Error::Memory`] if the answers do not fit the memory, and [`Error::Cancelled`].
+    pub fn within<'w>(
         &self,
         points: &[[f32; 3]],
         radius: impl Fn(usize) -> f32 + Sync,
-        threads: usize,
+        work: impl Into<Work<'w>>,
     ) -> Result<Near> {
         // Gather the triangles of each point, as long as all of them fit the memory.
         let (count, full) = (AtomicUsize::new(0), OnceLock::<Error>::new());
-        let lists = threads::each(points, threads, |i, &point| {
+        let lists = threads::each(points, work.into(), |i, &point| {
             if full.get().is_some() {
                 return Vec::new();
             }

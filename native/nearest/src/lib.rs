@@ -25,7 +25,7 @@ pub mod surface;
 pub mod verdict;
 
 mod exact;
-mod threads;
+pub mod threads;
 
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@
 
 use crate::meeting::Triangle;
 use crate::surface::Surface;
-use crate::threads;
+use crate::threads::{self, Work};
 use halfspace_base::error::{Error, Result};
 use halfspace_base::memory::check_room;
 use halfspace_geom::Aabb;
@@ -32,16 +32,16 @@ struct Pair<'a> {
 }
 
 impl Surface {
-    /// Returns all pairs of a triangle of this surface and one of the other that have a point in common, sorted, on
-    /// `threads` threads, 0 for one per processor.
+    /// Returns all pairs of a triangle of this surface and one of the other that have a point in common, sorted.
     ///
     /// If both are the same object, a triangle is not paired with itself, nor with those that share an edge with it:
     /// two vertices by index. Triangles that share one vertex are a pair only if they have a further point in common.
     /// Each pair is then found in both orders.
     ///
     /// # Errors
-    /// [`Error::Memory`] if the pairs do not fit the memory.
-    pub fn overlaps(&self, other: &Self, threads: usize) -> Result<Vec<[u32; 2]>> {
+    /// [`Error::Memory`] if the pairs do not fit the memory, and [`Error::Cancelled`].
+    pub fn overlaps<'w>(&self, other: &Self, work: impl Into<Work<'w>>) -> Result<Vec<[u32; 2]>> {
+        let work = work.into();
         let pair = Pair {
             one: self,
             other,
@@ -64,10 +64,10 @@ impl Surface {
         }
         // Find the pairs of each, as long as all of them fit the memory.
         let (count, full) = (AtomicUsize::new(0), OnceLock::<Error>::new());
-        let lists = threads::each(&tasks, threads, |_, &task| {
+        let lists = threads::each(&tasks, work, |_, &task| {
             let mut found = Vec::new();
             if full.get().is_none() {
-                pair.find(task, &mut found, |more| {
+                pair.find(task, &mut found, work, |more| {
                     let all = count.fetch_add(more, Ordering::Relaxed) + more;
                     match check_room("overlaps", (2 * all * size_of::<[u32; 2]>()) as u64) {
                         Ok(()) => true,
@@ -80,6 +80,9 @@ impl Surface {
             }
             found
         })?;
+        if work.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         if let Some(error) = full.into_inner() {
             return Err(error);
         }
@@ -96,10 +99,14 @@ impl Pair<'_> {
         &self,
         task: [Part; 2],
         found: &mut Vec<[u32; 2]>,
+        work: Work<'_>,
         mut more: impl FnMut(usize) -> bool,
     ) {
         let (mut stack, mut known) = (vec![task], 0);
         while let Some(task) = stack.pop() {
+            if work.is_cancelled() {
+                return;
+            }
             if self.open(task, &mut stack) {
                 continue;
             }

@@ -101,6 +101,7 @@ impl Instances {
 
     /// Like Structure.count_hits().
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0, monitor=None)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn count_hits<'py>(
         &self,
         py: Python<'py>,

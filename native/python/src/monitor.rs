@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Monitoring of builds and of traced rays, and the memory limit of builds.
 
-use crate::args::integers::MemoryLimit;
+use crate::args::integers::{MemoryLimit, Threads};
 use halfspace_base::memory;
 use halfspace_base::monitor::Monitor as BuildMonitor;
+use halfspace_nearest::threads::Work;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
@@ -51,6 +52,14 @@ pub fn with_limit(monitor: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
     let monitor = given(monitor);
     monitor.limit_memory(limit);
     monitor
+}
+
+/// Returns how many threads answer queries, until the monitor is cancelled, if one is given.
+pub fn work(threads: Threads, monitor: Option<&Monitor>) -> Work<'_> {
+    Work {
+        threads: threads.0,
+        monitor: monitor.map(|monitor| &*monitor.0),
+    }
 }
 
 /// Adds monitors to the module.

@@ -2,10 +2,10 @@
 //! Nearest triangles and overlaps, with the GIL released, and their oracle.
 
 use crate::args::arrays::{self, PerRay};
-use crate::args::integers::Threads;
 use crate::errors::raise;
 use crate::float_mode::DefaultMode;
 use halfspace_base::error::{Result, caught};
+use halfspace_nearest::threads::Work;
 use halfspace_nearest::{Nearest, Surface};
 use halfspace_oracle::{exact_nearest, exact_overlap};
 use halfspace_ray::rays::{Limits, check_finite};
@@ -109,13 +109,13 @@ pub fn closest_points(
     surface: &Surface,
     points: &Bound<'_, PyAny>,
     max_distance: Option<&Bound<'_, PyAny>>,
-    threads: Threads,
+    work: Work<'_>,
 ) -> PyResult<NearestPoints> {
     let _mode = DefaultMode::set(py)?;
     let arguments = Arguments::new(points, "max_distance", max_distance).map_err(raise)?;
     let (points, limits) = (&arguments.points, arguments.distances.limits());
     let found = py
-        .detach(|| surface.nearest_of_each(points, |i| of(limits, i), threads.0))
+        .detach(|| surface.nearest_of_each(points, |i| of(limits, i), work))
         .map_err(raise)?;
     Ok(NearestPoints(found))
 }
@@ -126,13 +126,13 @@ pub fn points_within<'py>(
     surface: &Surface,
     points: &Bound<'_, PyAny>,
     radius: &Bound<'_, PyAny>,
-    threads: Threads,
+    work: Work<'_>,
 ) -> PyResult<(Bound<'py, PyArray1<i64>>, NearestPoints)> {
     let _mode = DefaultMode::set(py)?;
     let arguments = Arguments::new(points, "radius", Some(radius)).map_err(raise)?;
     let (points, radii) = (&arguments.points, arguments.distances.limits());
     let near = py
-        .detach(|| surface.within(points, |i| of(radii, i), threads.0))
+        .detach(|| surface.within(points, |i| of(radii, i), work))
         .map_err(raise)?;
     let offsets: Vec<_> = near.offsets.iter().map(|&offset| offset as i64).collect();
     Ok((offsets.to_pyarray(py), NearestPoints(near.found)))
@@ -143,12 +143,10 @@ pub fn overlaps<'py>(
     py: Python<'py>,
     one: &Surface,
     other: &Surface,
-    threads: Threads,
+    work: Work<'_>,
 ) -> PyResult<Bound<'py, PyArray2<i32>>> {
     let _mode = DefaultMode::set(py)?;
-    let pairs = py
-        .detach(|| one.overlaps(other, threads.0))
-        .map_err(raise)?;
+    let pairs = py.detach(|| one.overlaps(other, work)).map_err(raise)?;
     let rows: Vec<_> = pairs
         .iter()
         .map(|pair| pair.map(u32::cast_signed))

@@ -153,6 +153,7 @@ impl Structure {
 
     /// The number of triangles that each ray hits: (n,) int64. Arguments and errors as for closest().
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, threads=0, monitor=None)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn count_hits<'py>(
         &self,
         py: Python<'py>,
@@ -171,16 +172,19 @@ impl Structure {
     ///
     /// points: (n, 3). max_distance: one number or (n,), only triangles at most that far away count; None = inf. Triangles
     /// without area count as segments or points, those that are not finite do not count. The first call copies the nodes.
-    /// Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; MemoryError.
-    #[pyo3(signature = (points, max_distance=None, *, threads=Threads::ALL), text_signature = "($self, points, max_distance=None, *, threads=0)")]
+    /// monitor: to cancel the queries.
+    /// Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; Cancelled; MemoryError.
+    #[pyo3(signature = (points, max_distance=None, *, threads=Threads::ALL, monitor=None), text_signature = "($self, points, max_distance=None, *, threads=0, monitor=None)")]
     fn closest_points(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         max_distance: Option<&Bound<'_, PyAny>>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<NearestPoints> {
-        proximity::closest_points(py, self.surface(py)?, points, max_distance, threads)
+        let work = monitor::work(threads, monitor);
+        proximity::closest_points(py, self.surface(py)?, points, max_distance, work)
     }
 
     /// Every triangle at most `radius` away from each point, nearest first; of equal distances, the smallest index first.
@@ -188,15 +192,17 @@ impl Structure {
     /// radius: one number or (n,). Returns (offsets, found): offsets, (n + 1,) int64, where the triangles of each point
     /// begin, and the number of all; found, those of one point after another. Other arguments and errors as for
     /// closest_points().
-    #[pyo3(signature = (points, radius, *, threads=Threads::ALL), text_signature = "($self, points, radius, *, threads=0)")]
+    #[pyo3(signature = (points, radius, *, threads=Threads::ALL, monitor=None), text_signature = "($self, points, radius, *, threads=0, monitor=None)")]
     fn points_within<'py>(
         &self,
         py: Python<'py>,
         points: &Bound<'_, PyAny>,
         radius: &Bound<'_, PyAny>,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, NearestPoints)> {
-        proximity::points_within(py, self.surface(py)?, points, radius, threads)
+        let work = monitor::work(threads, monitor);
+        proximity::points_within(py, self.surface(py)?, points, radius, work)
     }
 
     /// Every pair of a triangle of this structure and one of the other that have a point in common: (k, 2) int32, sorted.
@@ -204,14 +210,16 @@ impl Structure {
     ///
     /// With the structure itself, pairs are of different triangles that share no edge; those that share a vertex have a
     /// further point in common. Each is found in both orders. Errors as for closest_points().
-    #[pyo3(signature = (other, *, threads=Threads::ALL), text_signature = "($self, other, *, threads=0)")]
+    #[pyo3(signature = (other, *, threads=Threads::ALL, monitor=None), text_signature = "($self, other, *, threads=0, monitor=None)")]
     fn overlaps<'py>(
         &self,
         py: Python<'py>,
         other: &Self,
         threads: Threads,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        proximity::overlaps(py, self.surface(py)?, other.surface(py)?, threads)
+        let work = monitor::work(threads, monitor);
+        proximity::overlaps(py, self.surface(py)?, other.surface(py)?, work)
     }
 
     /// Returns a new structure, fitted to moved vertices: the same nodes around the triangles where they are now.

@@ -103,6 +103,23 @@ def test_overlaps_are_those_of_integers(one: Mesh, other: Mesh) -> None:
     assert {(i, i) for i in range(len(one[1]))} <= {(a, b) for a, b in again.tolist()}
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_monitor_cancels_queries(threads: int) -> None:
+    mesh = soup(3, 400)
+    structure, at = native.build(*mesh, "bvh-sah"), points(4, mesh)
+    ways = (
+        lambda monitor: structure.closest_points(at, threads=threads, monitor=monitor),
+        lambda monitor: structure.points_within(at, 0.1, threads=threads, monitor=monitor),
+        lambda monitor: structure.overlaps(structure, threads=threads, monitor=monitor),
+    )
+    cancelled = native.Monitor()
+    cancelled.cancel()
+    for way in ways:
+        way(native.Monitor())
+        with pytest.raises(native.Cancelled):
+            way(cancelled)
+
+
 def test_a_structure_with_itself_has_no_neighbours() -> None:
     # A strip of three triangles, and one that begins at a vertex of the first and pierces all.
     vertices = np.array(
