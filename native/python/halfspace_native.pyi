@@ -515,9 +515,7 @@ class Structure:
         closest_points().
         """
 
-    def overlaps(
-        self, other: Structure, *, threads: int = 0, monitor: Monitor | None = None
-    ) -> npt.NDArray[np.int32]:
+    def overlaps(self, other: Structure, *, threads: int = 0, monitor: Monitor | None = None) -> npt.NDArray[np.int32]:
         """Every pair of a triangle of this structure and one of the other that have a point in common: (k, 2) int32,
         sorted. Exact: triangles that touch in a vertex are a pair.
 
