@@ -4,7 +4,8 @@
 Sets up what it needs, then runs formatters, linters, type checks and all tests, two side by side. The last line is the
 count; the exit status is 0 only if nothing failed. Arguments choose checks by the beginning of their names:
 `test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130. `overflow` runs
-only so: the Rust tests with checks of overflow. `HALFSPACE_TEST_SHARE=1` traces all rays of hard scenes, not a quarter.
+only so: the Rust tests with checks of overflow and debug assertions. `HALFSPACE_TEST_SHARE=1` traces all rays of hard
+scenes, not a quarter.
 """
 
 from __future__ import annotations
@@ -285,7 +286,7 @@ CARGO_CHECKS: dict[str, Callable[[], Counts]] = {
 """Name to check, in order. They need no wheel and begin while it is built; `rust` waits for cargo."""
 
 LONG = {"overflow"}
-"""Checks that run only if they are named: the tests of `rust` with checks of overflow, all crates compiled anew."""
+"""Checks that run only if they are named: the tests of `rust` with checks of overflow and debug assertions."""
 
 PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
