@@ -240,7 +240,7 @@ def rust_tests(*profile: str) -> Callable[[], Counts]:
     """The unit, integration and documentation tests of all crates."""
 
     def check() -> Counts:
-        status, said = run(["cargo", "test", *CRATES, "--exclude", "halfspace_benches", *profile])
+        status, said = run(["cargo", "test", "--no-fail-fast", *CRATES, "--exclude", "halfspace_benches", *profile])
         # A failed compilation fails no test, and so counts by itself.
         return judged(cargo_counts(said), status, said)
 

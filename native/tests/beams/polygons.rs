@@ -192,7 +192,7 @@ fn beams_without_area_and_rays_without_beams_are_answered_singly() {
         (
             "from far away",
             (0..300)
-                .map(|i| ray([1.5, -9.0e5, 1.5], [1e-8 * i as f32, 1.0, 0.0]))
+                .map(|i| ray([1.5, -6.0e4, 1.5], [1e-7 * i as f32, 1.0, 0.0]))
                 .collect(),
             true,
         ),
