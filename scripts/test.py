@@ -4,8 +4,7 @@
 Sets up what it needs, then runs formatters, linters, type checks and all tests, two side by side. The last line is the
 count; the exit status is 0 only if nothing failed. Arguments choose checks by the beginning of their names:
 `test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130. `overflow` runs
-only so: the Rust tests with checks of overflow and debug assertions. `HALFSPACE_TEST_SHARE=1` traces all rays of hard
-scenes, not a quarter.
+only so: the Rust tests with checks of overflow and debug assertions.
 """
 
 from __future__ import annotations
@@ -34,8 +33,6 @@ from environment import CURRENT, LTS, ROOT
 
 CRATES = ["--manifest-path", "native/Cargo.toml", "--workspace"]
 ENVIRONMENT = {
-    # Tests of hard scenes trace a quarter of their rays; 1 is all.
-    "HALFSPACE_TEST_SHARE": "4",
     **os.environ,
     "PYO3_PYTHON": str(CURRENT.python),
     "CARGO_TERM_COLOR": "never",

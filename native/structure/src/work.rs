@@ -27,12 +27,9 @@ const FEW: usize = 256;
 /// Ratio of the work to that of brute force up to which a tree is kept (chosen): one leaf of all triangles is as good.
 const MORE: f64 = 1.1;
 
-/// A tree that spares its rays all but this part of the triangles is kept up to [`MOST`] times the work (chosen): a small
-/// scene has few triangles for the nodes to spare.
+/// A tree that spares its rays all but this part of the triangles is kept (chosen), whatever its nodes cost: a small scene
+/// has few triangles for the nodes to spare.
 const SEPARATED: f64 = 1.0 / 16.0;
-
-/// See [`SEPARATED`].
-const MOST: f64 = 4.0;
 
 /// Number of rays of the sample (chosen).
 const RAYS: usize = 64;
@@ -64,12 +61,7 @@ pub fn build(
     }
     let scalar = config.find("leaves") == Some(&Value::Choice("scalar"));
     let (expected, tests) = work(scene, &built, scalar);
-    let most = if tests <= SEPARATED * all as f64 {
-        MOST
-    } else {
-        MORE
-    };
-    if expected <= most * all as f64 {
+    if expected <= MORE * all as f64 || tests <= SEPARATED * all as f64 {
         return Ok(built);
     }
     remarks.push(format!(
