@@ -22,10 +22,12 @@ FUNCTION_LINES = 80
 PARAMETERS = 7
 
 KEYWORDS = {
+    ("native/python/src/instances.rs", "all_hits"),
     ("native/python/src/instances.rs", "closest"),
     ("native/python/src/instances.rs", "occluded"),
     ("native/python/src/oracle.rs", "exact"),
     ("native/python/src/render.rs", "new"),
+    ("native/python/src/structure.rs", "all_hits"),
     ("native/python/src/structure.rs", "closest"),
     ("native/python/src/structure.rs", "occluded"),
 }
