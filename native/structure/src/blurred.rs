@@ -5,7 +5,7 @@
 //! are a large part of it: the ray meets most leaves, and tests a triangle once in each leaf that holds it. Where these
 //! tests are more than there are triangles, the ray tests all triangles once instead.
 
-use crate::division::Joined;
+use crate::division::{Joined, Part};
 use crate::row::Built;
 use crate::spec::Value;
 use crate::structure::Structure;
@@ -24,18 +24,22 @@ const NEAR: f64 = (1 << 15) as f64;
 const BLUR: f64 = 1.0 / (1 << 20) as f64;
 
 impl Structure {
-    /// Answers rays by one tree, through `ways`, or by all its triangles where the tree does not separate them. `part`: 0
-    /// for the main tree, `i + 1` for `apart()[i]`. `counters`: one per ray, or none.
+    /// Answers rays by one tree, through `ways`, or by all its triangles where the tree does not separate them. `counters`:
+    /// one per ray, or none.
     pub(crate) fn each_near<Q: Joined>(
         &self,
-        (part, built): (usize, &Built),
+        part: Part<'_>,
         rays: &[Ray],
         level: Level,
-        (answers, mut counters): (&mut [Q::Answer], Option<&mut [RayCounters]>),
+        answers: &mut [Q::Answer],
+        mut counters: Option<&mut [RayCounters]>,
         ways: impl Fn(&[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
     ) {
-        let blurred = self.blurred((part, built), rays);
-        let Some(all) = (!blurred.is_empty()).then(|| self.one_leaf(part)).flatten() else {
+        let blurred = self.blurred(part, rays);
+        let Some(all) = (!blurred.is_empty())
+            .then(|| self.one_leaf(part.number))
+            .flatten()
+        else {
             return ways(rays, answers, counters);
         };
         // Keep the places of the other rays, since tiles are whole; a ray without a direction hits nothing.
@@ -67,7 +71,8 @@ impl Structure {
     }
 
     /// Returns the rays that would test more triangles in the leaves of this tree than it holds, in their order.
-    fn blurred(&self, (part, built): (usize, &Built), rays: &[Ray]) -> Vec<usize> {
+    fn blurred(&self, part: Part<'_>, rays: &[Ray]) -> Vec<usize> {
+        let built = part.built;
         let (frame, shape) = (&built.frame, &built.shape);
         let published = self.config().find("robust") == Some(&Value::Choice("none"));
         if published || built.tree.is_none() || built.growing.is_some() {
@@ -83,7 +88,7 @@ impl Structure {
             return Vec::new();
         }
         // Keep those that meet enough leaves: all within their blur, and at least those that a line meets.
-        let count = self.ids_of(part).len();
+        let count = self.ids_of(part.number).len();
         let line = (shape.leaves.max(1) as f64).sqrt().recip();
         let meets_all = |ray: &Ray| {
             let o = frame.point(ray.o);
@@ -98,11 +103,11 @@ impl Structure {
     }
 
     /// Returns all triangles of a part in one leaf; `None` where memory does not suffice. Made on demand.
-    fn one_leaf(&self, part: usize) -> Option<&Built> {
+    fn one_leaf(&self, number: usize) -> Option<&Built> {
         let make = || {
-            let scene = self.scene_of(part).ok()?;
+            let scene = self.scene_of(number).ok()?;
             work::whole(&scene, "none", &Monitor::new()).ok()
         };
-        self.one_leaf[part].get_or_init(make).as_ref()
+        self.one_leaf[number].get_or_init(make).as_ref()
     }
 }

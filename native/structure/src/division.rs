@@ -233,6 +233,15 @@ fn remark(lists: &[Vec<u32>]) -> String {
     )
 }
 
+/// One of the trees of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// 0 for the main tree, `i + 1` for `apart()[i]`.
+    pub number: usize,
+    /// The tree.
+    pub built: &'a Built,
+}
+
 /// A query whose answers from several trees make one.
 pub trait Joined: Query {
     /// The answer of a ray that hits nothing.
@@ -297,17 +306,17 @@ impl Joined for Any {
 }
 
 impl Structure {
-    /// Answers rays by all trees, one after the other. `trace` answers them by one tree, of which it gets the part: 0 for
-    /// the main tree, `i + 1` for `apart()[i]`. `counters`: one per ray, or none.
+    /// Answers rays by all trees, one after the other. `trace` answers them by one tree. `counters`: one per ray, or none.
     pub(crate) fn each_part<Q: Joined>(
         &self,
         rays: &[Ray],
         answers: &mut [Q::Answer],
         mut counters: Option<&mut [RayCounters]>,
-        trace: impl Fn((usize, &Built), &[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
+        trace: impl Fn(Part<'_>, &[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
     ) {
-        let main = (0, &self.built);
-        let mut parts = (1..).zip(&self.apart).chain([main]);
+        let part = |(number, built)| Part { number, built };
+        let main = part((0, &self.built));
+        let mut parts = (1..).zip(&self.apart).map(part).chain([main]);
         if self.apart.is_empty() {
             return trace(main, rays, answers, counters);
         }

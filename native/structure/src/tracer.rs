@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays through a structure: each batch goes to the kernel that the plan names.
 
-use crate::division::Joined;
+use crate::division::{Joined, Part};
 use crate::leaf_depth::LeafDepths;
 use crate::plan::{Plan, RoutedKernel};
 use crate::row::Built;
@@ -272,13 +272,13 @@ impl Tracer for AtLevel<'_> {
             hits,
             counters,
             |part, rays, hits, counters| {
-                let (_, built) = part;
+                let built = part.built;
                 let ways = |rays: &[Ray], hits: &mut [Hit], counters: Option<&mut _>| {
                     let batch = self.structure.batch(built, self.level, rays);
                     closest(&batch, &built.plan, hits, counters, order);
                 };
                 self.structure
-                    .each_near::<Closest>(part, rays, self.level, (hits, counters), ways);
+                    .each_near::<Closest>(part, rays, self.level, hits, counters, ways);
             },
         );
     }
@@ -288,19 +288,17 @@ impl Tracer for AtLevel<'_> {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        let ways = |part: (usize, &Built),
-                    rays: &[Ray],
-                    occluded: &mut [bool],
-                    counters: Option<&mut _>| {
-            let (_, built) = part;
-            let ways = |rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
-                let batch = self.structure.batch(built, self.level, rays);
-                let shadow = built.plan.shadow.as_ref();
-                trace::<Any>(shadow, &*built.plan.single, &batch, occluded, counters);
+        let ways =
+            |part: Part<'_>, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
+                let built = part.built;
+                let ways = |rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
+                    let batch = self.structure.batch(built, self.level, rays);
+                    let shadow = built.plan.shadow.as_ref();
+                    trace::<Any>(shadow, &*built.plan.single, &batch, occluded, counters);
+                };
+                self.structure
+                    .each_near::<Any>(part, rays, self.level, occluded, counters, ways);
             };
-            self.structure
-                .each_near::<Any>(part, rays, self.level, (occluded, counters), ways);
-        };
         (self.structure).each_part::<Any>(rays, occluded, counters, ways);
     }
 }
