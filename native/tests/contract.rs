@@ -26,9 +26,10 @@ use halfspace::structure::row::{Kind, Only};
 use halfspace::structure::way::{NODES, TRAVERSAL};
 use std::sync::Arc;
 
+/// Builds a structure; its tree is kept where brute force would be less work.
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
     let config = registry::parse(spec).unwrap();
-    Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
+    Structure::build_kept(scene.clone(), config, threads, &Monitor::new()).unwrap()
 }
 
 fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {

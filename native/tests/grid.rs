@@ -17,7 +17,7 @@ const SIDE: usize = 6;
 
 fn build(triangles: &[Corners], spec: &str) -> Structure {
     let config = registry::parse(spec).unwrap();
-    Structure::build(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
+    Structure::build_kept(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
 }
 
 /// Returns a flat scene with the number of triangles and the box of the final scene.

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
     let config = registry::parse(spec).unwrap();
-    Structure::build(scene.clone(), config, 2, &Monitor::new()).unwrap()
+    Structure::build_kept(scene.clone(), config, 2, &Monitor::new()).unwrap()
 }
 
 /// Small triangles of all orientations, close together but rarely crossing.

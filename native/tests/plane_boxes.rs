@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Object hierarchies and boxes that are made from trees of planes.
 
-mod common;
-
-use common::build;
 use halfspace::base::Monitor;
 use halfspace::base::error::Result;
 use halfspace::builders::plane_boxes::PlaneBoxes;
@@ -16,9 +13,18 @@ use halfspace::nodes::plane_tree::PlaneTree;
 use halfspace::nodes::tree::{Body, Tree};
 use halfspace::oracle::cases::{Random, grid, soup};
 use halfspace::ray::FramedScene;
+use halfspace::registry;
+use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::way::Rays;
 use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Builds a structure on one thread; its tree is kept where brute force would be less work.
+fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
+    let config = registry::parse(spec).expect("a valid configuration");
+    Structure::build_kept(scene.clone(), config, 1, &Monitor::new()).expect("enough memory")
+}
 
 /// Returns the tree of planes of a structure.
 fn planes(structure: &Structure) -> &PlaneTree {

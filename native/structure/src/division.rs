@@ -11,7 +11,7 @@ use crate::plan::Plan;
 use crate::row::{Built, Refit};
 use crate::spec::{Config, Value};
 use crate::structure::Structure;
-use crate::work;
+use crate::work::{self, Trees};
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, footprint};
 use halfspace_geom::Aabb;
@@ -61,11 +61,11 @@ pub struct Parts {
 ///
 /// # Errors
 /// Those of [`crate::row::StructureSpec::build`].
-pub fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Parts> {
+pub fn build(scene: &Triangles, config: &Config, monitor: &Monitor, trees: Trees) -> Result<Parts> {
     let lists = divided(scene, config);
     let mut remarks = Vec::new();
     if lists.len() < 2 {
-        let main = work::build(scene, config, monitor, &mut remarks)?;
+        let main = work::build(scene, config, monitor, trees, &mut remarks)?;
         return Ok(Parts {
             main,
             apart: Vec::new(),
@@ -86,7 +86,7 @@ pub fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Pa
     for part in 0..lists.len() {
         let _held = monitor.hold(scene.len() * footprint::TRIANGLE)?;
         let own = only(scene, &part_of, part)?;
-        let tree = work::build(&own, config, monitor, &mut remarks)?;
+        let tree = work::build(&own, config, monitor, trees, &mut remarks)?;
         // Rays build the largest tree alone.
         match (&tree.growing, part) {
             (Some(later), 1..) => built.push(later.whole(&own, &tree.frame)),

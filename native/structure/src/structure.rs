@@ -7,6 +7,7 @@ use crate::outline::Outline;
 use crate::plan::Route;
 use crate::row::Built;
 use crate::spec::Config;
+use crate::work::Trees;
 use halfspace_base::error::{Error, Result};
 use halfspace_base::{Monitor, footprint};
 use halfspace_leaf::blocks::Blocks;
@@ -66,10 +67,33 @@ impl Structure {
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
+        Self::build_with(scene, config, threads, monitor, Trees::Worth)
+    }
+
+    /// As [`Self::build`], but keeps trees whose rays do more work than brute force: to inspect and test them.
+    ///
+    /// # Errors
+    /// Those of [`Self::build`].
+    pub fn build_kept(
+        scene: Arc<Triangles>,
+        config: Config,
+        threads: usize,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Self::build_with(scene, config, threads, monitor, Trees::All)
+    }
+
+    fn build_with(
+        scene: Arc<Triangles>,
+        config: Config,
+        threads: usize,
+        monitor: &Monitor,
+        trees: Trees,
+    ) -> Result<Self> {
         let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
         let pool = pool(threads)?;
         let start = Instant::now();
-        let parts = pool.install(|| division::build(&scene, &config, monitor))?;
+        let parts = pool.install(|| division::build(&scene, &config, monitor, trees))?;
         let build_seconds = start.elapsed().as_secs_f64();
         let Parts {
             main,

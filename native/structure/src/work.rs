@@ -42,6 +42,15 @@ const ALONE: f64 = 8.0;
 /// As [`STEP`], for nodes in a heap.
 const HEAP_STEP: f64 = 40.0;
 
+/// Which trees are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trees {
+    /// All of them.
+    All,
+    /// Those whose rays do no more work than those of brute force.
+    Worth,
+}
+
 /// Builds the tree of a configuration, or brute force if its rays do less work.
 ///
 /// # Errors
@@ -50,13 +59,14 @@ pub fn build(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
+    trees: Trees,
     remarks: &mut Vec<String>,
 ) -> Result<Built> {
     let built = (config.structure().build)(scene, config, monitor)?;
     // Keep trees as published, and those that rays build.
     let published = config.find("robust") == Some(&Value::Choice("none"));
     let all = scene.live().len();
-    if built.tree.is_none() || published || all < FEW {
+    if trees == Trees::All || built.tree.is_none() || published || all < FEW {
         return Ok(built);
     }
     let scalar = config.find("leaves") == Some(&Value::Choice("scalar"));
