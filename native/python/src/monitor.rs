@@ -54,11 +54,16 @@ pub fn with_limit(monitor: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
     monitor
 }
 
+/// Returns the monitor of the core.
+pub fn of(monitor: Option<&Monitor>) -> Option<&BuildMonitor> {
+    monitor.map(|monitor| &*monitor.0)
+}
+
 /// Returns how many threads answer queries, until the monitor is cancelled, if one is given.
 pub fn work(threads: Threads, monitor: Option<&Monitor>) -> Work<'_> {
     Work {
         threads: threads.0,
-        monitor: monitor.map(|monitor| &*monitor.0),
+        monitor: of(monitor),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::args::integers::{MaxHits, Threads};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::Hits;
-use crate::monitor::Monitor;
+use crate::monitor::{self, Monitor};
 use crate::watched::Watched;
 use halfspace_base::error::{Error, Result};
 use halfspace_ray::SelectiveTracer;
@@ -97,16 +97,13 @@ pub fn all_hits<'py>(
     most: Option<MaxHits>,
     monitor: Option<&Monitor>,
 ) -> PyResult<(Bound<'py, PyArray1<i64>>, Hits)> {
-    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let rays = rays.rays().watched(monitor);
     let most = most.map_or(usize::MAX, |most| most.0);
-    let found = match monitor {
-        None => py
-            .detach(|| selective::all_hits(tracer, rays, threads.0, most))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
-            selective::all_hits(tracer, rays, threads.0, most)
-        })?,
-    };
+    let found = py
+        .detach(|| selective::all_hits(&watched, rays, threads.0, most))
+        .map_err(raise)?;
     let offsets: Vec<_> = found.offsets.iter().map(|&offset| offset as i64).collect();
     let hits = Hits {
         hits: found.hits,
@@ -124,14 +121,12 @@ pub fn count_hits<'py>(
     threads: Threads,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
-    let counts = match monitor {
-        None => py
-            .detach(|| selective::count_hits(tracer, rays, threads.0))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor)
-            .run(py, |tracer| selective::count_hits(tracer, rays, threads.0))?,
-    };
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let rays = rays.rays().watched(monitor);
+    let counts = py
+        .detach(|| selective::count_hits(&watched, rays, threads.0))
+        .map_err(raise)?;
     let counts: Vec<_> = counts.into_iter().map(i64::from).collect();
     Ok(counts.to_pyarray(py))
 }
@@ -145,18 +140,12 @@ pub fn closest(
     masks: &MaskArrays<'_>,
     monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
-    let (rays, masks) = (
-        rays.rays().watched(monitor.map(|monitor| &*monitor.0)),
-        masks.masks().map_err(raise)?,
-    );
-    let hits = match monitor {
-        None => py
-            .detach(|| selective::visible::<Closest>(tracer, rays, threads.0, masks))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
-            selective::visible::<Closest>(tracer, rays, threads.0, masks)
-        })?,
-    };
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let (rays, masks) = (rays.rays().watched(monitor), masks.masks().map_err(raise)?);
+    let hits = py
+        .detach(|| selective::visible::<Closest>(&watched, rays, threads.0, masks))
+        .map_err(raise)?;
     Ok(Hits {
         hits,
         counts: None,
@@ -173,17 +162,11 @@ pub fn occluded<'py>(
     masks: &MaskArrays<'_>,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (rays, masks) = (
-        rays.rays().watched(monitor.map(|monitor| &*monitor.0)),
-        masks.masks().map_err(raise)?,
-    );
-    let occluded = match monitor {
-        None => py
-            .detach(|| selective::visible::<Any>(tracer, rays, threads.0, masks))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
-            selective::visible::<Any>(tracer, rays, threads.0, masks)
-        })?,
-    };
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let (rays, masks) = (rays.rays().watched(monitor), masks.masks().map_err(raise)?);
+    let occluded = py
+        .detach(|| selective::visible::<Any>(&watched, rays, threads.0, masks))
+        .map_err(raise)?;
     Ok(occluded.to_pyarray(py).into_any())
 }

@@ -5,7 +5,7 @@ use crate::args::integers::Threads;
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::{Hits, counters};
-use crate::monitor::Monitor;
+use crate::monitor::{self, Monitor};
 use crate::watched::Watched;
 use halfspace_ray::Tracer;
 use halfspace_trace::threads;
@@ -30,15 +30,12 @@ pub fn closest(
     counters: bool,
     monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
-    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
-    let (hits, counts) = match monitor {
-        None => py
-            .detach(|| threads::closest(tracer, rays, threads.0, counters))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
-            threads::closest(tracer, rays, threads.0, counters)
-        })?,
-    };
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let rays = rays.rays().watched(monitor);
+    let (hits, counts) = py
+        .detach(|| threads::closest(&watched, rays, threads.0, counters))
+        .map_err(raise)?;
     Ok(Hits {
         hits,
         counts: counts.map(|counts| (cases, counts)),
@@ -55,15 +52,12 @@ pub fn occluded<'py>(
     counting: bool,
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let rays = rays.rays().watched(monitor.map(|monitor| &*monitor.0));
-    let (occluded, counts) = match monitor {
-        None => py
-            .detach(|| threads::occluded(tracer, rays, threads.0, counting))
-            .map_err(raise)?,
-        Some(monitor) => Watched::new(tracer, monitor).run(py, |tracer| {
-            threads::occluded(tracer, rays, threads.0, counting)
-        })?,
-    };
+    let monitor = monitor::of(monitor);
+    let watched = Watched::new(tracer, monitor);
+    let rays = rays.rays().watched(monitor);
+    let (occluded, counts) = py
+        .detach(|| threads::occluded(&watched, rays, threads.0, counting))
+        .map_err(raise)?;
     let occluded = occluded.to_pyarray(py).into_any();
     match counts {
         None => Ok(occluded),

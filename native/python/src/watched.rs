@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tracing that a monitor can cancel.
 
-use crate::errors::raise;
-use crate::monitor::Monitor;
-use halfspace_base::error::{Error, Result};
-use halfspace_base::monitor::Monitor as Cancellation;
+use halfspace_base::Monitor;
 use halfspace_geom::Aabb;
 use halfspace_ray::counters::Log;
 use halfspace_ray::{Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 use halfspace_scene::Triangles;
-use pyo3::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -24,45 +19,33 @@ const MOST: usize = 1024;
 /// Slices that take less time become longer, those that take more than four times as long become shorter.
 const SHORT: Duration = Duration::from_millis(5);
 
-/// A tracer that reads a monitor between slices of its rays, and leaves rays without an answer once it is cancelled.
-/// Answers do not depend on the slices. Counted rays are not divided: what is counted may depend on the batch.
+/// A tracer that reads a monitor, if there is one, between slices of its rays, and leaves rays without an answer once it
+/// is cancelled. Answers do not depend on the slices. Counted rays are not divided: what is counted may depend on the
+/// batch.
 pub struct Watched<'a, T: ?Sized> {
     tracer: &'a T,
-    monitor: Arc<Cancellation>,
+    monitor: Option<&'a Monitor>,
     /// Number of rays of the next slice.
     slice: AtomicUsize,
 }
 
 impl<'a, T: ?Sized> Watched<'a, T> {
     /// A tracer that reads `monitor`.
-    pub fn new(tracer: &'a T, monitor: &Monitor) -> Self {
+    pub fn new(tracer: &'a T, monitor: Option<&'a Monitor>) -> Self {
         Self {
             tracer,
-            monitor: Arc::clone(&monitor.0),
+            monitor,
             slice: AtomicUsize::new(1),
         }
     }
 
-    /// Runs `trace` with the GIL released. Raises Cancelled if the monitor was cancelled until its end.
-    pub fn run<A: Send>(
-        &self,
-        py: Python<'_>,
-        trace: impl FnOnce(&Self) -> Result<A> + Send,
-    ) -> PyResult<A>
-    where
-        T: Sync,
-    {
-        let traced = py.detach(|| match trace(self) {
-            Ok(_) if self.monitor.is_cancelled() => Err(Error::Cancelled),
-            traced => traced,
-        });
-        traced.map_err(raise)
-    }
-
     /// Runs `work` on slices of `count` rays, of a multiple of `unit` each, until the monitor is cancelled.
     fn sliced(&self, count: usize, unit: usize, mut work: impl FnMut(Range<usize>)) {
+        let Some(monitor) = self.monitor else {
+            return work(0..count);
+        };
         let mut first = 0;
-        while first < count && !self.monitor.is_cancelled() {
+        while first < count && !monitor.is_cancelled() {
             let slice = self.slice.load(Ordering::Relaxed);
             let end = count.min(first + slice.next_multiple_of(unit));
             let start = Instant::now();
@@ -107,10 +90,7 @@ impl<T: Tracer + ?Sized> Tracer for Watched<'_, T> {
         order: Order,
     ) {
         if counters.is_some() {
-            if !self.monitor.is_cancelled() {
-                self.tracer.closest_ordered(rays, hits, counters, order);
-            }
-            return;
+            return self.tracer.closest_ordered(rays, hits, counters, order);
         }
         let unit = if order == Order::Tiles { TILE } else { 1 };
         self.sliced(rays.len(), unit, |part| {
@@ -133,10 +113,7 @@ impl<T: Tracer + ?Sized> Tracer for Watched<'_, T> {
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         if counters.is_some() {
-            if !self.monitor.is_cancelled() {
-                self.tracer.occluded(rays, occluded, counters);
-            }
-            return;
+            return self.tracer.occluded(rays, occluded, counters);
         }
         self.sliced(rays.len(), 1, |part| {
             let (rays, occluded) = (&rays[part.clone()], &mut occluded[part]);
