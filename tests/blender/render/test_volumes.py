@@ -250,8 +250,8 @@ def test_volumes_that_nodes_make_are_those_of_cycles(lit: Any, add: Any) -> None
     assert not any(isinstance(block, bpy.types.Volume) for block in bpy.context.evaluated_depsgraph_get().ids)
     lit.halfspace.volume_bounces = lit.cycles.volume_bounces = 4
     ours, theirs = atlas.both(lit, family, samples=SAMPLES, bounces=BOUNCES)
-    if bpy.app.version < (5, 0):  # whose instances of grids scatter otherwise
-        ours.pop("instances"), theirs.pop("instances")
+    for found in (ours, theirs) if bpy.app.version < (5, 0) else ():
+        del found["instances"]  # Cycles 4.5 differs from Cycles 5.2 by as much
     assert not atlas.differences(ours, theirs, alike=0.9)
     report = reports.last(lit)
     assert report is not None
