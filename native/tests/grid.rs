@@ -26,10 +26,16 @@ fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
     let mut triangles: Vec<Corners> = ends.to_vec();
     triangles[0][1][0] = high[0];
     triangles[1][1][0] = low[0];
-    let mut small = [low; 3];
-    small[1][0] += 1e-3 * (high[0] - low[0]);
-    small[2][1] += 1e-3 * (high[1] - low[1]);
-    triangles.resize(SIDE.pow(3) + 2, small);
+    // Spread the others, since many in one place get a grid of their own.
+    triangles.extend((0..SIDE.pow(3)).map(|i| {
+        let at = [i % SIDE, i / SIDE % SIDE, i / SIDE.pow(2)];
+        let corner: [f32; 3] =
+            std::array::from_fn(|k| low[k] + (high[k] - low[k]) * at[k] as f32 / SIDE as f32);
+        let mut small = [corner; 3];
+        small[1][0] += 1e-3 * (high[0] - low[0]);
+        small[2][1] += 1e-3 * (high[1] - low[1]);
+        small
+    }));
     triangles
 }
 
