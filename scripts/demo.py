@@ -41,7 +41,7 @@ def main(arguments: Sequence[str]) -> int:
     # Import here: the Python that starts this script may be too old for these modules.
     sys.path.insert(0, str(ROOT))
     from addon.core.base import command
-    from lab.base.usage import Parser
+    from addon.lab.base.usage import Parser
 
     parser = Parser(prog="demo", description="Render the built-in showcase, and compare six structures on it.")
     return command.run("demo", arguments, parser.parse_args, work)

@@ -1,97 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inspector as a page: `python scripts/inspector.py [SCENE] [--structures SPEC[,SPEC...]] [--out FILE]`.
+"""The inspector as a page: `scripts/halfspace.py inspector`."""
 
-Writes one self-contained page that opens offline: maps of steps, time, tests, wasted tests, overlap, any-hit cost and
-leaf depth side by side with one cursor and range handles, the worst camera, shadow and bounce rays with their reasons
-and steps, the trees node by node, and the cost of each level. Exit status: 0 written; 2 bad usage or input, and an
-older page stays; 130 stopped.
-"""
-
-from __future__ import annotations
-
-import argparse
+import runpy
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from lab.base import inside
-
-if __name__ == "__main__":
-    inside.adopt("inspector")
-
-from addon.core.base import interrupt
-
-if __name__ == "__main__":
-    interrupt.guard("inspector")
-
-from addon.core.base import command, native
-from addon.core.measure import costmap
-from addon.core.report import results
-from addon.core.scene import workload
-from addon.core.structures import specs
-from lab.base.usage import Parser, UsageError, output
-from lab.bench import inspecting, scenes
-
-ROOT = Path(__file__).resolve().parents[1]
-
-LEAST, MOST = 8, 2048
-"""Limits of the width of the view in pixels."""
-
-SHAPE = 16, 9
-"""Width and height of the view, as a ratio."""
-
-
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
-    made = Parser(prog="inspector", description=(__doc__ or "").splitlines()[0])
-    made.add_argument(
-        "scene",
-        nargs="?",
-        default="showcase",
-        metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
-    )
-    made.add_argument("--structures", default="kd,bvh-sah", metavar="SPEC[,SPEC...]", help="default: kd,bvh-sah")
-    made.add_argument("--width", type=int, default=256, help="camera rays side by side (default: 256)")
-    made.add_argument("--out", type=output, default=ROOT / "out" / "inspector.html", help="default: out/inspector.html")
-    return made
-
-
-def main(arguments: Sequence[str]) -> int:
-    """The command line. Returns the exit status."""
-    return command.run("inspector", arguments, read, run)
-
-
-def read(arguments: Sequence[str]) -> argparse.Namespace:
-    """The command line, checked before any work. Raises UsageError, SpecError, WorkloadError and FolderError."""
-    asked = parser().parse_args(arguments)
-    if not LEAST <= asked.width <= MOST:
-        raise UsageError(f"--width: expected {LEAST} to {MOST}, got {asked.width}")
-    if asked.out.is_dir():
-        raise UsageError(f"{asked.out}: cannot be written: it is a folder")
-    module = native.load()
-    asked.specs = specs.prove(module, specs.expand(asked.structures, module.structures(), {}))
-    asked.size = costmap.shaped(asked.width, SHAPE)
-    asked.load = scenes.loader(asked.scene, asked.size)
-    results.prepare_folder(asked.out.parent)
-    return asked
-
-
-def run(asked: argparse.Namespace) -> int:
-    """Measure, and write the page. Returns the exit status. Raises what loading, building and writing raise."""
-    scene = asked.load()
-    for note in scene.notes:
-        print(f"[inspector] {note}")
-    made = inspecting.write(asked.out, scene, asked.specs, asked.size)
-    for line in made.worst:
-        print(f"[inspector] {line}")
-    print(f"{asked.out} ({asked.out.stat().st_size / 2**20:.1f} MiB)")
-    return 0
-
-
-if __name__ == "__main__":
-    # Inside Blender, what stands before "--" is Blender's own.
-    split = sys.argv.index("--") + 1 if "--" in sys.argv else 1
-    sys.exit(main(sys.argv[split:]))
+# Inside Blender, what stands before "--" is Blender's own.
+sys.argv.insert(sys.argv.index("--") + 1 if "--" in sys.argv else 1, "inspector")
+runpy.run_path(str(Path(__file__).with_name("halfspace.py")), run_name="__main__")

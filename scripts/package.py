@@ -35,12 +35,12 @@ import targets
 import wheel
 
 from addon.core.base import command, native
-from lab.base.usage import Parser, output, website
+from addon.lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
 
-IGNORED = ("__pycache__", "*.pyc", ".*")
-"""Patterns of files that are never part of the extension."""
+IGNORED = ("lab", "__pycache__", "*.pyc", ".*")
+"""Patterns of files and folders that are never part of the extension; the laboratory serves the command line."""
 
 PLATFORMS = {
     r"(manylinux|linux).*_x86_64": "linux-x64",

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Python package: `python scripts/package_python.py [--website URL] [--out DIR]`.
 
-Makes a wheel and a source archive of what works without a Blender window: `addon/core` and `addon/blender`, the
-laboratory, and the commands of `scripts/`, around the few files of `distribution/`. They are the same modules; only
-the names of the packages in their imports change, since an installed package must not take the names `addon` and
-`lab`. The compiled module is a wheel of its own, which `scripts/package.py` builds. --website enters the page of the
-publisher into the metadata.
+Makes a wheel and a source archive of what works without a Blender window: the package `addon`, which the build back end
+installs as `halfspace`, with the few files of `distribution/`. The compiled module is a wheel of its own, which
+`scripts/package.py` builds. --website enters the page of the publisher into the metadata.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import re
 import shutil
 import sys
 import tempfile
@@ -22,69 +19,43 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core.base import command
-from lab.base.usage import Parser, output, website
+from addon.lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
 
-PACKAGE = "halfspace"
+FOLDERS = {
+    "distribution": "",
+    **{f"addon/{room}": f"addon/{room}" for room in ("core", "blender", "lab")},
+    "docs/lessons": "addon/docs/lessons",
+}
+"""Folder of the package's source by folder of the repository. The build back end calls `addon` `halfspace`."""
 
-FOLDERS = {"addon/core": "core", "addon/blender": "blender", "lab": "lab", "docs/lessons": "docs/lessons"}
-"""Folder of the package by folder of the repository."""
-
-FILES = {"native/python/halfspace_native.pyi": "../halfspace_native-stubs/__init__.pyi", "docs/manual.md": "manual.md"}
-"""Place in the package by single file of the repository. The stub serves type checkers as PEP 561 prescribes."""
-
-COMMANDS = ("bench", "choose", "claims", "compare", "export", "growth", "inspector", "lessons", "render", "stability")
-"""The scripts that become commands."""
-
-SEARCH_PATH = "sys.path.insert(0, str(Path(__file__).resolve().parents[1]))\n"
-"""The line with which a script finds the repository; the installed package is found without."""
-
-RENAMED = (
-    (re.compile(r"^(\s*)import addon$", re.MULTILINE), r"\1import halfspace as addon"),
-    (re.compile(r"^(\s*)from addon\.(?=core|blender)", re.MULTILINE), r"\1from halfspace."),
-    (re.compile(r"^(\s*)from lab(?=[. ])", re.MULTILINE), r"\1from halfspace.lab"),
-)
-"""Patterns of imports from the repository's packages, and their replacements."""
+FILES = {
+    "LICENSE": "LICENSE",
+    "native/python/halfspace_native.pyi": "halfspace_native-stubs/__init__.pyi",
+    "docs/manual.md": "addon/manual.md",
+}
+"""The same for single files. The stub serves type checkers as PEP 561 prescribes."""
 
 
 class DistributionError(RuntimeError):
     """The package cannot be built. The message states why."""
 
 
-def renamed(text: str) -> str:
-    """A module's text with the imports of the package."""
-    for pattern, replacement in RENAMED:
-        text = pattern.sub(replacement, text)
-    return text
-
-
 def stage(folder: Path, website: str | None = None) -> None:
-    """Fill an empty folder with the source of the package. Raises DistributionError.
+    """Copy the source of the package into an empty folder.
 
     website: the address of the publisher's page, entered if given.
     """
-    shutil.copytree(ROOT / "distribution", folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy2(ROOT / "LICENSE", folder)
+    ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
+    for source, target in FOLDERS.items():
+        shutil.copytree(ROOT / source, folder / target, dirs_exist_ok=True, ignore=ignored)
+    for source, target in FILES.items():
+        (folder / target).parent.mkdir(exist_ok=True)
+        shutil.copy2(ROOT / source, folder / target)
     if website is not None:
         with (folder / "pyproject.toml").open("a", encoding="utf-8") as file:
             file.write(f'\n[project.urls]\nHomepage = "{website}"\nDocumentation = "{website}"\n')
-    package = folder / PACKAGE
-    for source, target in FOLDERS.items():
-        shutil.copytree(ROOT / source, package / target, ignore=shutil.ignore_patterns("__pycache__", "*.pyc", ".*"))
-    for source, target in FILES.items():
-        (package / target).parent.mkdir(exist_ok=True)
-        shutil.copy2(ROOT / source, package / target)
-    # The scripts become modules, found without a search path.
-    (package / "commands").mkdir()
-    (package / "commands" / "__init__.py").write_text('"""The commands, one module each."""\n', encoding="utf-8")
-    for name in COMMANDS:
-        text = (ROOT / "scripts" / f"{name}.py").read_text(encoding="utf-8")
-        if SEARCH_PATH not in text:
-            raise DistributionError(f"scripts/{name}.py: the line that finds the repository is not the known one")
-        (package / "commands" / f"{name}.py").write_text(text.replace(SEARCH_PATH, ""), encoding="utf-8")
-    for path in package.rglob("*.py"):
-        path.write_text(renamed(path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def build(out: Path, website: str | None = None) -> list[Path]:

@@ -289,6 +289,7 @@ PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),
+    "imports": gate(str(CURRENT.python.with_name("lint-imports")), "--no-cache"),
     "workflows": gate(str(CURRENT.python), "scripts/dev/workflows.py"),
     "core": pytest_tier(CURRENT, "tests/core"),
     "blender": pytest_tier(CURRENT, "tests/blender"),

@@ -91,25 +91,3 @@ def unreached(known: dict[str, Path], start: str) -> list[str]:
             ]
             waiting += [at[file] for file in files if file in at]
     return sorted(set(known) - reached)
-
-
-def circles(found: list[Import]) -> list[list[str]]:
-    """Groups of modules that import each other in a circle at run time, inside functions too. Sorted."""
-    edges: dict[str, set[str]] = {}
-    for one in found:
-        if not one.typing and one.imported != one.importer:
-            edges.setdefault(one.importer, set()).add(one.imported)
-
-    def beyond(start: str) -> set[str]:
-        seen: set[str] = set()
-        waiting = [*edges.get(start, ())]
-        while waiting:
-            name = waiting.pop()
-            if name not in seen:
-                seen.add(name)
-                waiting += edges.get(name, ())
-        return seen
-
-    after = {name: beyond(name) for name in edges}
-    groups = {tuple(sorted(b for b in after[a] if a in after.get(b, ()))) for a in after if a in after[a]}
-    return [list(group) for group in sorted(groups)]

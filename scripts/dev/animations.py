@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import package
 
 from addon.core.base import command
-from lab.base.usage import Parser, UsageError, output
+from addon.lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command, interrupt, native
 from addon.core.structures import specs
-from lab.base.usage import Parser, UsageError, output
+from addon.lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -64,7 +64,7 @@ def run(asked: argparse.Namespace) -> int:
 
         native.load()
         addon.register()
-    from lab.pictures import composed
+    from addon.lab.pictures import composed
 
     if unknown := set(asked.scenes) - set(composed.SCENES):
         raise UsageError(f"expected some of {', '.join(composed.SCENES)}, got {min(unknown)!r}")
@@ -83,7 +83,7 @@ def compare(name: str, scene: Any, size: tuple[int, int], samples: int, out: Pat
     import numpy as np
 
     from addon.blender.measure import pictures
-    from lab.pictures import comparison, engines
+    from addon.lab.pictures import comparison, engines
 
     # Give both engines the same settings.
     render = scene.render

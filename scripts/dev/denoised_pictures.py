@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from addon.core.base import command, interrupt, native
 from addon.core.measure import flip
 from addon.core.structures import specs
-from lab.base.usage import Parser, UsageError
+from addon.lab.base.usage import Parser, UsageError
 
 BOUNCES = 4
 STRUCTURE = "bvh-sah"
@@ -65,7 +65,7 @@ def run(asked: argparse.Namespace) -> int:
 
         native.load()
         addon.register()
-    from lab.pictures import proving
+    from addon.lab.pictures import proving
 
     if unknown := set(asked.scenes) - set(proving.SCENES):
         raise UsageError(f"expected some of {', '.join(proving.SCENES)}, got {min(unknown)!r}")
@@ -98,7 +98,7 @@ def measured(scene: Any, asked: argparse.Namespace) -> list[float]:
 def rendered(scene: Any, engine: str, samples: int, *, denoised: bool, seed: int) -> Any:
     """A picture, (h, w, 3) linear float32. Both engines denoise by their defaults for final renders."""
     from addon.blender.measure import pictures
-    from lab.pictures import engines
+    from addon.lab.pictures import engines
 
     engines.configure_halfspace(scene, STRUCTURE, samples, BOUNCES)
     engines.configure_cycles(scene, samples, BOUNCES)

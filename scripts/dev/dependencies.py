@@ -20,7 +20,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"

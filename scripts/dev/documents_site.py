@@ -30,7 +30,7 @@ import package_python
 import structure_pages
 
 from addon.core.base import command, native
-from lab.base.usage import Parser, output
+from addon.lab.base.usage import Parser, output
 
 ROOT = Path(__file__).resolve().parents[2]
 

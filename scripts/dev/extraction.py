@@ -22,7 +22,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
-from lab.base.usage import Parser, UsageError
+from addon.lab.base.usage import Parser, UsageError
 
 PROMISED_EDIT, PROMISED_WARM = 300e-9, 50e-9
 """Promised seconds per triangle after an edit and without a change."""

@@ -19,7 +19,7 @@ import uv
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 
 def main(arguments: Sequence[str]) -> int:

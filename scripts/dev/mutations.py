@@ -26,7 +26,7 @@ from deliberate_faults import FAULTS, table
 from fault import Fault
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "tests" / "MUTATIONS.md"

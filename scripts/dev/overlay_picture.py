@@ -20,7 +20,7 @@ from addon.core.base import command
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import specs
-from lab.base.usage import Parser, UsageError, output
+from addon.lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -99,7 +99,7 @@ def run(asked: argparse.Namespace) -> int:
     from addon.blender.overlay import drawing as overlay
     from addon.blender.samples import camera
     from addon.blender.settings import presets
-    from lab.pictures import scenes
+    from addon.lab.pictures import scenes
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.core.structures import catalogue
-from lab.base.usage import Parser, UsageError, output
+from addon.lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -110,7 +110,7 @@ def costs(path: Path, width: int) -> None:
     import bpy
 
     from addon.blender.measure import cost_maps, pictures
-    from lab.pictures import scenes
+    from addon.lab.pictures import scenes
 
     scenes.open_file(None)
     scene: Any = bpy.context.scene
@@ -125,7 +125,7 @@ def front(path: Path, planes: Path) -> None:
     import numpy as np
 
     from addon.blender.measure import pictures
-    from lab.pictures import scenes
+    from addon.lab.pictures import scenes
 
     right = pictures.load(planes)[..., :3]
     height, width = right.shape[:2]

@@ -15,8 +15,8 @@ import structures_page
 
 from addon.core.measure import counting
 from addon.core.scene import rays
-from lab.claims.table import CLAIMS
-from lab.growth import growth
+from addon.lab.claims.table import CLAIMS
+from addon.lab.growth import growth
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native

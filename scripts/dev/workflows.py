@@ -18,7 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -29,7 +29,7 @@ import targets
 from targets import TARGETS, Target
 
 from addon.core.base import command
-from lab.base.usage import Parser, output
+from addon.lab.base.usage import Parser, output
 
 ROOT = Path(__file__).resolve().parents[2]
 

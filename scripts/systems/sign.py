@@ -30,7 +30,7 @@ import environment
 import package
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 CERTIFICATE = {
     "HALFSPACE_CERTIFICATE": "the certificate and its key, a PKCS #12 file in base64",

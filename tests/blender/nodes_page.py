@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import beside_cycles
 
 from addon.core.base import command
-from lab.base.usage import Parser
+from addon.lab.base.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "nodes.md"

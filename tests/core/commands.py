@@ -4,21 +4,24 @@
 from __future__ import annotations
 
 import animations
-import bench
-import choose
-import claims
-import compare
-import export
 import extraction
-import growth
-import inspector
 import overlay_picture
 import package
 import pictures
-import render
-import reported
-import stability
-import thesis
+
+from addon.lab.commands import (
+    bench,
+    choose,
+    claims,
+    compare,
+    export,
+    growth,
+    inspector,
+    render,
+    reported,
+    stability,
+    thesis,
+)
 
 COMMANDS = {
     "animations": animations,

@@ -282,14 +282,14 @@ FAULTS = (
     ),
     Fault(
         "other u and v taken for equal",
-        "lab/stability/trials.py",
+        "addon/lab/stability/trials.py",
         "(a.u, b.u), (a.v, b.v)",
         "(a.u, a.u), (b.v, b.v)",
         STABILITY,
     ),
     Fault(
         "distances not compared",
-        "lab/stability/stability.py",
+        "addon/lab/stability/stability.py",
         '(*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max")',
         '(*COUNTS[1:], "exact_wrong")',
         STABILITY,

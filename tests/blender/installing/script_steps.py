@@ -36,7 +36,7 @@ def run(archive: str, root: str, script: str, *arguments: str) -> dict[str, Any]
         except SystemExit as end:
             found["status"] = end.code
     package = sys.modules.get("addon")
-    found |= {"out": out.getvalue(), "errors": errors.getvalue(), "package": package and list(package.__path__)}
+    found |= {"out": out.getvalue(), "errors": errors.getvalue(), "package": package and list(package.core.__path__)}
     return found
 
 

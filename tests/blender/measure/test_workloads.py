@@ -16,7 +16,7 @@ import pytest
 
 from addon.blender.measure import workloads
 from addon.core.scene.workload import WorkloadError
-from lab.bench import mesh_files
+from addon.lab.bench import mesh_files
 
 BENCH = Path(__file__).resolve().parents[3] / "scripts" / "bench.py"
 SIZE = (64, 32)

@@ -13,7 +13,7 @@ import pytest
 from exr_files import render
 
 from addon.blender.render import engine
-from lab.pictures import proving_parts as parts
+from addon.lab.pictures import proving_parts as parts
 
 WIDTH, HEIGHT = 48, 32
 SAMPLES, BOUNCES = 1024, 4

@@ -18,10 +18,9 @@ QUICK += ["--curve", "1,2", "--seconds", "2", "--only-rays"]
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    import bench
-
     from addon.core.measure import curve
     from addon.core.report import plots
+    from addon.lab.commands import bench
 
     monkeypatch.setattr(curve, "SIZE", 16)
     monkeypatch.setattr(plots, "problem", lambda: "left out here, to be quick")

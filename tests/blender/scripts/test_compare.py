@@ -6,7 +6,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-import compare
 import numpy as np
 import pytest
 from shapes import read, world_corners
@@ -15,8 +14,9 @@ from addon.blender.measure import pictures
 from addon.core.measure.accuracy import Errors
 from addon.core.measure.check import Check
 from addon.core.scene.workload import load_npz
-from lab.base.usage import UsageError
-from lab.pictures import stage, whole
+from addon.lab.base.usage import UsageError
+from addon.lab.commands import compare
+from addon.lab.pictures import stage, whole
 
 
 @pytest.fixture

@@ -10,13 +10,13 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-import render
 from one_line import told
 from shapes import cube
 
 from addon.blender.measure import pictures
 from addon.blender.render import engine
-from lab.pictures import scenes
+from addon.lab.commands import render
+from addon.lab.pictures import scenes
 
 QUICK = ["--samples", "1"]
 

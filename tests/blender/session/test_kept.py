@@ -15,7 +15,7 @@ from addon.blender.session import trees
 from addon.blender.ui import overlay_panels
 from addon.core.base import native
 from addon.core.measure import costmap
-from lab.pictures import whole
+from addon.lab.pictures import whole
 
 
 @pytest.fixture

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
-from stability import BUNNY
+
+from addon.lab.commands.stability import BUNNY
 
 bvhtree = bvhtree_module.load()
 

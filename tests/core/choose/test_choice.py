@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import choose
 import numpy as np
 import pytest
 from lying_native import LIES, Lying, LyingNative
@@ -20,6 +19,7 @@ from addon.core.choose.choice import Comparison, Line, Mix, Plan
 from addon.core.measure import benchmark, check
 from addon.core.scene.workload import View, Workload
 from addon.core.structures import catalogue, specs, ways
+from addon.lab.commands import choose
 
 native = pytest.importorskip("halfspace_native")
 

@@ -19,8 +19,10 @@ from typing import Any
 import environment
 import halfspace_native as native
 import numpy as np
-import package_python
 import pytest
+
+from addon.core.structures import specs
+from addon.lab.commands import bench, launcher
 
 ROOT: Path = environment.ROOT
 DOCUMENTS = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -36,7 +38,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
-PLACE = re.compile(r"(addon|docs|lab|native|requirements|scripts|tests)/[\w./-]*")
+PLACE = re.compile(r"(addon|docs|native|requirements|scripts|tests)/[\w./-]*")
 SPEC = re.compile(r"([a-z][a-z0-9-]*):[a-z_]+=[^\s|…]*")
 
 
@@ -75,9 +77,8 @@ def script(path: Path) -> Any:
     return module
 
 
-def parsed(path: Path, arguments: list[str]) -> argparse.Namespace:
+def parsed(module: Any, arguments: list[str]) -> argparse.Namespace:
     """The arguments as the command's own parser reads them; nothing is run. Raises Problem."""
-    module = script(path)
 
     def stop(self: argparse.ArgumentParser, *given: Any) -> argparse.Namespace:
         raise Parsed(original(self, *given))
@@ -103,15 +104,15 @@ def build(spec: str) -> None:
         raise Problem(str(error)) from error
 
 
-def check_configurations(path: Path, asked: argparse.Namespace) -> None:
+def check_configurations(module: Any, asked: argparse.Namespace) -> None:
     """Build what `--structure` and `--structures` name. Raises Problem."""
-    if path.stem == "bench":
+    if module is bench:
         try:
-            script(path).read_structures(asked, native)
+            bench.read_structures(asked, native)
         except ValueError as error:
             raise Problem(str(error)) from error
     elif getattr(asked, "structures", None) not in (None, "all"):
-        for spec in script(ROOT / "scripts" / "bench.py").specs.split(asked.structures):
+        for spec in specs.split(asked.structures):
             build(spec)
     if getattr(asked, "structure", None):
         build(asked.structure)
@@ -130,7 +131,12 @@ def check_script(words: list[str]) -> None:
         if unknown:
             raise Problem(f"no check begins with {unknown[0]}")
         return
-    check_configurations(path, parsed(path, words[1:]))
+    if path.name == "halfspace.py":
+        check_halfspace(words[1:])
+    elif path.stem in launcher.COMMANDS:
+        check_halfspace([path.stem, *words[1:]])
+    else:
+        check_configurations(script(path), parsed(script(path), words[1:]))
 
 
 def check_blender(words: list[str]) -> None:
@@ -149,10 +155,13 @@ def check_blender(words: list[str]) -> None:
 
 
 def check_halfspace(words: list[str]) -> None:
-    """A command of the Python package: one of its commands, with the arguments of the script. Raises Problem."""
-    if words[0] not in package_python.COMMANDS:
+    """The command `halfspace`: one of its commands, with the arguments of that. Raises Problem."""
+    if words[:1] in ([], ["--version"], ["--help"]):
+        return
+    if words[0] not in launcher.COMMANDS:
         raise Problem(f"halfspace has no command {words[0]}")
-    check_script([f"scripts/{words[0]}.py", *words[1:]])
+    module = importlib.import_module(f"addon.lab.commands.{words[0]}")
+    check_configurations(module, parsed(module, words[1:]))
 
 
 def check_pip(words: list[str]) -> None:
@@ -270,7 +279,8 @@ def test_what_a_document_says_is_so(document: Path) -> None:
         ("```sh\nrm -r folder\n```\n", "no command"),
         ("```\npython3 scripts/no_such.py\n```\n", "language"),
         ("```python\nimport halfspace_native\nhalfspace_native.no_such_call()\n```\n", "no_such_call"),
-        ("See `scripts/claims.py --no-such-option`.", "--no-such-option"),
+        ("See `scripts/halfspace.py claims --no-such-option`.", "--no-such-option"),
+        ("See `scripts/halfspace.py no-such-command`.", "no command no-such-command"),
         ("See `native/src/no_such_room`.", "does not exist"),
         ("Use `kd:traversal=no-such-way`.", "no-such-way"),
         ("See [this](no-such-page.md).", "does not exist"),

@@ -21,7 +21,7 @@ import structure_pages
 from one_line import told
 from PIL import Image
 
-from lab.claims.table import CLAIMS
+from addon.lab.claims.table import CLAIMS
 
 ROOT = documents_site.ROOT
 

@@ -6,9 +6,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import bench
 import pytest
 from sweep_runs import OPTIONS, ROWS, soups, table
+
+from addon.lab.commands import bench
 
 
 @pytest.fixture(scope="module")

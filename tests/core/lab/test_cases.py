@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from addon.core.report import case_charts, plots
-from lab.claims import cases
+from addon.lab.claims import cases
 
 
 def test_operations_are_weighted_by_the_cases() -> None:

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import claims as command
 import halfspace_native
 import numpy as np
 import pytest
@@ -18,55 +17,56 @@ from lying_native import LIES, LyingNative
 from addon.core.base import native
 from addon.core.report import results
 from addon.core.scene import workload
-from lab.claims import (
+from addon.lab.claims import (
     any_hits as claims_any_hits,
 )
-from lab.claims import (
+from addon.lab.claims import (
     beams as claims_beams,
 )
-from lab.claims import (
+from addon.lab.claims import (
     claims,
 )
-from lab.claims import (
+from addon.lab.claims import (
     intervals as claims_intervals,
 )
-from lab.claims import (
+from addon.lab.claims import (
     kd as claims_kd,
 )
-from lab.claims import (
+from addon.lab.claims import (
     medians as claims_medians,
 )
-from lab.claims import (
+from addon.lab.claims import (
     mirrors as claims_mirrors,
 )
-from lab.claims import (
+from addon.lab.claims import (
     moving as claims_moving,
 )
-from lab.claims import (
+from addon.lab.claims import (
     oriented as claims_oriented,
 )
-from lab.claims import (
+from addon.lab.claims import (
     paper_scenes as claims_scenes,
 )
-from lab.claims import (
+from addon.lab.claims import (
     polygons as claims_polygons,
 )
-from lab.claims import (
+from addon.lab.claims import (
     report as claims_report,
 )
-from lab.claims import (
+from addon.lab.claims import (
     shadows as claims_shadows,
 )
-from lab.claims import (
+from addon.lab.claims import (
     table as claims_table,
 )
-from lab.claims import (
+from addon.lab.claims import (
     thesis as claims_thesis,
 )
-from lab.claims import (
+from addon.lab.claims import (
     voxels as claims_voxels,
 )
-from lab.claims.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome, Timing
+from addon.lab.claims.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome, Timing
+from addon.lab.commands import claims as command
 
 THESIS_SCENES = claims_thesis.scenes
 

@@ -11,14 +11,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-import bench
 import halfspace_native
 import pytest
 from sweep_runs import OPTIONS, ROWS, soups, table
 
 from addon.core.measure import benchmark
 from addon.core.scene import workload
-from lab.bench import cluster
+from addon.lab.bench import cluster
+from addon.lab.commands import bench
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""

@@ -16,11 +16,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import bench
 import pytest
 from sweep_runs import OPTIONS, ROWS, table
 
-from lab.bench import cluster
+from addon.lab.bench import cluster
+from addon.lab.commands import bench
 
 pytestmark = [
     pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem())),

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.pictures.comparison import ComparisonError, Runs, compare, judge, side_by_side, stack
+from addon.lab.pictures.comparison import ComparisonError, Runs, compare, judge, side_by_side, stack
 
 SHAPE = (4, 64, 96, 3)
 

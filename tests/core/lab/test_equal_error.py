@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from lab.pictures import equal_error
-from lab.pictures.equal_error import Point, fit, measure
+from addon.lab.pictures import equal_error
+from addon.lab.pictures.equal_error import Point, fit, measure
 
 SHAPE = (16, 24, 3)
 

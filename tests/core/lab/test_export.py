@@ -9,14 +9,14 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import bench
 import pytest
 from report_rows import document, everything, row
 
 from addon.core.measure.analysis import field
 from addon.core.report import plots
-from lab.export import figures, files, latex, pdf, pgfplots
-from lab.export.figure import counting, logarithmic
+from addon.lab.commands import bench
+from addon.lab.export import figures, files, latex, pdf, pgfplots
+from addon.lab.export.figure import counting, logarithmic
 
 SPREAD = {"mean": 2.0, "p50": 2, "p90": 3, "p99": 3, "max": 3, "histogram": [1, 2, 5]}
 

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import growth as command
 import halfspace_native
 import numpy as np
 import pytest
@@ -16,9 +15,10 @@ from lying_native import LIES, Lying
 from addon.core.base import native
 from addon.core.measure.accuracy import Errors
 from addon.core.report import plots
-from lab.growth import growth
-from lab.growth import report as growth_report
-from lab.growth.growth import Options, Point
+from addon.lab.commands import growth as command
+from addon.lab.growth import growth
+from addon.lab.growth import report as growth_report
+from addon.lab.growth.growth import Options, Point
 
 QUICK = ["--triangles", "500,1000,2000", "--repeats", "1", "--size", "32", "--check-rays", "256", "--no-peak"]
 KD = [*QUICK, "--structures", "kd"]

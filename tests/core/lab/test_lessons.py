@@ -14,7 +14,7 @@ import halfspace_native as native
 import package_python
 import pytest
 
-from lab.lessons import lessons
+from addon.lab.lessons import lessons
 
 PAGES = environment.ROOT / "docs" / "lessons"
 NOTEBOOKS = sorted(PAGES.glob("*.ipynb"))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.core.scene.workload import Workload, WorkloadError
-from lab.bench import mesh_files, scenes
+from addon.lab.bench import mesh_files, scenes
 
 CORNERS = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5, 1.0)]
 FACES = [(0, 1, 2, 3), (0, 1, 4), (3, 2, 1, 0, 4)]

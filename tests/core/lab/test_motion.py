@@ -7,14 +7,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import bench
 import halfspace_native as native
 import numpy as np
 import pytest
 
 from addon.core.scene.workload import WorkloadError
-from lab.base.usage import UsageError
-from lab.motion import animations, frames, motion
+from addon.lab.base.usage import UsageError
+from addon.lab.commands import bench
+from addon.lab.motion import animations, frames, motion
 
 
 @pytest.mark.parametrize("name", animations.NAMES)

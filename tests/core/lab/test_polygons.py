@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.bench import polygons
+from addon.lab.bench import polygons
 
 
 def star(count: int, seed: int) -> Any:

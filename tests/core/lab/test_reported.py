@@ -11,10 +11,10 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-import reported
 
-from lab.reported import answers, judge, meshes, table
-from lab.reported.reports import REPORTS, Report, Scene
+from addon.lab.commands import reported
+from addon.lab.reported import answers, judge, meshes, table
+from addon.lab.reported.reports import REPORTS, Report, Scene
 
 REBUILT = [report for report in REPORTS if report.rebuild is not None]
 

@@ -12,10 +12,10 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-import stability as command
 from lying_native import LIES, LyingNative
 
-from lab.stability import slowdown, slowdown_page, stability
+from addon.lab.commands import stability as command
+from addon.lab.stability import slowdown, slowdown_page, stability
 
 RINGS, RAYS, COPIES = 12, 100, 40
 

@@ -12,13 +12,13 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-import stability as command
 from lying_native import LIES, Lying, LyingNative
 
 from addon.core.report import results
 from addon.core.scene import grid
 from addon.core.structures import catalogue, ways
-from lab.stability import agreement, leaks, stability, trials
+from addon.lab.commands import stability as command
+from addon.lab.stability import agreement, leaks, stability, trials
 
 LIMIT = 1500
 

@@ -7,14 +7,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import bench
 import numpy as np
 import pytest
 from sweep_runs import OPTIONS, table
 
 from addon.core.measure import benchmark, thesis
 from addon.core.scene import workload
-from lab.bench import cluster, sweep
+from addon.lab.bench import cluster, sweep
+from addon.lab.commands import bench
 
 
 def test_parts_merge_to_the_whole(scenes: list[str], tmp_path: Path, whole: list[Any], capsys: Any) -> None:

@@ -11,13 +11,13 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-import thesis as command
 from lying_native import LIES, LyingNative
 
 from addon.core.base import native
 from addon.core.scene import workload
-from lab.claims.claims import FAILS, HOLDS, UNTESTED
-from lab.thesis import levels, measure, plan, published, tables
+from addon.lab.claims.claims import FAILS, HOLDS, UNTESTED
+from addon.lab.commands import thesis as command
+from addon.lab.thesis import levels, measure, plan, published, tables
 
 SMALL = plan.Effort(((4,), (3, 5)), (1, 2), (32, 32), 1, 200)
 

@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import export
 import halfspace_native as native
 import numpy as np
 import pytest
 
-from lab.export import trees
+from addon.lab.commands import export
+from addon.lab.export import trees
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "trees.md"
 RAYS = 40

@@ -12,6 +12,8 @@ from pathlib import Path
 import package_python
 import pytest
 
+from addon.lab.commands import launcher
+
 ABSENT = """raise ModuleNotFoundError("No module named 'halfspace_native'", name="halfspace_native")\n"""
 
 OF_MATURIN = "from .halfspace_native import *\n"
@@ -133,7 +135,7 @@ def test_the_error_states_the_fault(fault: str, staged: Path, tmp_path: Path) ->
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], *([name, "--help"] for name in package_python.COMMANDS)])
+@pytest.mark.parametrize("words", [["--help"], ["--version"], *([name, "--help"] for name in launcher.COMMANDS)])
 def test_help_needs_no_module(words: list[str], staged: Path, tmp_path: Path) -> None:
     (tmp_path / "halfspace_native.py").write_text(DEADLY, encoding="utf-8")
     done = python(staged, tmp_path, "-m", "halfspace", *words)

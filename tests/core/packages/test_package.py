@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import zipfile
@@ -62,6 +63,14 @@ def test_everything_that_is_packaged_is_reached_by_the_extension(tmp_path: Path)
     sky.write_text(sky.read_text(encoding="utf-8").replace("sky_bake.py", "nothing.py"), encoding="utf-8")
     left = imports.unreached(imports.modules(tmp_path / "staged", "addon"), "addon")
     assert sorted({*left} - {*beside}) == ["addon.blender.read.sky_bake", "addon.core.measure.orphan"]
+
+
+def test_the_package_imports_itself_relatively() -> None:
+    # Extension and wheel have the package under other names.
+    absolute = re.compile(r"^\s*(from|import) addon\b", re.MULTILINE)
+    paths = sorted((environment.ROOT / "addon").rglob("*.py"))
+    assert [path for path in paths if absolute.search(path.read_text(encoding="utf-8"))] == []
+    assert absolute.search("def late():\n    from addon.core import base\n")
 
 
 MANIFEST = 'id = "x"\nversion = "1.2.3"\n\n[permissions]\nfiles = "Because"\n'

@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import bench
 import numpy as np
 import pytest
 from lying_native import LyingNative
@@ -23,8 +22,9 @@ from addon.core.measure import benchmark, thesis, yardstick
 from addon.core.report import plots, results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
-from lab.bench import bench_presets, inspecting, scenes
-from lab.export import files
+from addon.lab.bench import bench_presets, inspecting, scenes
+from addon.lab.commands import bench
+from addon.lab.export import files
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]

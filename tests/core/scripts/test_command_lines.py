@@ -8,8 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import claims
-import inspector
 import numpy as np
 import pytest
 from commands import COMMANDS
@@ -19,6 +17,7 @@ from addon.core.base import native
 from addon.core.choose import auto
 from addon.core.report import results
 from addon.core.scene import workload
+from addon.lab.commands import claims, inspector
 
 HUGE = "99999999999"
 

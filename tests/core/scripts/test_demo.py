@@ -8,14 +8,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import bench
 import demo
 import environment
 import pytest
-import render
 from one_line import told
 
 from addon.core.structures import catalogue
+from addon.lab.commands import bench, render
 
 
 def test_the_picture_comes_first_and_every_step_is_a_valid_command() -> None:

@@ -12,13 +12,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import bench
 import environment
 import pytest
 from sweep_runs import table
 
 from addon.core.base import native
 from addon.core.structures import specs
+from addon.lab.commands import bench
 
 FARM = environment.ROOT / "scripts" / "farm"
 

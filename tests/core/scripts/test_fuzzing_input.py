@@ -9,16 +9,16 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-import bench
 import halfspace_native
 import numpy as np
 import pytest
-import stability as stability_command
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from addon.core.scene import workload
+from addon.lab.commands import bench
+from addon.lab.commands import stability as stability_command
 
 QUIET = settings(max_examples=120, suppress_health_check=list(HealthCheck))
 GOOD: dict[str, Any] = {

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import bench
 import halfspace_native as native
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from addon.core.base import room
 from addon.core.measure import benchmark, peak, preparation
 from addon.core.scene import grid, rays, workload
 from addon.core.scene.workload import WorkloadError
+from addon.lab.commands import bench
 
 STRUCTURES = [row["id"] for row in native.structures()]
 SOUP = np.random.default_rng(4).normal(size=(9000, 3)).astype(np.float32)

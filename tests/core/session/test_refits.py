@@ -17,7 +17,7 @@ from addon.core.session.refits import Followed
 from addon.core.session.session import Building, build
 from addon.core.session.stock import Stock
 from addon.core.structures.trees import Trees
-from lab.motion import animations
+from addon.lab.motion import animations
 
 
 def geometry(frame: int, scatter: float = 0.0, name: str = "wave") -> Geometry:

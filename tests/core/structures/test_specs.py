@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import compare
-import growth
 import halfspace_native
 import numpy as np
 import overlay_picture
@@ -17,8 +15,9 @@ from addon.core.choose import auto
 from addon.core.measure import preparation, thesis
 from addon.core.session import preview
 from addon.core.structures import catalogue, presets, specs
-from lab.bench import bench_presets
-from lab.stability import agreement
+from addon.lab.bench import bench_presets
+from addon.lab.commands import compare, growth
+from addon.lab.stability import agreement
 
 
 def structure(name: str, family: str, **defaults: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.structures import catalogue, relevance, settings
-from lab.bench.bench_presets import PRESETS
+from addon.lab.bench.bench_presets import PRESETS
 
 SPEC = "bvh-sah:splits=1"
 BVH = catalogue.load()["bvh-sah"]

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from addon.core.scene import workload
-from lab.stability import leaks
+from addon.lab.stability import leaks
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 SPECS = [row["id"] for row in native.structures()]

@@ -10,6 +10,7 @@ use crate::outline::Outline;
 use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
+use halfspace_base::Monitor;
 use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::ItemKind;
 use halfspace_ray::counters::Log;

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measurable claims of the papers: a table of claims, one file per paper, and the lab that measures them.
+
+A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim is a published statement and a
+function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
+outcome holds, does not hold, or cannot be tested here, and names the counters that explain it. Every time is reported
+with a check of the answers.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.measure import accuracy, counting
+from ...core.measure.accuracy import Answers, Errors
+from ...core.measure.check import timed_build
+from ...core.scene.rays import RaySet, blocks
+from ...core.scene.workload import Workload, load_both
+from ...core.structures.specs import structure_of
+from ..stability.stability import allowed_to_fail
+
+if TYPE_CHECKING:
+    from ...core.base.interface import Native, Structure
+
+HOLDS = "holds"
+FAILS = "does not hold"
+UNTESTED = "cannot be tested here"
+VERDICTS = (HOLDS, FAILS, UNTESTED)
+
+VERSION = 3
+"""Version of the measurements: increment when a claim measures or counts anything else; older results are then not
+reused.
+"""
+
+CHECKED = 20_000
+"""Rays per configuration and scene whose answers are compared with brute force."""
+
+
+REPEATS = {True: 3, False: 7}
+"""Number of timed passes after a warm-up pass, and of builds: in a quick run (True) and a full one."""
+
+COUNTED = 1 << 22
+"""Rays that are counted at once: eight times what any kernel takes at once, so that they are cut as those timed."""
+
+BUILD_SECONDS = 60
+"""Processor seconds after which no further round of builds begins: the slowest build takes minutes."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Data of a plot: lines of (x, y) points by name. level: height and label of a dashed line."""
+
+    title: str
+    x: str
+    y: str
+    lines: Mapping[str, Sequence[tuple[float, float]]]
+    bars: bool = False
+    level: tuple[float, str] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of one configuration of a claim.
+
+    configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the result as text. why: the counters that
+    explain it. values: the numbers, for JSON. error: the number of checked answers, and of those that differed.
+    """
+
+    configuration: str
+    verdict: str
+    measured: str
+    why: str = ""
+    error: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    charts: tuple[Chart, ...] = ()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A measurable statement of a paper. scenes: names of the shared scenes it is measured on, if present."""
+
+    id: str
+    paper: str
+    statement: str
+    measure: Callable[[Lab], Iterable[Outcome]]
+    scenes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """A claim and its outcomes.
+
+    wrong: number of checked answers that differ from brute force, see `Lab.wrong`. machine: name of the machine that
+    measured it; empty for this one.
+    """
+
+    claim: Claim
+    outcomes: tuple[Outcome, ...]
+    wrong: int = 0
+    machine: str = ""
+
+    @property
+    def measured(self) -> bool:
+        """Whether any outcome has a verdict or values; False if everything it needs is missing."""
+        return any(outcome.verdict != UNTESTED or outcome.values for outcome in self.outcomes)
+
+    def as_rows(self) -> Iterator[dict[str, Any]]:
+        """One row per configuration, ready for JSON."""
+        for outcome in self.outcomes:
+            row = asdict(outcome)
+            charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
+            about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.statement}
+            yield {**about, "machine": self.machine, **row, "charts": charts}
+
+
+def outcome(row: Mapping[str, Any]) -> Outcome:
+    """The outcome in a row of `Result.as_rows`, also after a round trip through JSON."""
+    names = [one.name for one in fields(Outcome)]
+    drawn = [
+        {**chart, "lines": {name: [tuple(point) for point in line] for name, line in chart["lines"].items()}}
+        for chart in row["charts"]
+    ]
+    return Outcome(**{**{name: row[name] for name in names}, "charts": tuple(Chart(**chart) for chart in drawn)})
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Median seconds of one structure on one ray set, and mean counters per ray."""
+
+    rays: int
+    seconds: float
+    counters: Mapping[str, float]
+
+    @property
+    def nanoseconds(self) -> float:
+        """Nanoseconds per ray."""
+        return self.seconds / max(self.rays, 1) * 1e9
+
+
+@dataclass(frozen=True)
+class Builds:
+    """Median build seconds by configuration. count: number of builds each median is taken over."""
+
+    seconds: Mapping[str, float]
+    count: int
+
+    @property
+    def method(self) -> str:
+        """The kind of these seconds, as text."""
+        return "one build each" if self.count == 1 else f"medians of {self.count} builds"
+
+
+ROOM = 1 << 30
+"""Bytes of structures kept for the next claim; beyond that the oldest are dropped and rebuilt when needed."""
+
+
+class Lab:
+    """Builds, checks and times structures on one thread, and caches every measurement."""
+
+    def __init__(self, native: Native, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
+        self.native = native
+        self.scenes = scenes
+        self.quick = quick
+        self.say = say
+        self.repeats = REPEATS[quick]
+        self._ids = {row["id"] for row in native.structures()}
+        self._structures: dict[tuple[str, str], Any] = {}
+        self._timings: dict[tuple[str, str, str], Timing] = {}
+        self._right: dict[tuple[str, str], Answers] = {}
+        self._rays: dict[tuple[str, str], RaySet] = {}
+        self._errors: dict[tuple[str, str, str], Errors] = {}
+        self._used: set[tuple[str, str, str]] = set()
+        self._scenes: dict[str, tuple[Workload, Workload]] = {}
+        self._fingerprints: dict[str, str] = {}
+        self._builds: dict[tuple[str, tuple[str, ...]], Builds] = {}
+
+    def begin(self) -> None:
+        """Start a claim: `wrong` counts the answers used from here on."""
+        self._used.clear()
+
+    def lacks(self, *specs: str) -> str:
+        """A sentence that lists those of the structures that this build lacks; empty if it has all."""
+        missing = [spec for spec in specs if structure_of(spec) not in self._ids]
+        return f"this build has no {', '.join(missing)}" if missing else ""
+
+    def shared(self, name: str, *, published: bool = False) -> Workload | None:
+        """A shared scene, or the published part of it; None if its file is missing."""
+        both = self._loaded(name)
+        if both is None:
+            self.say(f"{name} is left out: there is no such file")
+            return None
+        found = both[published]
+        # Rename the published part: the caches identify a scene by its name.
+        return replace(found, name=f"{name} as published") if found.notes else found
+
+    def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
+        """Fingerprints of those shared scenes that exist, by name. Raises WorkloadError."""
+        names = list(names)
+        # Free the scenes of earlier claims: a claim lists all scenes that it uses.
+        self._scenes = {name: both for name, both in self._scenes.items() if name in names}
+        there = {name: both for name in names if (both := self._loaded(name)) is not None}
+        for name in there.keys() - self._fingerprints.keys():
+            self._fingerprints[name] = " ".join(sorted({one.fingerprint() for one in there[name]}))
+        return {name: self._fingerprints[name] for name in there}
+
+    def _loaded(self, name: str) -> tuple[Workload, Workload] | None:
+        """A shared scene, whole and as published, read once; None if its file is missing."""
+        if name not in self._scenes:
+            path = None if self.scenes is None else self.scenes / f"{name}.npz"
+            if path is None or not path.is_file():
+                return None
+            self._scenes[name] = load_both(path)
+        return self._scenes[name]
+
+    def build(self, workload: Workload, spec: str) -> Any:
+        """The structure of a configuration, from the cache or built; drops the oldest structures beyond ROOM."""
+        key = (workload.name, spec)
+        if key not in self._structures:
+            held = sum(known.statistics["bytes"] for known in self._structures.values())
+            while self._structures and held > ROOM:
+                oldest = next(iter(self._structures))
+                held -= self._structures.pop(oldest).statistics["bytes"]
+            self._structures[key] = self.native.build(workload.vertices, workload.triangles, spec, threads=1)
+        return self._structures[key]
+
+    def statistics(self, workload: Workload, spec: str) -> Mapping[str, Any]:
+        """The statistics of the build."""
+        statistics: Mapping[str, Any] = self.build(workload, spec).statistics
+        return statistics
+
+    def rays(self, workload: Workload, name: str, make: Callable[[], RaySet]) -> RaySet:
+        """The scene's rays of this name, made once."""
+        key = (workload.name, name)
+        if key not in self._rays:
+            self._rays[key] = make()
+        return self._rays[key]
+
+    def seconds(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
+        """Median seconds of each structure on the rays, interleaved; answers are checked first.
+
+        Times are processor times, which on one thread are independent of other load on the machine.
+        """
+        wanted = [spec for spec in specs if (workload.name, spec, rays.name) not in self._timings]
+        if wanted:
+            self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
+        for spec in wanted:
+            self._check(workload, spec, rays)
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
+        # Time the structures in turns; the first round only warms up.
+        taken: dict[str, list[float]] = {spec: [] for spec in wanted}
+        for repeat in range(self.repeats + 1):
+            for spec in wanted:
+                seconds = self._ask(self.build(workload, spec), rays)
+                if repeat:
+                    taken[spec].append(seconds)
+        for spec in wanted:
+            counters = self._count(self.build(workload, spec), rays)
+            key = (workload.name, spec, rays.name)
+            self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters)
+        return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
+
+    def walks(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
+        """Seconds of each structure's traversal alone: recorded, then replayed without triangle tests.
+
+        Traversals are timed in chunks of rays, in turns; the fastest pass of each chunk counts, because slower ones
+        were interrupted.
+        """
+        kind = f"{rays.name}, walks"
+        wanted = [spec for spec in specs if (workload.name, spec, kind) not in self._timings]
+        if wanted:
+            self.say(f"{workload.name}: {kind}: {', '.join(wanted)}")
+        recordings, best = {}, {}
+        for spec in wanted:
+            self._check(workload, spec, rays)
+            structure = self.build(workload, spec)
+            recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
+            best[spec] = recordings[spec].replay()
+        for _ in range(self.repeats):
+            for spec in wanted:
+                best[spec] = np.minimum(best[spec], recordings[spec].replay())
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
+        for spec in wanted:
+            counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}
+            self._timings[workload.name, spec, kind] = Timing(len(rays), float(best[spec].sum()), counters)
+        return {spec: self._timings[workload.name, spec, kind] for spec in specs}
+
+    def build_seconds(self, workload: Workload, specs: Sequence[str]) -> Builds:
+        """Median processor seconds of each build, on one thread, interleaved."""
+        key = (workload.name, tuple(specs))
+        if key not in self._builds:
+            self.say(f"{workload.name}: builds: {', '.join(specs)}")
+            taken: dict[str, list[float]] = {spec: [] for spec in specs}
+            begun, rounds = time.process_time(), 0
+            while not rounds or (rounds < self.repeats and time.process_time() - begun < BUILD_SECONDS):
+                for spec in specs:
+                    taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
+                rounds += 1
+            self._builds[key] = Builds({spec: float(np.median(own)) for spec, own in taken.items()}, rounds)
+        return self._builds[key]
+
+    def error(self, workload: Workload, specs: Iterable[str]) -> str:
+        """The number of checked rays of these structures on this scene that differ from brute force, as text."""
+        return self.errors([workload], specs)
+
+    def errors(self, workloads: Iterable[Workload], specs: Iterable[str]) -> str:
+        """The same over several scenes."""
+        scenes, chosen = {workload.name for workload in workloads}, set(specs)
+        own = [errors for (scene, spec, _), errors in self._errors.items() if scene in scenes and spec in chosen]
+        wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
+        return f"{wrong:,} of {of:,} answers differ from brute force"
+
+    def compared(self, where: str, spec: str, rays: str, errors: Errors) -> None:
+        """Record answers that were compared with brute force. where: name of a scene or a test case."""
+        self._errors[where, spec, rays] = errors
+        self._used.add((where, spec, rays))
+
+    def wrong(self) -> int:
+        """Number of answers used by this claim that differ from brute force, except those of traversals
+        known to fail.
+        """
+        return sum(self._errors[key].wrong for key in self._used if not allowed_to_fail(key[1]))
+
+    def _ask(self, structure: Structure, rays: RaySet) -> float:
+        ask = structure.occluded if rays.any_hit else structure.closest
+        start = time.process_time()
+        ask(rays.origins, rays.directions, **rays.options(1))
+        return time.process_time() - start
+
+    def _count(self, structure: Structure, rays: RaySet) -> dict[str, float]:
+        sums: dict[str, float] = {}
+        # The counters of tens of millions of rays would not fit the memory.
+        for first in range(0, len(rays), COUNTED):
+            part = rays.take(slice(first, first + COUNTED))
+            for name, column in counting.counters(structure, part, 1).items():
+                sums[name] = sums.get(name, 0.0) + float(np.sum(column, dtype=np.float64))
+        return {name: total / len(rays) for name, total in sums.items()}
+
+    def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
+        """Compare a sample of rays with brute force, bit for bit."""
+        some = rays.take(blocks(len(rays), CHECKED, seed=1))
+        structure = self.build(workload, spec)
+        key = (workload.name, rays.name)
+        if key not in self._right:
+            brute = self.build(workload, "brute")
+            self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
+        right = self._right[key]
+        errors = accuracy.compare(right, *accuracy.traced(structure, some, 1), self.native.ulp_distance, bitwise=True)
+        self.compared(workload.name, spec, rays.name, errors)
+
+
+def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
+    """Measure claim by claim."""
+    for claim in claims:
+        lab.say(f"{claim.paper}: {claim.id}")
+        lab.begin()
+        outcomes = tuple(claim.measure(lab))
+        yield Result(claim, outcomes, lab.wrong())
+
+
+def verdict(*, holds: bool) -> str:
+    """The verdict of a measured claim."""
+    return HOLDS if holds else FAILS
+
+
+def slope(points: Iterable[tuple[float, float]]) -> float:
+    """Slope of the least-squares line through (x, y) points."""
+    x, y = np.array(list(points), np.float64).T
+    return float(np.polyfit(x, y, 1)[0])

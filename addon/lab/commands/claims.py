@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The claims of papers about their structures, measured again on this machine.
+
+`halfspace claims [CLAIM ...] [options]` continues an earlier run with the same `--out`. Exit status: 0 every
+claim was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
+without error bounds; 2 bad usage; 130 stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.base import command
+from ...core.report import results
+from ...core.scene import workload
+from ..base import levels
+from ..base.usage import Parser, UsageError, output
+from ..claims import claims
+from ..claims import report as claims_report
+from ..claims import table as claims_table
+
+if TYPE_CHECKING:
+    from ...core.base.interface import Native
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
+    add = made.add_argument
+    add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
+    add("--quick", action="store_true", help="three repeats instead of seven")
+    levels.add_option(made)
+    add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure and print. Returns the exit status."""
+    return command.run("claims", arguments, parser().parse_args, run, keeps=lambda asked: asked.out)
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Measure the claims. Returns the exit status. Raises the errors that `main` reports in one line."""
+    known = {claim.id: claim for claim in claims_table.CLAIMS}
+    if asked.claims == ["list"]:
+        print("\n".join(f"{claim.id}: {claim.statement}" for claim in known.values()))
+        return 0
+    unknown = [name for name in asked.claims if name not in known]
+    if unknown:
+        raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
+    module = levels.load_module(asked.level)
+    if asked.out is not None:
+        results.prepare_folder(asked.out)
+    # Reuse or measure one claim after the other.
+    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
+    chosen = [known[name] for name in asked.claims] or list(known.values())
+    journal = results.Journal(asked.out) if asked.out is not None else None
+    fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), module.level(), asked.quick]
+    machine = results.machine(module)
+    found: list[claims.Result] = []
+    for place, claim in enumerate(chosen):
+        key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.statement)
+        entry = None if journal is None else journal.entries.get(key)
+        result = None if entry is None else kept(claim, entry.row)
+        if result is None:
+            (result,) = claims.measure(lab, [claim])
+            result = replace(result, machine=machine["name"])
+            # A claim that could not be measured is tried again by the next run.
+            if journal is not None and result.measured:
+                journal.add(results.Entry(key, (0, place), row(result)), machine)
+        found.append(result)
+        print("\n" + claims_report.as_text(found[-1]) + "\n", flush=True)
+    say(claims_report.summary(found))
+    if journal is not None:
+        save(asked.out, module, found, quick=asked.quick, machines={machine["name"]: machine} | journal.machines)
+    return 1 if any(result.wrong for result in found) else 0
+
+
+def row(result: claims.Result) -> dict[str, Any]:
+    """A measured claim as a row of the journal."""
+    return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
+
+
+def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result | None:
+    """A claim that was measured before, from its row; None if the row, of another version, is incomplete."""
+    try:
+        return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
+    except (KeyError, TypeError):
+        return None
+
+
+def save(
+    folder: Path,
+    module: Native,
+    found: Sequence[claims.Result],
+    *,
+    quick: bool,
+    machines: Mapping[str, dict[str, Any]] | None = None,
+) -> None:
+    """Write the files atomically. machines: known ones, by name. Raises FolderError."""
+    rows = [row for result in found for row in result.as_rows()]
+    document = results.document(module, rows, {"quick": quick}, machines)
+    page = claims_report.as_html(found, document["machines"], quick=quick)
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    with results.writing(folder):
+        results.write_all({folder / "claims.json": text, folder / "claims.html": page})
+    say(f"wrote {folder / 'claims.html'} and claims.json")
+
+
+def say(text: str) -> None:
+    """Print a line of progress."""
+    print(f"[claims] {text}", flush=True)

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render a picture with Halfspace, without a Blender window: `halfspace render [FILE] [options]`.
+
+FILE: a .blend, or bare geometry (an .npz with the keys of the manual, .ply, .stl, .obj), which gets a matte surface, a
+sun, a lamp and a sky. Without it the built-in showcase is rendered. Where the module bpy is missing, only bare geometry
+is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input; 130 stopped. Failures are reported in one line,
+and leave an older picture of the same name unchanged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.util
+import struct
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.base import command, interrupt, native, picture_files, png
+from ...core.choose import choice
+from ...core.report import results
+from ...core.scene import workload
+from ...core.structures import specs
+from ...core.structures.settings import RenderSettings
+from ..base.places import OUT
+from ..base.usage import Parser, UsageError, output
+from ..bench import mesh_files
+from ..pictures import bare
+
+MOST = {"samples": 1 << 20, "percentage": 32767}
+"""Largest values of Blender's own settings."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", help=".blend, .npz, .ply, .stl or .obj (default: the built-in showcase)")
+    made.add_argument(
+        "--out",
+        type=output,
+        default=OUT / "showcase.png",
+        help="the picture, .png (default: out/showcase.png)",
+    )
+    made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
+    made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")
+    made.add_argument(
+        "--integrator", choices=("path", "whitted", "ao"), help="how light is followed (default: the file's)"
+    )
+    made.add_argument("--percentage", type=int, help="size in percent of the file's (default: the file's)")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Render. Returns the exit status."""
+    return command.run("render", arguments, read, render)
+
+
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
+    asked = parser().parse_args(arguments)
+    if asked.file is not None:
+        workload.find(asked.file, mesh_files.RENDERED)
+    for name, most in MOST.items():
+        value = getattr(asked, name)
+        if value is not None and not 1 <= value <= most:
+            raise UsageError(f"--{name}: expected 1 to {most}, got {value}")
+    if asked.out.suffix.lower() != ".png":
+        raise UsageError(f"{asked.out}: expected a name that ends in .png")
+    if asked.out.is_dir():
+        raise UsageError(f"{asked.out}: cannot be written: it is a folder")
+    results.prepare_folder(asked.out.parent)
+    return asked
+
+
+def render(asked: argparse.Namespace) -> int:
+    """Render with Blender's module, or bare geometry without it. Returns the exit status.
+
+    Raises the exceptions of opening, building and rendering.
+    """
+    native.load()
+    if importlib.util.find_spec("bpy") is None:
+        return render_bare(asked)
+    with interrupt.guarded():
+        import bpy
+
+        from ... import register
+
+        if not hasattr(bpy.context.scene, "halfspace"):
+            register()
+        from ...blender.session import reports, trees
+        from ...blender.settings import properties
+        from ..pictures import scenes
+
+        scenes.open_file(asked.file)
+    # Apply the options and render.
+    scene: Any = bpy.context.scene
+    bpy.app.handlers.render_stats.append(_Progress())
+    _configure(scene, asked)
+    with picture_files.replacing(asked.out) as picture:
+        scene.render.filepath = str(picture)
+        start = time.perf_counter()
+        bpy.ops.render.render(write_still=True)
+        if not picture.is_file():
+            raise RuntimeError("nothing was rendered")
+        seconds = time.perf_counter() - start
+    # Print the picture's size, structure and checked answers.
+    width, height = _size(asked.out)
+    tree = trees.last(scene)
+    spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
+    report = reports.last(scene)
+    answers = choice.NOT_COMPARED if report is None else report.answers
+    # Print a time only together with the errors of all that it covers; the report covers the last view layer alone.
+    is_known = answers != choice.NOT_COMPARED and sum(layer.use for layer in scene.view_layers) == 1
+    took = f" in {seconds:.1f} s" * is_known
+    print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
+    return 0
+
+
+def render_bare(asked: argparse.Namespace) -> int:
+    """Render a bare geometry without Blender. Returns the exit status. Raises UsageError for other scenes."""
+    path = None if asked.file is None else Path(workload.find(asked.file, mesh_files.RENDERED))
+    if path is None or path.suffix.lower() == ".blend":
+        what = "the built-in showcase" if path is None else path
+        raise UsageError(f"{what}: needs Blender: the module bpy is not installed")
+    module = native.load()
+    scene = mesh_files.bare(path, module.free_memory())
+    width, height = (max(1, side * (asked.percentage or 100) // 100) for side in bare.FULL)
+    given = {name: getattr(asked, name) for name in ("samples", "integrator") if getattr(asked, name) is not None}
+    spec = specs.prove(module, [asked.structure or "kd"])[0]
+    with picture_files.replacing(asked.out) as picture:
+        picture.write_bytes(png.encoded(bare.render(module, scene, spec, RenderSettings(width, height, **given))))
+    print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
+    return 0
+
+
+class _Progress:
+    """Handler of Blender's `render_stats` that prints the engine's status line, at most once in SECONDS."""
+
+    SECONDS = 5.0
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def __call__(self, stats: Any, *_: Any) -> None:
+        if isinstance(stats, str) and time.monotonic() - self.last >= self.SECONDS:
+            self.last = time.monotonic()
+            # Blender would print a traceback; the command reports a failed output at its end.
+            with contextlib.suppress(command.OutputError):
+                print(f"[render] {stats}", flush=True)
+
+
+def _configure(scene: Any, asked: argparse.Namespace) -> None:
+    """Apply the options to the scene. Raises UsageError."""
+    from ...blender.measure import pictures
+    from ...blender.settings import presets
+
+    scene.render.engine = "HALFSPACE"
+    pictures.as_file(scene.render.image_settings, "PNG")
+    if scene.render.use_multiview:
+        # Blender would write one file for each eye, under names of its own.
+        scene.render.use_multiview = False
+        print("render: one picture from the middle is rendered, not one for each eye", file=sys.stderr)
+    if asked.structure is not None:
+        try:
+            presets.apply(scene.halfspace, asked.structure)
+        except specs.SpecError as error:
+            raise UsageError(f"--structure: {error}") from error
+        scene.halfspace.automatic = False
+    if asked.samples is not None:
+        scene.halfspace.samples = asked.samples
+    if asked.integrator is not None:
+        scene.halfspace.integrator = asked.integrator
+    if asked.percentage is not None:
+        scene.render.resolution_percentage = asked.percentage
+
+
+def _size(picture: Path) -> tuple[int, int]:
+    """The width and height in the header of a .png, which a render border may have cropped."""
+    with picture.open("rb") as file:
+        width, height = struct.unpack(">II", file.read(24)[16:])
+    return width, height

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A whole tree and its triangles as arrays of a NumPy archive, for programs without Halfspace.
+
+`docs/trees.md` describes every array.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.scene.workload import Workload
+
+if TYPE_CHECKING:
+    from ...core.base.interface import Structure
+
+FORMAT = 1
+"""Version of the arrays; it changes if the meaning of one does."""
+
+LEAF = 7
+"""`node_kind` of leaves."""
+
+
+def arrays(structure: Structure, workload: Workload) -> dict[str, NDArray[Any]]:
+    """The arrays of the tree of a structure over the workload's triangles, with these triangles."""
+    found: dict[str, NDArray[Any]] = {key: np.asarray(value) for key, value in structure.export().items()}
+    found["format"] = np.array(FORMAT, np.int64)
+    found["spec"] = np.array(structure.spec)
+    found["scene"] = np.array(workload.name)
+    found["scene_vertices"] = workload.vertices
+    found["scene_triangles"] = workload.triangles
+    return found
+
+
+def packed(found: Mapping[str, NDArray[Any]]) -> bytes:
+    """The archive; the same arrays make the same bytes."""
+    written = io.BytesIO()
+    np.savez_compressed(written, allow_pickle=False, **dict(found))
+    return written.getvalue()

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Times of whole renders, from the operator behind F12 to the picture, with Halfspace and with Cycles."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ...blender.measure import workloads
+from ...blender.session import reports, trees
+from ...core.base import native
+from ...core.measure import check
+from ...core.measure.check import Check
+
+LIGHTS = ("point",)
+"""Lights of a bare geometry: each visible point needs one shadow ray, and no path can hit the light by chance."""
+
+ENGINES = ("HALFSPACE", "CYCLES")
+
+PARTS = {"extract": "reading the scene", "build": "building", "trace": "tracing and shading"}
+
+
+@dataclass(frozen=True)
+class Times:
+    """clock, processor: seconds of each run, by engine. parts: wall-clock seconds of Halfspace's runs, by part."""
+
+    clock: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
+    processor: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
+    parts: dict[str, list[float]] = field(default_factory=lambda: {part: [] for part in PARTS})
+
+    def ratio(self, of: str) -> float:
+        """Ratio of Halfspace's median to Cycles's. of: "clock" or "processor"."""
+        seconds: dict[str, list[float]] = getattr(self, of)
+        return statistics.median(seconds["HALFSPACE"]) / statistics.median(seconds["CYCLES"])
+
+    def lines(self) -> list[str]:
+        """The numbers as lines of text."""
+        found = []
+        for engine in ENGINES:
+            clock, worked = self.clock[engine], self.processor[engine]
+            found.append(
+                f"{engine}: {statistics.median(clock):.3f} s by the clock ({min(clock):.3f} to {max(clock):.3f}), "
+                f"{statistics.median(worked):.3f} s of the processor, {len(clock)} runs"
+            )
+        parts = ", ".join(f"{words} {statistics.median(self.parts[part]):.3f} s" for part, words in PARTS.items())
+        return [*found, f"of HALFSPACE: {parts}"]
+
+
+def measure(scene: Any, runs: int) -> Times:
+    """Render the scene with both engines in turn, `runs` times each after a warm-up round.
+
+    Nothing is written to disk: the time ends when Blender has the picture. Raises RuntimeError with the engine's
+    message.
+    """
+    times = Times()
+    for seed in range(runs + 1):
+        for engine in ENGINES:
+            scene.render.engine = engine
+            scene.halfspace.render_seed = scene.cycles.seed = seed
+            # Time one render by both clocks.
+            worked, begun = time.process_time(), time.perf_counter()
+            bpy.ops.render.render(scene=scene.name)
+            taken, work = time.perf_counter() - begun, time.process_time() - worked
+            if seed == 0:
+                continue
+            times.clock[engine].append(taken)
+            times.processor[engine].append(work)
+            # Take the parts of the time from the engine's own report.
+            if engine == "HALFSPACE":
+                report = reports.last(scene)
+                if report is None:
+                    raise RuntimeError("nothing was rendered")
+                times.parts["extract"].append(report.extract_seconds)
+                times.parts["build"].append(report.statistics["build_seconds"])
+                times.parts["trace"].append(report.statistics["seconds"])
+    return times
+
+
+def check_rays(scene: Any) -> Check:
+    """Compare a sample of the answers of the last render's structure with brute force, bit for bit. Raises
+    RuntimeError.
+    """
+    tree = trees.last(scene)
+    if tree is None:
+        raise RuntimeError("no structure was kept")
+    render = scene.render
+    workload = workloads.of_tree(tree, scene.name, (render.resolution_x, render.resolution_y))
+    last = deque(check.steps(native.load(), tree.structure, workload), maxlen=1)
+    if not last:
+        raise RuntimeError("the camera sees nothing")
+    return last[0]
