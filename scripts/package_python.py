@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Python package: `python scripts/package_python.py [--website URL] [--out DIR]`.
 
-Makes a wheel and a source archive of what works without a Blender window: the package `addon`, which the build back end
-installs as `halfspace`, with the few files of `distribution/`. The compiled module is a wheel of its own, which
+Makes a wheel and a source archive of what works without a Blender window: the package `addon`, which gets the name
+`halfspace`, with the few files of `distribution/`. The compiled module is a wheel of its own, which
 `scripts/package.py` builds. --website enters the page of the publisher into the metadata.
 """
 
@@ -25,15 +25,15 @@ ROOT = Path(__file__).resolve().parents[1]
 
 FOLDERS = {
     "distribution": "",
-    **{f"addon/{room}": f"addon/{room}" for room in ("core", "blender", "lab")},
-    "docs/lessons": "addon/docs/lessons",
+    **{f"addon/{room}": f"halfspace/{room}" for room in ("core", "blender", "lab")},
+    "docs/lessons": "halfspace/docs/lessons",
 }
-"""Folder of the package's source by folder of the repository. The build back end calls `addon` `halfspace`."""
+"""Folder of the package's source by folder of the repository."""
 
 FILES = {
     "LICENSE": "LICENSE",
     "native/python/halfspace_native.pyi": "halfspace_native-stubs/__init__.pyi",
-    "docs/manual.md": "addon/manual.md",
+    "docs/manual.md": "halfspace/manual.md",
 }
 """The same for single files. The stub serves type checkers as PEP 561 prescribes."""
 

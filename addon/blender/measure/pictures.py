@@ -119,5 +119,5 @@ def _image(picture: F32, *, float_buffer: bool) -> Any:
 def as_file(image_settings: Any, file_format: str) -> None:
     """Set a file format; since Blender 5.0 the media type has to be set first."""
     if hasattr(image_settings, "media_type"):
-        image_settings.media_type = "IMAGE"
+        image_settings.media_type = "MULTI_LAYER_IMAGE" if file_format == "OPEN_EXR_MULTILAYER" else "IMAGE"
     image_settings.file_format = file_format

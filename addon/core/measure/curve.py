@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import png, rotation
+from ..base import picture_files, rotation
 from ..scene.rays import TILE
 from ..scene.workload import Peer, View, Workload
 from ..session.session import render_scene
@@ -141,7 +141,7 @@ class Curve:
         scale = PORTRAIT / max(self._size)
         size = max(TILE, round(scale * self._width)), max(TILE, round(scale * self._height))
         job = self._job(self._scene(structure), PORTRAIT_SAMPLES, self._seed, 0, size=size)
-        return png.encoded(self._image(job, size).reshape(size[1], size[0], 3))
+        return picture_files.encoded(self._image(job, size).reshape(size[1], size[0], 3))
 
     def meet(self, peer: Peer) -> None:
         """Render the pictures with another renderer too, and compare them with the same reference."""

@@ -165,7 +165,8 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
         yield Progress(0.0, "rendering the converged picture")
         pictures.converge(tracer)
         yield Progress(0.0, "rendering the report's picture")
-        portrait = pictures.portrait(tracer)
+        with contextlib.suppress(ImportError):  # a Blender may lack OpenImageIO
+            portrait = pictures.portrait(tracer)
         if workload.peer is not None:
             yield Progress(0.0, f"rendering with {workload.peer.name}")
             pictures.meet(workload.peer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparison of Halfspace with Cycles on one scene: `halfspace compare FILE [options]`.
+"""Comparison of Halfspace with Cycles on one scene, or of two pictures: `halfspace compare FILE [options]`.
 
 FILE: a .blend, or an .npz with the keys of docs/manual.md, which gets a matte surface, a sun, a lamp and a sky; without
 FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
@@ -24,6 +24,9 @@ converged picture and several numbers of samples; the table has the ratios of th
 without the constant part of reading and building. A mean that differs by more than 1 %, or with `--most R` a larger
 ratio of processor times, is a failure.
 
+`compare A B`, with two pictures (.exr, .png, .jpg and all that OpenImageIO reads): prints how the colours of A differ
+from those of B, without Blender. With `--most R` an RMSE above R is a failure.
+
 Exit status: 0 compared, and all requirements hold; 1 some do not; 2 bad usage or input; 130 stopped. Failures are
 reported in one line.
 """
@@ -33,9 +36,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
-from ...core.base import command, interrupt, native
+import numpy as np
+
+from ...core.base import command, interrupt, native, picture_files
+from ...core.base.arrays import F32
+from ...core.measure import curve, flip
 from ...core.report import results
 from ...core.scene import workload
 from ...core.structures import specs
@@ -52,7 +60,8 @@ LARGEST = 1 << 14
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase), or a picture")
+    made.add_argument("reference", nargs="?", type=Path, metavar="PICTURE", help="with a picture: what it should be")
     made.add_argument("--scene", metavar="NAME", help="judge a scene of lab/pictures/proving.py, or all")
     made.add_argument(
         "--plant",
@@ -99,6 +108,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def work(asked: argparse.Namespace) -> int:
     """Run the comparison that the options select. Returns the exit status."""
+    if asked.reference is not None:
+        return 0 if compare_pictures(Path(asked.file), asked.reference, asked.most) else DIFFERENT
     if asked.whole:
         return 0 if time_whole(asked) else DIFFERENT
     if asked.equal_error:
@@ -113,6 +124,14 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line with the defaults of its comparison. Raises UsageError."""
     # Reject options that do not belong together.
     asked = parser().parse_args(arguments)
+    if asked.reference is not None:
+        plain = parser().parse_args([])
+        for name, value in vars(asked).items():
+            if name not in ("file", "reference", "most") and value != getattr(plain, name):
+                raise UsageError(f"--{name.replace('_', '-')}: expected no two pictures, of which nothing is rendered")
+        if asked.most is not None and not asked.most >= 0:
+            raise UsageError(f"--most: expected an RMSE of at least 0, got {asked.most:g}")
+        return asked
     if asked.scene is None:
         for name in ("slope", "plant"):
             if getattr(asked, name) not in (None, False):
@@ -170,6 +189,40 @@ def run(asked: argparse.Namespace) -> None:
         print(f"  {line}")
     _print_left_out(bpy.context.scene)
     print(f"Pictures: {asked.out / name}-{{halfspace,cycles,compared}}.png")
+
+
+def compare_pictures(path: Path, reference: Path, most: float | None) -> bool:
+    """Print how a picture differs from another. Returns whether its RMSE is at most `most`.
+
+    Raises UsageError if their sizes differ, and OSError and ValueError for files that cannot be read or lack colours.
+    """
+    shown, expected = (_colours(one) for one in (path, reference))
+    if shown.shape != expected.shape:
+        sizes = (f"{one.shape[1]} × {one.shape[0]}" for one in (shown, expected))
+        raise UsageError(f"{path}, {reference}: expected pictures of one size, got {' and '.join(sizes)}")
+    # Compute the errors in linear light.
+    found = curve.errors(shown.reshape(-1, 3), np.nan_to_num(expected.reshape(-1, 3)))
+    difference = np.abs(np.nan_to_num(shown) - np.nan_to_num(expected)).max(axis=2)
+    visible = flip.mean(shown, expected)
+    row, column = np.unravel_index(int(difference.argmax()), difference.shape)
+    means = [" ".join(f"{value:.6g}" for value in np.nan_to_num(one).mean(axis=(0, 1))) for one in (shown, expected)]
+    print(f"{path}: {shown.shape[1]} × {shown.shape[0]} pixels, compared with {reference}")
+    print(f"  means      {means[0]}, expected {means[1]}")
+    print(f"  RMSE       {found['rmse']:.6g}, relMSE {found['relmse']:.6g}")
+    print(f"  FLIP       {flip.problem() if visible is None else f'{visible:.6g}'}")
+    print(f"  largest    {difference.max():.6g} at pixel {column}, {row} from the left and the bottom")
+    print(f"  different  {int((difference > 0).sum()):,} pixels; {found['not_finite']:,} not finite")
+    return most is None or found["rmse"] <= most
+
+
+def _colours(path: Path) -> F32:
+    """The colours of a picture in linear light. Raises OSError, and UsageError without colours."""
+    found = picture_files.read(path)
+    try:
+        colour = found.colour()
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from error
+    return colour if path.suffix.lower() in (".exr", ".hdr") else picture_files.linear(colour)
 
 
 def judge_scenes(asked: argparse.Namespace) -> bool:

@@ -12,14 +12,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib.util
-import struct
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...core.base import command, interrupt, native, picture_files, png
+from ...core.base import command, interrupt, native, picture_files
 from ...core.choose import choice
 from ...core.report import results
 from ...core.scene import workload
@@ -33,6 +32,9 @@ from ..pictures import bare
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """Largest values of Blender's own settings."""
 
+FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
+"""Blender's names of file formats."""
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
@@ -42,7 +44,10 @@ def parser() -> argparse.ArgumentParser:
         "--out",
         type=output,
         default=OUT / "showcase.png",
-        help="the picture, .png (default: out/showcase.png)",
+        help=f"the picture, {', '.join(picture_files.SUFFIXES)} (default: out/showcase.png); an .exr has all passes",
+    )
+    made.add_argument(
+        "--compression", choices=picture_files.COMPRESSIONS, help="of an .exr (default: zip, which loses nothing)"
     )
     made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
     made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")
@@ -67,8 +72,13 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         value = getattr(asked, name)
         if value is not None and not 1 <= value <= most:
             raise UsageError(f"--{name}: expected 1 to {most}, got {value}")
-    if asked.out.suffix.lower() != ".png":
-        raise UsageError(f"{asked.out}: expected a name that ends in .png")
+    if asked.out.suffix.lower() not in picture_files.SUFFIXES:
+        raise UsageError(f"{asked.out}: expected a name that ends in {' or '.join(picture_files.SUFFIXES)}")
+    is_exr = asked.out.suffix.lower() == ".exr"
+    if asked.compression is not None and not is_exr:
+        raise UsageError("--compression: expected --out with a name that ends in .exr")
+    if is_exr:
+        picture_files.module()
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
     results.prepare_folder(asked.out.parent)
@@ -106,10 +116,13 @@ def render(asked: argparse.Namespace) -> int:
         if not picture.is_file():
             raise RuntimeError("nothing was rendered")
         seconds = time.perf_counter() - start
+        tree = trees.last(scene)
+        spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
+        if asked.out.suffix.lower() == ".exr":
+            told = _told(spec, scene.halfspace.samples, seconds)
+            picture_files.describe(picture, told, asked.compression or "zip")
     # Print the picture's size, structure and checked answers.
-    width, height = _size(asked.out)
-    tree = trees.last(scene)
-    spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
+    width, height = picture_files.size(asked.out)
     report = reports.last(scene)
     answers = choice.NOT_COMPARED if report is None else report.answers
     # Print a time only together with the errors of all that it covers; the report covers the last view layer alone.
@@ -130,8 +143,12 @@ def render_bare(asked: argparse.Namespace) -> int:
     width, height = (max(1, side * (asked.percentage or 100) // 100) for side in bare.FULL)
     given = {name: getattr(asked, name) for name in ("samples", "integrator") if getattr(asked, name) is not None}
     spec = specs.prove(module, [asked.structure or "kd"])[0]
-    with picture_files.replacing(asked.out) as picture:
-        picture.write_bytes(png.encoded(bare.render(module, scene, spec, RenderSettings(width, height, **given))))
+    settings = RenderSettings(width, height, **given)
+    start = time.perf_counter()
+    found = bare.render(module, scene, spec, settings, bare.PASSES if asked.out.suffix.lower() == ".exr" else ())
+    attributes = _told(spec, settings.samples, time.perf_counter() - start)
+    picture = picture_files.Picture(found.pixels, found.names, attributes)
+    picture_files.write(asked.out, picture, asked.compression or "zip")
     print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
     return 0
 
@@ -158,7 +175,10 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
     from ...blender.settings import presets
 
     scene.render.engine = "HALFSPACE"
-    pictures.as_file(scene.render.image_settings, "PNG")
+    file_format = FORMATS[asked.out.suffix.lower()]
+    pictures.as_file(scene.render.image_settings, file_format)
+    if file_format == "OPEN_EXR_MULTILAYER":
+        scene.render.image_settings.color_depth = "32"
     if scene.render.use_multiview:
         # Blender would write one file for each eye, under names of its own.
         scene.render.use_multiview = False
@@ -177,8 +197,6 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
         scene.render.resolution_percentage = asked.percentage
 
 
-def _size(picture: Path) -> tuple[int, int]:
-    """The width and height in the header of a .png, which a render border may have cropped."""
-    with picture.open("rb") as file:
-        width, height = struct.unpack(">II", file.read(24)[16:])
-    return width, height
+def _told(spec: str, samples: int, seconds: float) -> dict[str, Any]:
+    """The attributes of a picture file."""
+    return {"version": native.VERSION, "structure": spec, "samples": samples, "seconds": seconds}

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.base.picture_files import Picture
 from ...core.measure.curve import plain_camera, plain_scene
 
 if TYPE_CHECKING:
-    from ...core.base.arrays import F32
     from ...core.base.interface import Native
     from ...core.scene.workload import Workload
     from ...core.structures.settings import RenderSettings
@@ -19,11 +20,19 @@ if TYPE_CHECKING:
 FULL = (1920, 1080)
 """Width and height of a picture of 100 percent, as in Blender."""
 
+PASSES = ("Combined", "Depth", "Normal", "Traversal Steps", "Triangle Tests", "Leaf Depth")
+"""Passes of a file with layers."""
+
+CHANNELS = {"Combined": "RGBA", "Depth": "Z", "Normal": "XYZ"}
+"""Blender's letters of the channels of passes; others have an X."""
+
 WAIT_MILLISECONDS = 100
 
 
-def render(native: Native, workload: Workload, spec: str, settings: RenderSettings) -> F32:
-    """The scene through its view: (height, width, 3) float32 linear RGB, rows from the bottom.
+def render(
+    native: Native, workload: Workload, spec: str, settings: RenderSettings, passes: Sequence[str] = ()
+) -> Picture:
+    """The scene through its view, scene linear: R, G and B, or all channels of these passes, named as Blender does.
 
     Raises ValueError for a configuration that is not understood, MemoryError, and RuntimeError with the renderer's
     error.
@@ -31,11 +40,18 @@ def render(native: Native, workload: Workload, spec: str, settings: RenderSettin
     structure = native.build(workload.vertices, workload.triangles, spec, threads=settings.threads)
     scene = native.RenderScene(structure, **plain_scene())
     camera = plain_camera(workload.view, settings.width / settings.height, workload.diagonal())
-    job = native.render(scene, camera, replace(settings, passes=("Combined",)).as_dict(), threads=settings.threads)
+    wanted = replace(settings, passes=tuple(passes) or ("Combined",))
+    job = native.render(scene, camera, wanted.as_dict(), threads=settings.threads)
     while not job.wait(WAIT_MILLISECONDS):
         pass
     if job.error is not None:
         raise RuntimeError(job.error)
-    out = np.zeros(settings.width * settings.height * job.passes["Combined"], np.float32)
-    job.copy_into("Combined", out)
-    return np.ascontiguousarray(out.reshape(settings.height, settings.width, -1)[..., :3])
+    found, names = [], []
+    for name, channels in job.passes.items():
+        out = np.zeros(settings.width * settings.height * channels, np.float32)
+        job.copy_into(name, out)
+        found.append(out.reshape(settings.height, settings.width, channels))
+        names += [f"ViewLayer.{name}.{letter}" for letter in CHANNELS.get(name, "X")]
+    if not passes:
+        return Picture(np.ascontiguousarray(found[0][..., :3]), ("R", "G", "B"))
+    return Picture(np.concatenate(found, axis=2), tuple(names))

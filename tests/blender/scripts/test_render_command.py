@@ -15,6 +15,7 @@ from shapes import cube
 
 from addon.blender.measure import pictures
 from addon.blender.render import engine
+from addon.core.base import picture_files
 from addon.lab.commands import render
 from addon.lab.pictures import scenes
 
@@ -85,6 +86,46 @@ def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
     assert told.err.startswith("render: one picture from the middle")
     assert f"{out}: 16 × 8 pixels in " in told.out
     assert pictures.load(out).shape == (8, 16, 4)
+
+
+def test_an_openexr_file_has_the_passes_and_says_how_it_was_made(file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    scene = bpy.context.scene
+    scene.view_layers[0].use_pass_z = scene.view_layers[0].use_pass_normal = True
+    scene.halfspace.automatic, scene.halfspace.samples = False, 1
+    bpy.ops.wm.save_mainfile()
+    scene.render.engine = "HALFSPACE"
+    expected = pictures.render(scene)
+    out = tmp_path / "out.exr"
+    assert render.main([str(file), *QUICK, "--out", str(out), "--compression", "piz"]) == 0
+    found = picture_files.read(out)
+    assert found.colour().tobytes() == np.ascontiguousarray(expected[..., :3]).tobytes()
+    layers = {name.rpartition(".")[0].partition(".")[2] for name in found.names}
+    assert {"Combined", "Depth", "Normal"} <= layers
+    told = {name: found.attributes[f"halfspace:{name}"] for name in ("version", "structure", "samples", "seconds")}
+    assert (told["structure"], told["samples"], found.attributes["compression"]) == ("bvh-sah", 1, "piz")
+    assert told["seconds"] > 0
+    image = bpy.data.images.load(str(out))
+    _ = image.size[0]  # reads the file
+    assert image.type == "MULTILAYER"
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "exr"])
+def test_a_bare_geometry_is_written_without_blender(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "triangle.obj"
+    path.write_text("v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n", encoding="utf-8")
+    monkeypatch.setattr(render.importlib.util, "find_spec", lambda _: None)
+    out = tmp_path / f"out.{suffix}"
+    assert render.main([str(path), *QUICK, "--percentage", "2", "--out", str(out)]) == 0
+    found = picture_files.read(out)
+    assert found.pixels.shape[:2] == (21, 38)
+    if suffix == "exr":
+        assert {"ViewLayer.Depth.Z", "ViewLayer.Normal.X", "ViewLayer.Triangle Tests.X"} <= {*found.names}
+        assert found.attributes["halfspace:structure"] == "kd"
+        tests = found.pixels[..., found.names.index("ViewLayer.Triangle Tests.X")]
+        assert 0 < tests.max() <= 2, "one triangle, and a shadow ray"
 
 
 def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -160,6 +160,8 @@ def check_halfspace(words: list[str]) -> None:
         return
     if words[0] not in launcher.COMMANDS:
         raise Problem(f"halfspace has no command {words[0]}")
+    if not words[1:]:  # its name alone
+        return
     module = importlib.import_module(f"addon.lab.commands.{words[0]}")
     check_configurations(module, parsed(module, words[1:]))
 
