@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A script where no file may become larger than so many bytes, as on a disk that is nearly full."""
+"""A command where no file may become larger than so many bytes, as on a disk that is nearly full."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
+SCRIPT = str(Path(__file__).resolve().parents[1] / "scripts" / "halfspace.py")
 
 PROGRAM = """
 import resource, runpy, signal, sys
@@ -20,9 +20,9 @@ runpy.run_path({script!r}, run_name="__main__")
 """
 
 
-def run(room: int, script: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
+def run(room: int, command: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
     """Run it to its end. Needs a system with Python's module `resource`."""
-    program = PROGRAM.format(room=room, script=str(SCRIPTS / script), arguments=list(arguments))
+    program = PROGRAM.format(room=room, script=SCRIPT, arguments=[command, *arguments])
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, env=environment, check=False

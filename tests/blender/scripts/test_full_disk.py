@@ -21,14 +21,14 @@ pytestmark = pytest.mark.skipif(importlib.util.find_spec("resource") is None, re
 @pytest.mark.parametrize(
     ("room", "command", "name", "told"),
     [
-        (4096, ["render.py", "--samples", "1", "--percentage", "10"], "picture.png", "picture.png"),
-        (4096, ["compare.py", "--scene", "cornell", "--size", "96x96"], "cornell-halfspace.png", "picture.exr"),
+        (4096, ["render", "--samples", "1", "--percentage", "10"], "picture.png", "picture.png"),
+        (4096, ["compare", "--scene", "cornell", "--size", "96x96"], "cornell-halfspace.png", "picture.exr"),
     ],
 )
 def test_the_old_picture_stays(tmp_path: Path, room: int, command: list[str], name: str, told: str) -> None:
     old = tmp_path / name
     old.write_bytes(b"old")
-    is_render = command[0] == "render.py"
+    is_render = command[0] == "render"
     arguments = [*command[1:], "--out", str(old if is_render else tmp_path)]
     if not is_render:
         arguments += ["--samples", "2", "--runs", "2"]
@@ -36,7 +36,7 @@ def test_the_old_picture_stays(tmp_path: Path, room: int, command: list[str], na
     last = done.stderr.splitlines()[-1]
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
-    assert last.startswith(f"{command[0].removesuffix('.py')}: ")
+    assert last.startswith(f"{command[0]}: ")
     assert told in last
     assert "incomplete" in last
     assert old.read_bytes() == b"old"

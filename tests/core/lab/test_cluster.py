@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import environment
 import halfspace_native
 import pytest
 from sweep_runs import OPTIONS, ROWS, soups, table
@@ -19,6 +20,8 @@ from addon.core.measure import benchmark
 from addon.core.scene import workload
 from addon.lab.bench import cluster
 from addon.lab.commands import bench
+
+BENCH = str(environment.ROOT / "scripts" / "bench.py")
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
@@ -30,7 +33,7 @@ def test_a_sweep_that_is_killed_twice_gives_the_rows_of_an_undisturbed_one(
     scenes: list[str], tmp_path: Path, whole: list[Any]
 ) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, bench.__file__, *scenes, *OPTIONS, "--cluster", "local:2", "--out", str(out)]
+    command = [sys.executable, BENCH, *scenes, *OPTIONS, "--cluster", "local:2", "--out", str(out)]
     resumed_after_kills(command, out, (2, 6), seconds=500)
     assert _finished(out) <= 2 * (ROWS + 1), "nothing is doubled"
     assert table(out) == whole
@@ -51,7 +54,7 @@ def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(
     # Trees whose directions include the axes have at least three.
     assert len(whole) == 3 * 7 * sum(8 if "-plus" in name else 9 for name in with_both)
     out = tmp_path / "out"
-    command = [sys.executable, bench.__file__, *command, "--cluster", "local:2", "--out", str(out)]
+    command = [sys.executable, BENCH, *command, "--cluster", "local:2", "--out", str(out)]
     resumed_after_kills(command, out, (len(whole) // 3, 2 * len(whole) // 3), seconds=3600)
     assert _finished(out) <= len(whole) + 3, "nothing is doubled"
     assert table(out) == whole

@@ -102,7 +102,7 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
         ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
         ("render", ["--percentage", "0"], "--percentage: expected 1 to "),
-        ("render", ["--out", "picture.txt"], "expected a name that ends in .png"),
+        ("render", ["--out", "picture.txt"], "expected a name that ends in .exr or .png"),
         ("stability", ["--long", "0"], "--long: expected a number above 0"),
         ("stability", ["--long", "1e30"], "--long: expected a number above 0, up to "),
         ("stability", ["--seconds", "5"], "--seconds: expected --long"),

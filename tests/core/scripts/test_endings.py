@@ -23,16 +23,17 @@ from addon.core.base import command, native
 ROOT = Path(__file__).resolve().parents[3]
 FULL = Path("/dev/full")
 
-MEASURED = ["stability.py", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]
-SHORT = ["bench.py", "grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--check-rays", "64"]
+MEASURED = ["stability", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]
+SHORT = ["bench", "grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--check-rays", "64"]
 SHORT += ["--seconds", "1", "--rays", "primary", "--only-rays", "--curve", "none"]
 
 
 def started(arguments: list[str], **named: Any) -> subprocess.Popen[str]:
-    """A script in a process of its own."""
+    """A command, or a script, in a process of its own."""
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **named.pop("environment", {})}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    program = [sys.executable, str(ROOT / "scripts" / arguments[0]), *arguments[1:]]
+    words = arguments if arguments[0].endswith(".py") else ["halfspace.py", *arguments]
+    program = [sys.executable, str(ROOT / "scripts" / words[0]), *words[1:]]
     named = {"encoding": "utf-8", **named}
     if os.name == "posix":
         # What a script runs in the background ignores interrupts, and so would what it starts.
@@ -84,7 +85,7 @@ def test_what_is_kept_is_told(
 @pytest.mark.skipif(sys.platform == "win32", reason="no process can be interrupted as from the keyboard")
 def test_a_long_run_that_is_interrupted(tmp_path: Path) -> None:
     journal = tmp_path / "rows.jsonl"
-    asked = ["stability.py", "--structures", "bih:shadow=none", "--long", "1e15", "--threads", "1"]
+    asked = ["stability", "--structures", "bih:shadow=none", "--long", "1e15", "--threads", "1"]
     run = started([*asked, "--out", str(tmp_path)], stdout=subprocess.PIPE)
     try:
         for _ in range(3000):
@@ -110,7 +111,7 @@ def test_what_an_encoding_lacks_is_escaped(encoding: str) -> None:
 
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no file that is always full")
 @pytest.mark.parametrize(
-    "arguments", [MEASURED, SHORT, ["claims.py", "list"], ["growth.py", "--help"]], ids=lambda some: some[0]
+    "arguments", [MEASURED, SHORT, ["claims", "list"], ["growth", "--help"]], ids=lambda some: some[0]
 )
 def test_a_full_standard_output_is_status_2(arguments: list[str]) -> None:
     with FULL.open("w") as full:

@@ -210,11 +210,11 @@ SMALL = [
 @pytest.mark.parametrize(
     ("room", "command"),
     [
-        (64, ["bench.py", *SHORT]),
-        (4000, ["bench.py", *SHORT]),
-        (4000, ["bench.py", *SHORT, "--export", "latex"]),
-        (64, ["stability.py", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]),
-        (64, ["growth.py", *SMALL]),
+        (64, ["bench", *SHORT]),
+        (4000, ["bench", *SHORT]),
+        (4000, ["bench", *SHORT, "--export", "latex"]),
+        (64, ["stability", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]),
+        (64, ["growth", *SMALL]),
     ],
 )
 def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int, command: list[str]) -> None:
@@ -232,7 +232,7 @@ def test_a_tree_on_a_full_disk_keeps_the_old_archive(tmp_path: Path) -> None:
     pytest.importorskip("resource", reason="this system limits no file's size")
     out = tmp_path / "tree.npz"
     out.write_bytes(b"old")
-    done = little_room.run(64, "export.py", ["grid", "--out", str(out)])
+    done = little_room.run(64, "export", ["grid", "--out", str(out)])
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert "cannot be written" in done.stderr.splitlines()[-1]
