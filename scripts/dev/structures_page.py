@@ -168,7 +168,7 @@ def _differing(found: Mapping[str, Sequence[str]], every: Sequence[str]) -> str:
 
 def _values(having: Mapping[str, Row], every: Sequence[str]) -> str:
     """The values of a parameter, with the structures where they differ."""
-    found = _grouped(having, _range)
+    found: dict[str, list[str]] = _grouped(having, _range)
     most = max(found.values(), key=len)
     if len(found) == 1:
         return next(iter(found))
