@@ -47,17 +47,23 @@ structure with only one of them lacks the parameter.
 Older names of `traversal` stay valid: `p16`, `p8`, `p4` for `packet`, `packet8`, `packet4`; `tile8` for `tile`; `wide`
 for `nodes=wide,traversal=flight`; `boxes` for `nodes=boxes,traversal=ordered`."""
 
-WAYS = "The traversals, each with its name in the panels and its nodes:"
+WAYS = "The traversals, each with its name in the panels if that differs, and its nodes:"
 
 NO_GROUPS = "Structures without packets, tiles and streams:"
 
 PARAMETERS = """\
-By the parts of the panel *Structure*, each with the structures that have it. The first of several values is the
-default. A parameter without the settings after *with* has no effect and is refused; a setting that a structure lacks is
-no condition for it."""
+By the parts of the panel *Structure*, each with its name there if that differs, and the structures that have it. The
+first of several values is the default; prices have limits of 0 and 1,000,000. A parameter without the settings after
+*with* is refused; a setting that a structure lacks is no condition for it."""
 
 GROUPS = {"main": "At the top", "builder": "Builder", "costs": "Costs", "numerics": "Numerics", "memory": "Memory"}
 """Headings of the groups of parameters, in the order of the panel."""
+
+PRICES = "0 to 1,000,000, "
+"""Limits of prices, at the start of their values."""
+
+SAME = ("The answer is the same", "The answers are the same")
+"""Sentences that the introduction has for all parameters."""
 
 TITLE = re.compile(r"((?:19|20)\d\d), [A-Z].*?(?=, wh(?:o|ich) |$)")
 """The title after the year of a source."""
@@ -75,14 +81,12 @@ def page(rows: Sequence[Row]) -> str:
 
 
 def _family(family: str, rows: Iterable[Row]) -> str:
-    """A heading and a table with one line per structure."""
+    """A heading and a list with one line per structure."""
     lines = [f"## {FAMILIES.get(family, family.capitalize())}", ""]
-    lines += ["| id, name | what it is | source |", "| --- | --- | --- |"]
     for row in rows:
         aliases = f" (also {_ids(row['aliases'])})" if row["aliases"] else ""
         source = "; ".join(TITLE.sub(r"\1", part) for part in row["paper"].split("; "))
-        cells = (f"`{row['id']}`{aliases} *{row['label']}*", row["summary"].removesuffix("."), source)
-        lines.append("| " + " | ".join(map(cell, cells)) + " |")
+        lines.append(f"- `{row['id']}`{aliases}, *{row['label']}*: {row['summary'].removesuffix('.')}. {source}.")
     return "\n".join(lines) + "\n"
 
 
@@ -118,7 +122,7 @@ def _traversals(rows: Sequence[Row]) -> str:
         alike.setdefault((name, way["label"], way["doc"]), []).append(nodes)
     lines += ["", WAYS, ""]
     for (name, label, doc), nodes_of in alike.items():
-        lines.append(f"- `{name}`, *{label}* ({', '.join(nodes_of)}): {doc}")
+        lines.append(f"- {_named(name, label)} ({', '.join(nodes_of)}): {doc}")
     return "\n".join(lines) + "\n"
 
 
@@ -135,7 +139,8 @@ def _parameters(rows: Sequence[Row]) -> str:
         lines += ["", f"### {GROUPS.get(group, group.capitalize())}", ""] if names else []
         for name in sorted(names - {"traversal"}):
             having = {row["id"]: one for row in rows for one in row["parameters"] if one["name"] == name}
-            text = f"- `{name}` ({_whose(list(having), every)}): {_texts(having, every)}"
+            labels = dict.fromkeys(one["label"] for one in having.values())
+            text = f"- {_named(name, *labels)} ({_whose(list(having), every)}): {_texts(having, every)}"
             if name != "nodes":
                 text += f" {'; '.join([_values(having, every), *_conditions(having, keys, every)])}."
             lines.append(text)
@@ -144,18 +149,23 @@ def _parameters(rows: Sequence[Row]) -> str:
 
 def _texts(having: Mapping[str, Row], every: Sequence[str]) -> str:
     """The texts of a parameter: the sentences that all structures share, then those of some."""
-    labels = {one["label"] for one in having.values()}
-    if len(labels) > 1:
-        return _differing(_grouped(having, text_of), every)
-    split = {structure: text_of(one).partition(": ")[2].split(". ") for structure, one in having.items()}
-    ends = {structure: [part.removesuffix(".") for part in parts] for structure, parts in split.items()}
-    shared = [part for part in next(iter(ends.values())) if all(part in parts for parts in ends.values())]
+    split = {
+        structure: [part for part in one["doc"].removesuffix(".").split(". ") if part not in SAME]
+        for structure, one in having.items()
+    }
+    shared = [part for part in next(iter(split.values())) if all(part in parts for parts in split.values())]
     found: dict[str, list[str]] = {}
-    for structure, parts in ends.items():
+    for structure, parts in split.items():
         found.setdefault(". ".join(part for part in parts if part not in shared), []).append(structure)
     first = [". ".join(shared) + "."] if shared else []
     rest = [] if list(found) == [""] else [_differing(found, every)]
-    return f"*{labels.pop()}*: " + " ".join([*first, *rest])
+    return " ".join([*first, *rest])
+
+
+def _named(name: str, *labels: str) -> str:
+    """A key with its labels in the panels, but for one that differs in capitals alone."""
+    own = [label for label in labels if label.lower() != name.replace("_", " ")]
+    return ", ".join([f"`{name}`", *(f"*{label}*" for label in own)])
 
 
 def _differing(found: Mapping[str, Sequence[str]], every: Sequence[str]) -> str:
@@ -167,8 +177,10 @@ def _differing(found: Mapping[str, Sequence[str]], every: Sequence[str]) -> str:
 
 
 def _values(having: Mapping[str, Row], every: Sequence[str]) -> str:
-    """The values of a parameter, with the structures where they differ."""
-    found: dict[str, list[str]] = _grouped(having, _range)
+    """The values of a parameter, with the structures where they differ; the limits of prices are given once."""
+    found: dict[str, list[str]] = {}
+    for text, ids in _grouped(having, _range).items():
+        found[text.removeprefix(PRICES)] = ids
     most = max(found.values(), key=len)
     if len(found) == 1:
         return next(iter(found))
