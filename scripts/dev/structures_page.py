@@ -142,7 +142,8 @@ def _parameters(rows: Sequence[Row]) -> str:
             labels = dict.fromkeys(one["label"] for one in having.values())
             text = f"- {_named(name, *labels)} ({_whose(list(having), every)}): {_texts(having, every)}"
             if name != "nodes":
-                text += f" {'; '.join([_values(having, every), *_conditions(having, keys, every)])}."
+                values = "; ".join([_values(having, every), *_conditions(having, keys, every)])
+                text += f" {values[0].upper()}{values[1:]}."
             lines.append(text)
     return "\n".join(lines) + "\n"
 
