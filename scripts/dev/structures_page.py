@@ -54,7 +54,7 @@ NO_GROUPS = "Structures without packets, tiles and streams:"
 PARAMETERS = """\
 By the parts of the panel *Structure*, each with its name there if that differs, and the structures that have it. The
 first of several values is the default; prices have limits of 0 and 1,000,000. A parameter without the settings after
-*with* is refused; a setting that a structure lacks is no condition for it."""
+*with* is refused; a setting that a structure lacks is no condition for it. Tooltips add the effect of larger values."""
 
 GROUPS = {"main": "At the top", "builder": "Builder", "costs": "Costs", "numerics": "Numerics", "memory": "Memory"}
 """Headings of the groups of parameters, in the order of the panel."""
@@ -62,8 +62,8 @@ GROUPS = {"main": "At the top", "builder": "Builder", "costs": "Costs", "numeric
 PRICES = "0 to 1,000,000, "
 """Limits of prices, at the start of their values."""
 
-SAME = ("The answer is the same", "The answers are the same")
-"""Sentences that the introduction has for all parameters."""
+LEFT_OUT = re.compile(r"^(?:(?:More|Less|Fewer|Builds|Saves)\b[^;]*|The answers? (?:is|are) the same)(?:; )?")
+"""Starts of sentences that the page leaves out: the effect of larger values, and what is said of all structures."""
 
 TITLE = re.compile(r"((?:19|20)\d\d), [A-Z].*?(?=, wh(?:o|ich) |$)")
 """The title after the year of a source."""
@@ -151,7 +151,7 @@ def _parameters(rows: Sequence[Row]) -> str:
 def _texts(having: Mapping[str, Row], every: Sequence[str]) -> str:
     """The texts of a parameter: the sentences that all structures share, then those of some."""
     split = {
-        structure: [part for part in one["doc"].removesuffix(".").split(". ") if part not in SAME]
+        structure: [kept for part in one["doc"].removesuffix(".").split(". ") if (kept := LEFT_OUT.sub("", part))]
         for structure, one in having.items()
     }
     shared = [part for part in next(iter(split.values())) if all(part in parts for parts in split.values())]
@@ -159,7 +159,8 @@ def _texts(having: Mapping[str, Row], every: Sequence[str]) -> str:
     for structure, parts in split.items():
         found.setdefault(". ".join(part for part in parts if part not in shared), []).append(structure)
     first = [". ".join(shared) + "."] if shared else []
-    rest = [] if list(found) == [""] else [_differing(found, every)]
+    found.pop("", None)
+    rest = [_differing(found, list(having), every)] if found else []
     return " ".join([*first, *rest])
 
 
@@ -169,12 +170,11 @@ def _named(name: str, *labels: str) -> str:
     return ", ".join([f"`{name}`", *(f"*{label}*" for label in own)])
 
 
-def _differing(found: Mapping[str, Sequence[str]], every: Sequence[str]) -> str:
-    """Texts with the structures that they are about, the most frequent one last."""
-    most = max(found.values(), key=len)
+def _differing(found: Mapping[str, Sequence[str]], having: Sequence[str], every: Sequence[str]) -> str:
+    """Texts with the structures that they are about; the others of those that have the parameter last."""
+    most = max(found.values(), key=len) if sum(map(len, found.values())) == len(having) else None
     ordered = sorted(found.items(), key=lambda pair: pair[1] is most)
-    shown = [f"{'Others' if ids is most else _whose(ids, every)}: {text.removesuffix('.')}." for text, ids in ordered]
-    return " ".join(shown)
+    return " ".join(f"{'Others' if ids is most else _whose(ids, every)}: {text}." for text, ids in ordered)
 
 
 def _values(having: Mapping[str, Row], every: Sequence[str]) -> str:
