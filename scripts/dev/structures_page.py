@@ -59,8 +59,8 @@ first of several values is the default; prices have limits of 0 and 1,000,000. A
 GROUPS = {"main": "At the top", "builder": "Builder", "costs": "Costs", "numerics": "Numerics", "memory": "Memory"}
 """Headings of the groups of parameters, in the order of the panel."""
 
-PRICES = "0 to 1,000,000, "
-"""Limits of prices, at the start of their values."""
+PRICES = "0 to 1,000,000"
+"""Limits of prices."""
 
 LEFT_OUT = re.compile(r"^(?:(?:More|Less|Fewer|Builds|Saves)\b[^;]*|The answers? (?:is|are) the same)(?:; )?")
 """Starts of sentences that the page leaves out: the effect of larger values, and what is said of all structures."""
@@ -142,8 +142,9 @@ def _parameters(rows: Sequence[Row]) -> str:
             labels = dict.fromkeys(one["label"] for one in having.values())
             text = f"- {_named(name, *labels)} ({_whose(list(having), every)}): {_texts(having, every)}"
             if name != "nodes":
-                values = "; ".join([_values(having, every), *_conditions(having, keys, every)])
-                text += f" {values[0].upper()}{values[1:]}."
+                found = [_values(having, every), *_conditions(having, keys, every)]
+                values = "; ".join(filter(None, found))
+                text += f" {values[0].upper()}{values[1:]}." if values else ""
             lines.append(text)
     return "\n".join(lines) + "\n"
 
@@ -178,15 +179,34 @@ def _differing(found: Mapping[str, Sequence[str]], having: Sequence[str], every:
 
 
 def _values(having: Mapping[str, Row], every: Sequence[str]) -> str:
-    """The values of a parameter, with the structures where they differ; the limits of prices are given once."""
-    found: dict[str, list[str]] = {}
-    for text, ids in _grouped(having, _range).items():
-        found[text.removeprefix(PRICES)] = ids
-    most = max(found.values(), key=len)
+    """The values of a parameter, with the structures where they differ; empty if the texts name all of them in order.
+
+    The limits of prices are given once, by the introduction.
+    """
+    if all(_told(one) for one in having.values()):
+        return ""
+    limits = _grouped(having, lambda one: _range(one).partition(", default ")[0])
+    defaults = _grouped(having, lambda one: _range(one).partition(", default ")[2])
+    if len(limits) == 1 and "" not in defaults:
+        limit = next(iter(limits))
+        shown = _marked(defaults, every, ", ")
+        return f"default {shown}" if limit == PRICES else f"{limit}, default {shown}"
+    return _marked(_grouped(having, _range), every, "; ")
+
+
+def _told(parameter: Row) -> bool:
+    """Whether the text of a choice explains each of its values, in their order."""
+    places = [parameter["doc"].find(f"{option}: ") for option in parameter["options"] or ()]
+    return bool(places) and -1 not in places and places == sorted(places)
+
+
+def _marked(found: Mapping[str, Sequence[str]], every: Sequence[str], mark: str) -> str:
+    """Values with the structures that have them, those of most structures last."""
     if len(found) == 1:
         return next(iter(found))
+    most = max(found.values(), key=len)
     ordered = sorted(found.items(), key=lambda pair: pair[1] is most)
-    return "; ".join(f"{text} ({'others' if ids is most else _whose(ids, every)})" for text, ids in ordered)
+    return mark.join(f"{text} ({'others' if ids is most else _whose(ids, every)})" for text, ids in ordered)
 
 
 def _conditions(having: Mapping[str, Row], keys: Mapping[str, set[str]], every: Sequence[str]) -> list[str]:
