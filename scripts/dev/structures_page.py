@@ -155,12 +155,15 @@ def _texts(having: Mapping[str, Row], every: Sequence[str]) -> str:
         structure: [kept for part in one["doc"].removesuffix(".").split(". ") if (kept := LEFT_OUT.sub("", part))]
         for structure, one in having.items()
     }
-    shared = [part for part in next(iter(split.values())) if all(part in parts for parts in split.values())]
-    found: dict[str, list[str]] = {}
-    for structure, parts in split.items():
-        found.setdefault(". ".join(part for part in parts if part not in shared), []).append(structure)
+    holders: dict[str, tuple[str, ...]] = {}
+    for part in dict.fromkeys(part for parts in split.values() for part in parts):
+        holders[part] = tuple(structure for structure, parts in split.items() if part in parts)
+    shared = [part for part, ids in holders.items() if len(ids) == len(having)]
+    found: dict[str, Sequence[str]] = {}
+    for ids in dict.fromkeys(holders.values()):
+        if len(ids) < len(having):
+            found[". ".join(part for part, some in holders.items() if some == ids)] = ids
     first = [". ".join(shared) + "."] if shared else []
-    found.pop("", None)
     rest = [_differing(found, list(having), every)] if found else []
     return " ".join([*first, *rest])
 
@@ -173,7 +176,8 @@ def _named(name: str, *labels: str) -> str:
 
 def _differing(found: Mapping[str, Sequence[str]], having: Sequence[str], every: Sequence[str]) -> str:
     """Texts with the structures that they are about; the others of those that have the parameter last."""
-    most = max(found.values(), key=len) if sum(map(len, found.values())) == len(having) else None
+    apart = sorted(name for ids in found.values() for name in ids) == sorted(having)
+    most = max(found.values(), key=len) if apart else None
     ordered = sorted(found.items(), key=lambda pair: pair[1] is most)
     return " ".join(f"{'Others' if ids is most else _whose(ids, every)}: {text}." for text, ids in ordered)
 
