@@ -31,10 +31,9 @@ INTRODUCTION = """\
 
 <!-- Generated from the registry of the native module by scripts/dev/structures_page.py. Do not edit. -->
 
-A *configuration* is an id of this page, alone or followed by parameters: `id:key=value,key=value`. The panels of
-Blender, the command line and the Python module take the same strings. Every structure returns the same answer for every
-ray; only time and memory differ. [Papers](papers.md) has the claims of the sources and the measurements, [the
-manual](manual.md#structure) advice on choosing.
+A *configuration* is an id of this page, alone or followed by parameters: `id:key=value,key=value`. Every structure
+returns the same answer for every ray; only time and memory differ. [Papers](papers.md) has claims and measurements,
+[the manual](manual.md#structure) advice on choosing.
 
 A `*` stands for any letters: `bsp-*-plus` for `bsp-wn-plus` and its relatives. [papers.bib](papers.bib) has the titles
 of the sources.
