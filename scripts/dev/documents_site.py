@@ -66,7 +66,7 @@ NAVIGATION: dict[str, list[Any]] = {
     "Structures": ["structures.md", "structures/index.md"],
     "Lessons": [],
     "Read": ["results.md", "papers.md", "correctness.md"],
-    "Develop": ["architecture.md", "reference.md", "mutations.md"],
+    "Develop": ["architecture.md", "from-a-paper.md", "reference.md", "mutations.md"],
 }
 """Parts of the site to their pages; lessons and pages of structures are added."""
 

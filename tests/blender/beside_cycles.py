@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 SUPPORTED, DIFFERS, NOT = "supported", "differs", "not"
 
 ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
@@ -66,18 +68,21 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
 SECTION = """
 ## Objects, lights, cameras and passes
 
-*Differs* marks what agrees but for the differences that [rendering](rendering.md) lists; *not* is reported. The tests
-require means within 1 %, motion and hair those of their comments.
-
-| kind | what | state | compared |
-| --- | --- | --- | --- |
+*Differs* marks the differences that [rendering](rendering.md) lists; *not* is reported. The tests require means within
+1 %, motion and hair those of their comments.
 """
+
+
+def line(name: str, state: str, tests: Sequence[str]) -> str:
+    """A line of a list: a name, its state unless it is supported, and its tests."""
+    named = name if state == SUPPORTED else f"{name} (*{state}*)"
+    return f"- {named}: {', '.join(f'`{test}`' for test in tests)}" if tests else f"- {named}"
 
 
 def section() -> str:
     """The section of the page."""
-    rows = [
-        f"| {kind} | {thing} | {state} | {', '.join(f'`{test}`' for test in tests)} |"
-        for kind, thing, state, tests in ROWS
-    ]
-    return SECTION + "\n".join(rows) + "\n"
+    lines = [SECTION]
+    for kind in dict.fromkeys(kind for kind, *_ in ROWS):
+        rows = [line(thing, state, tests) for own, thing, state, tests in ROWS if own == kind]
+        lines += [f"### {kind}\n", "\n".join(rows) + "\n"]
+    return "\n".join(lines)

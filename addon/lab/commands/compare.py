@@ -62,7 +62,7 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase), or a picture")
     made.add_argument("reference", nargs="?", type=Path, metavar="PICTURE", help="with a picture: what it should be")
-    made.add_argument("--scene", metavar="NAME", help="judge a scene of lab/pictures/proving.py, or all")
+    made.add_argument("--scene", metavar="NAME", help="judge a scene of addon/lab/pictures/proving.py, or all")
     made.add_argument(
         "--plant",
         type=float,

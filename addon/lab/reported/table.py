@@ -31,12 +31,12 @@ class Row:
     ours: int = 0
 
     def line(self) -> str:
-        """The row in Markdown; a tracer that is not installed is *not measured*."""
-        named = f"| [{self.report.name}]({self.report.url}) | {self.report.fault}"
+        """The row in Markdown, an item of a list without a scene; a tracer that is not installed is *not measured*."""
+        link = f"[{self.report.name}]({self.report.url})"
         if self.rays is None:
-            return f"{named}; not rebuilt: {self.report.missing} | | | | | |"
+            return f"- {link}: {self.report.fault}; {self.report.missing}"
         theirs = " | ".join(str(self.theirs.get(name, "not measured")) for name in COLUMNS)
-        return f"{named} | {self.rays} | {theirs} | {self.ours} |"
+        return f"| {link} | {self.report.fault} | {self.rays} | {theirs} | {self.ours} |"
 
 
 def measured(native: Native, tracers: Mapping[str, answers.Tracer]) -> list[Row]:
@@ -54,9 +54,11 @@ def measured(native: Native, tracers: Mapping[str, answers.Tracer]) -> list[Row]
 
 
 def lines(rows: Sequence[Row]) -> list[str]:
-    """The table in Markdown."""
+    """The table in Markdown, and the list of reports whose scenes cannot be rebuilt."""
     head = f"| report | what went wrong there | rays | {' | '.join(COLUMNS)} | ours |"
-    return [head, "| --- | --- | ---: | ---: | ---: | ---: | ---: |", *(row.line() for row in rows)]
+    table = [head, "| --- | --- | ---: | ---: | ---: | ---: | ---: |"]
+    table += [row.line() for row in rows if row.rays is not None]
+    return [*table, "", "Not rebuilt:", "", *(row.line() for row in rows if row.rays is None)]
 
 
 def replaced(page: str, rows: Sequence[str]) -> str:

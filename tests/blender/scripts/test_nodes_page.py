@@ -15,10 +15,10 @@ TESTS = Path(__file__).resolve().parents[1]
 
 
 def rows(text: str) -> dict[str, tuple[str, list[str]]]:
-    """State and tests by the name of the node, of the first table of a page."""
+    """State and tests by the name of the node, of the first list of a page."""
     text = text.partition("\n## ")[0]
-    found = re.findall(r"^\| ([^|]+) \| ([a-z ]+) \| ?(.*?) ?\|$", text, re.MULTILINE)
-    return {name: (state, re.findall(r"`(\w+)`", tests)) for name, state, tests in found if name != "node"}
+    found = re.findall(r"^- (.+?)(?: \(\*([a-z ]+)\*\))?(?:: (`.*`))?$", text, re.MULTILINE)
+    return {name: (state or "supported", re.findall(r"`(\w+)`", tests)) for name, state, tests in found}
 
 
 def test_the_page_of_nodes_is_current() -> None:
@@ -46,7 +46,7 @@ def test_the_page_lists_objects_cameras_and_passes_with_tests_that_exist() -> No
     assert {kind for kind, _, _, _ in beside_cycles.ROWS} >= {"Object", "Light", "Camera", "Pass"}
 
 
-def test_a_record_becomes_a_table() -> None:
+def test_a_record_becomes_a_list() -> None:
     lines = ['["test_b", ["ShaderNodeMath"]]', '["test_a", ["ShaderNodeMath", "ShaderNodeTexCoord"]]']
     labels = {"ShaderNodeMath": "Math", "ShaderNodeTexCoord": "Texture Coordinate", "ShaderNodeUnknown": "Unknown"}
     found = rows(nodes_page.page(labels, nodes_page.compared(lines), "9.9"))

@@ -121,7 +121,7 @@ def test_the_document_has_the_table() -> None:
     rows = [table.Row(one, None if one.rebuild is None else len(scene_of(one).origins)) for one in REPORTS]
     made = table.lines(rows)
     assert [line.split(" | ")[:3] for line in shown] == [line.split(" | ")[:3] for line in made]
-    assert {line.split(" | ")[-1] for line in shown[2:]} <= {"0 |", "|"}, "ours are all right"
+    assert {line.split(" | ")[-1] for line in shown[2:] if line.startswith("|")} == {"0 |"}, "ours are all right"
 
 
 def test_the_command_writes_the_table(
