@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every check of the project: `python3 scripts/test.py [CHECK ...]`.
+"""The checks of the project: `python3 scripts/test.py [--all] [CHECK ...]`.
 
-Sets up what it needs, then runs formatters, linters, type checks and all tests, two side by side. The last line is the
+Sets up what it needs, then runs formatters, linters, type checks and tests, two side by side. The last line is the
 count; the exit status is 0 only if nothing failed. Arguments choose checks by the beginning of their names:
-`test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130. `overflow` runs
-only so: the Rust tests with checks of overflow and debug assertions.
+`test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130.
+
+What a day does not need is left out, and named in the summary; with --all, as before a release, it is run: tests that
+are marked slow, those in Blender LTS of what it shares with the current one, three of four rays of hard scenes, and
+`overflow`, the Rust tests with checks of overflow and debug assertions, which can also be named.
 """
 
 from __future__ import annotations
 
+import argparse
 import collections
 import contextlib
 import json
@@ -21,7 +25,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,6 +49,9 @@ The first is seconds of the clock, the second seconds of processors. A check tha
 machine makes it no failure. The longest silence of a check that works is a compilation, of 600 seconds of processors.
 """
 
+CHOSEN = argparse.Namespace(all=False)
+"""The options of the command line."""
+
 LAST_LINES, LINE_WIDTH = 8, 160
 """How much of a failed check's output is printed again after the summary, which may be all that a log keeps."""
 
@@ -56,6 +63,8 @@ class Counts:
     passed: int = 0
     failed: int = 0
     skipped: int = 0
+    left_out: int = 0
+    """Tests that a day does not need."""
     said: str = field(default="", compare=False, repr=False)
     """The output of the checks that failed."""
 
@@ -65,6 +74,7 @@ class Counts:
             self.passed + other.passed,
             self.failed + other.failed,
             self.skipped + other.skipped,
+            self.left_out + other.left_out,
             self.said + other.said,
         )
 
@@ -100,7 +110,7 @@ class Running:
             process = subprocess.Popen(
                 command,
                 cwd=ROOT,
-                env=ENVIRONMENT,
+                env=ENVIRONMENT if CHOSEN.all else DAY_SHARE | ENVIRONMENT,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
@@ -257,13 +267,17 @@ def cargo_counts(text: str) -> Counts:
     return sum((Counts(int(passed), int(failed), int(ignored)) for passed, failed, ignored in found), Counts())
 
 
-def pytest_tier(where: environment.Environment, folder: str) -> Callable[[], Counts]:
-    """pytest over one folder in one environment. A tier without tests has failed."""
+def pytest_tier(where: environment.Environment, folder: str, by_day: Sequence[str] = ()) -> Callable[[], Counts]:
+    """pytest over a folder in one environment, without --all over the folders `by_day` if there are any.
+
+    A tier without tests has failed.
+    """
 
     def check() -> Counts:
         with tempfile.TemporaryDirectory(prefix="halfspace-counts-") as temporary:
             file = Path(temporary) / "counts.json"
-            arguments = ["tests/run.py", "--counts", str(file), folder]
+            chosen = [folder] if CHOSEN.all else [*BY_DAY, *(by_day or [folder])]
+            arguments = ["tests/run.py", "--counts", str(file), *chosen]
             status, said = run([str(where.python), *arguments])
             counts = Counts(**json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else Counts()
         return judged(counts, status, said)
@@ -282,8 +296,18 @@ CARGO_CHECKS: dict[str, Callable[[], Counts]] = {
 }
 """Name to check, in order. They need no wheel and begin while it is built; `rust` waits for cargo."""
 
-LONG = {"overflow"}
-"""Checks that run only if they are named: the tests of `rust` with checks of overflow and debug assertions."""
+LONG = {"overflow": "the Rust tests with checks of overflow"}
+"""Checks that run only with --all or if they are named, and what they are."""
+
+BY_DAY = ("-m", "not slow")
+"""Options of pytest without --all."""
+
+DIFFERENT = ("installing", "passes", "read", "settings", "ui", "value_nodes")
+LTS_BY_DAY = tuple(f"tests/blender/{name}" for name in DIFFERENT)
+"""The folders about what differs between versions of Blender: all that LTS runs without --all."""
+
+DAY_SHARE = {"HALFSPACE_TEST_SHARE": "4"}
+"""Variables of the Rust tests without --all: hard scenes trace one ray of four."""
 
 PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
@@ -293,7 +317,7 @@ PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "workflows": gate(str(CURRENT.python), "scripts/dev/workflows.py"),
     "core": pytest_tier(CURRENT, "tests/core"),
     "blender": pytest_tier(CURRENT, "tests/blender"),
-    "blender-lts": pytest_tier(LTS, "tests/blender"),
+    "blender-lts": pytest_tier(LTS, "tests/blender", LTS_BY_DAY),
 }
 """Name to check, in order. They run once the wheel is installed."""
 
@@ -400,26 +424,57 @@ class Session:
         print(f"==== {name}: {counts}", flush=True)
 
 
-def main(wanted: list[str]) -> int:
-    """Run the checks whose names begin with one of `wanted` (all, if none). Returns the exit status."""
+def left_out(names: list[str], total: Counts) -> list[str]:
+    """What a day does not need of these checks, one line each."""
+    if CHOSEN.all:
+        return []
+    lines = [text for name, text in LONG.items() if name not in names and not CHOSEN.checks]
+    if total.left_out:
+        lines.append(f"{total.left_out} slow tests")
+    if "blender-lts" in names:
+        lines.append(f"in Blender LTS, all folders but {', '.join(DIFFERENT)}")
+    if {"rust", "overflow"} & {*names}:
+        lines.append("three of four rays of the Rust tests' hard scenes")
+    return lines
+
+
+def main(arguments: list[str]) -> int:
+    """Run the checks that the arguments choose. Returns the exit status."""
     # Unlike other commands, shows the whole traceback of a fault of this script itself.
     try:
-        return work(wanted)
+        return work(arguments)
     except KeyboardInterrupt:
         print("test: stopped", file=sys.stderr, flush=True)
         return 130
 
 
-def work(wanted: list[str]) -> int:
+def read(arguments: list[str]) -> None:
+    """Read the options, without anything being set up for that. Ends the process after --help and bad usage."""
+    parser = argparse.ArgumentParser(
+        prog="test",
+        description="The checks of the project. From nothing they download 1.6 GB and take half an hour on two cores, "
+        "most of it for compilation.",
+    )
+    parser.add_argument("--all", action="store_true", help="also what a release needs; takes an hour more")
+    parser.add_argument(
+        "checks", nargs="*", metavar="CHECK", help=f"beginnings of names: {', '.join([*CARGO_CHECKS, *PYTHON_CHECKS])}"
+    )
+    vars(CHOSEN).update(vars(parser.parse_args(arguments)))
+
+
+def work(arguments: list[str]) -> int:
     """Run the checks and print the summary. Returns the exit status."""
     known = [*CARGO_CHECKS, *PYTHON_CHECKS]
+    read(arguments)
+    wanted = CHOSEN.checks
     # Refused even with known names: a check that is misspelt would else be taken for one that passed.
     unknown = [word for word in wanted if not any(name.startswith(word) for name in known)]
     if unknown:
         print(f"test: no check is called {unknown[0]!r}; there are {', '.join(known)}", file=sys.stderr)
         return 2
     start = time.monotonic()
-    session = Session([name for name in known if (name.startswith(tuple(wanted)) if wanted else name not in LONG)])
+    names = [name for name in known if (name.startswith(tuple(wanted)) if wanted else CHOSEN.all or name not in LONG)]
+    session = Session(names)
     try:
         session.run()
     except environment.SetupError as error:
@@ -434,6 +489,8 @@ def work(wanted: list[str]) -> int:
     for name, (counts, remark) in results.items():
         print(f"{'FAILED ' if counts.failed else '':>7}{name:<14} {counts} ({remark})")
     total = sum((counts for counts, _ in results.values()), Counts())
+    for line in left_out(session.names, total):
+        print(f"left out: {line} (--all runs it)")
     print(f"\n{total}", flush=True)
     return 1 if total.failed or not total.passed else 0
 
@@ -441,5 +498,6 @@ def work(wanted: list[str]) -> int:
 if __name__ == "__main__":
     # The checks lead sessions of their own: a signal from outside ends only this process, which then ends them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    read(sys.argv[1:])
     environment.continue_in(CURRENT)
     sys.exit(main(sys.argv[1:]))

@@ -2,7 +2,7 @@
 """Run pytest and end the process at once: `python tests/run.py [--counts FILE] PYTEST-ARGUMENTS...`.
 
 Blender 4.5 as a module hangs when Python ends after a render with a Python engine; leaving by `os._exit` avoids it.
-With --counts the numbers of passed, failed and skipped tests are written to FILE as JSON.
+With --counts the numbers of passed, failed, skipped and deselected tests are written to FILE as JSON.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ class Counts:
     def __init__(self, file: Path | None) -> None:
         self.file = file
         self.outcomes: dict[str, str] = {}
+        self.left_out = 0
 
     def pytest_runtest_logreport(self, report) -> None:
         worse = {"passed": 0, "skipped": 1, "failed": 2}
@@ -32,6 +33,9 @@ class Counts:
         self.outcomes[report.nodeid] = max(known, report.outcome, key=worse.__getitem__)
         if report.when == "teardown":
             self.write()
+
+    def pytest_deselected(self, items) -> None:
+        self.left_out += len(items)
 
     def pytest_collectreport(self, report) -> None:
         # A module that is skipped or broken as a whole has no tests to report.
@@ -44,7 +48,7 @@ class Counts:
     def write(self) -> None:
         if self.file is not None:
             found = Counter(self.outcomes.values())
-            counts = {name: found[name] for name in ("passed", "failed", "skipped")}
+            counts = {name: found[name] for name in ("passed", "failed", "skipped")} | {"left_out": self.left_out}
             self.file.write_text(json.dumps(counts), encoding="utf-8")
 
 

@@ -183,7 +183,7 @@ fn shadow_tiles_answer_like_brute_force_on_hard_scenes() {
             }
         }
     }
-    assert!(formed > 500 / share, "{formed} tiles");
+    assert!(formed > 500 / (share * share), "{formed} tiles");
 }
 
 /// A tree of boxes has no empty leaves, and an empty slot of a node is not visited.

@@ -260,7 +260,7 @@ def test_the_runner_counts_tests(tmp_path: Path, body: str, expected: dict[str, 
     options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider"]
     command = [sys.executable, str(ROOT / "tests" / "run.py"), "--counts", str(counts), *options, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert json.loads(counts.read_text()) == expected, done.stdout
+    assert json.loads(counts.read_text()) == expected | {"left_out": 0}, done.stdout
     assert done.returncode == status
 
 
@@ -281,7 +281,9 @@ def test_a_test_that_hangs_is_named_and_ends_all(tmp_path: Path, body: str) -> N
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert ", in test_it\n" in done.stdout + done.stderr
-    assert json.loads(counts.read_text()) == {"passed": 1, "failed": 0, "skipped": 0}, "what came before is counted"
+    assert json.loads(counts.read_text()) == {"passed": 1, "failed": 0, "skipped": 0, "left_out": 0}, (
+        "what came before is counted"
+    )
 
 
 def test_what_a_failed_check_said_last_is_said_beside_the_summary(
@@ -354,3 +356,37 @@ def test_what_runs_is_ended_and_nothing_starts_any_more(monkeypatch: pytest.Monk
     assert statuses[0] != 0
     with pytest.raises(test_script["StoppedError"]):
         test_script["run"](program)
+
+
+def test_a_day_leaves_out_what_only_a_release_needs_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands: list[list[str]] = []
+
+    def run(command: list[str]) -> tuple[int, str]:
+        slow = 0 if "not slow" not in command else 3
+        Path(command[command.index("--counts") + 1]).write_text(json.dumps({"passed": 1, "left_out": slow}))
+        commands.append(command[command.index("--counts") + 2 :])
+        return 0, ""
+
+    fake_set_up(monkeypatch)
+    tier = everything["pytest_tier"](environment.LTS, "tests/blender", ["tests/blender/read"])
+    monkeypatch.setitem(everything, "run", run)
+    monkeypatch.setitem(everything, "CARGO_CHECKS", {"overflow": lambda: Counts(passed=1)})
+    monkeypatch.setitem(everything, "PYTHON_CHECKS", {"blender-lts": tier})
+    assert test_script["main"]([]) == 0
+    said = capsys.readouterr().out
+    assert "left out: the Rust tests with checks of overflow (--all runs it)" in said
+    assert "left out: 3 slow tests (--all runs it)" in said
+    assert "left out: in Blender LTS, all folders but installing" in said
+    assert test_script["main"](["--all"]) == 0
+    said = capsys.readouterr().out
+    assert "left out" not in said
+    assert said.endswith("2 passed, 0 failed, 0 skipped\n")
+    assert commands == [["-m", "not slow", "tests/blender/read"], ["tests/blender"]]
+
+
+def test_help_is_shown_without_a_set_up() -> None:
+    command = [sys.executable, "-I", str(ROOT / "scripts" / "test.py"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.startswith("usage: test [-h] [--all] [CHECK ...]")
