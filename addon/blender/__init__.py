@@ -3,13 +3,14 @@
 
 import bpy
 
+from . import state
 from .inspector import browsing, exporting, isolating, levels, map_cursor, second, worst
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
 from .render import engine, running, viewport
 from .samples import arrays, operators
-from .session import building, reports, unpacking
+from .session import building, unpacking
 from .settings import inspector_settings, overlay_settings, presets, properties
 from .ui import (
     bake_panels,
@@ -30,6 +31,7 @@ def register() -> None:
     """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
     unpacking.ensure(__package__.rpartition(".")[0])
     running.start()
+    state.register()
     overlay_settings.register()
     inspector_settings.register()
     properties.register()
@@ -89,4 +91,4 @@ def unregister() -> None:
     properties.unregister()
     inspector_settings.unregister()
     overlay_settings.unregister()
-    reports.clear()
+    state.unregister()

@@ -38,7 +38,7 @@ class _Modal:
 
     def _done(self, work: comparing.Work) -> set[str]:
         """Store the result as a text block of the measured scene, whichever scene is visible by now."""
-        scene = trees.scene_of(work.scene_uid)
+        scene = work.state.scene
         if scene is None:
             self.report({"WARNING"}, "The measured scene was deleted")  # type: ignore[attr-defined]
             return {"CANCELLED"}
@@ -193,4 +193,3 @@ def unregister() -> None:
     comparing.stop(STOP_SECONDS)
     for operator in reversed(CLASSES):
         bpy.utils.unregister_class(operator)
-    comparing.clear()

@@ -16,8 +16,10 @@ from ...core.base import native
 from ...core.base.notes import Notes
 from ...core.session.session import POLL_SECONDS, Building
 from ...core.structures.settings import memory_limit
+from .. import state
 from ..read import extract
 from ..settings import properties, signals
+from ..state import SceneState
 from . import failures, trees
 
 REST_SECONDS = 0.4
@@ -42,7 +44,7 @@ class Job:
         properties.remark_unknown(group, self.notes)
         self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
-        self.scene_uid = scene.original.session_uid
+        self._state = state.of(scene)
         self.triangles = len(geometry.triangles)
         self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
@@ -58,7 +60,7 @@ class Job:
         if not self._building.wait(seconds):
             return False
         structure = self._building.result()
-        scene = trees.scene_of(self.scene_uid)
+        scene = self._state.scene
         if scene is not None:  # None if the scene was deleted meanwhile
             geometry = self._building.geometry
             trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
@@ -78,10 +80,10 @@ def build_now(scene: Any, depsgraph: Any) -> Job:
 
 
 class _Background:
-    """The automatic build, at most one at a time, and the request for the next. wish: `session_uid` of its scene."""
+    """The automatic build, at most one at a time, and the request for the next. wish: the state of its scene."""
 
     job: Job | None = None
-    wish: int | None = None
+    wish: SceneState | None = None
     wished_at = 0.0
     problem = ""
 
@@ -100,7 +102,7 @@ def need(scene: Any) -> None:
     if native.problem() is not None or trees.usable(scene, properties.spec(scene.halfspace)) is not None:
         return
     _Background.problem = ""
-    _Background.wish = scene.original.session_uid
+    _Background.wish = state.of(scene)
     _Background.wished_at = time.monotonic()
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=REST_SECONDS)
@@ -154,7 +156,7 @@ def _advance() -> float | None:
         if rest > 0:
             return rest
         _Background.wish, _Background.problem = None, ""
-        scene, view_layer = trees.scene_of(wish), bpy.context.view_layer
+        scene, view_layer = wish.scene, bpy.context.view_layer
         if scene is not None and scene == bpy.context.scene and view_layer is not None:
             _Background.job = Job(scene, bpy.context.evaluated_depsgraph_get())
     return POLL_SECONDS if _Background.job is not None or _Background.wish is not None else None

@@ -15,7 +15,7 @@ ORDER = tuple(
     for package, rooms in (
         ("addon", "refusal"),
         ("addon.core", "base scene structures tree session measure choose overlay inspector report"),
-        ("addon.blender", "read settings session samples measure render overlay inspector ui"),
+        ("addon.blender", "read settings state session samples measure render overlay inspector ui"),
         ("lab", "base reported stability motion claims growth export bench thesis pictures lessons"),
     )
     for room in rooms.split()
