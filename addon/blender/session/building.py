@@ -14,7 +14,7 @@ import bpy
 
 from ...core.base import native
 from ...core.base.notes import Notes
-from ...core.session.session import POLL_SECONDS, Building
+from ...core.session.session import POLL_SECONDS, Session
 from ...core.structures.settings import memory_limit
 from .. import state
 from ..read import extract
@@ -46,29 +46,28 @@ class Job:
         geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
         self._state = state.of(scene)
         self.triangles = len(geometry.triangles)
-        self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
+        self._session = Session(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
     @property
     def progress(self) -> float:
         """0 to 1."""
-        return self._building.progress
+        return self._session.progress
 
     def step(self, seconds: float = 0.0) -> bool:
         """Wait at most `seconds`. Returns True once the build has ended and its tree is kept. Raises the build's
         exceptions.
         """
-        if not self._building.wait(seconds):
+        if not self._session.wait(seconds):
             return False
-        structure = self._building.result()
+        structure = self._session.structure
         scene = self._state.scene
         if scene is not None:  # None if the scene was deleted meanwhile
-            geometry = self._building.geometry
-            trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
+            trees.keep(scene, structure, self._session.geometry, spec=self.spec, label=self.label, read=self._read)
         return True
 
     def cancel(self) -> None:
         """Stop the build and drop its result."""
-        self._building.cancel()
+        self._session.cancel()
 
 
 def build_now(scene: Any, depsgraph: Any) -> Job:
