@@ -6,22 +6,22 @@ Blender's data.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.scene.instances import Layout, choose
+from ...core.scene.instances import AnyGeometry, Layout, choose
 from ...core.scene.mattes import Mattes
-from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, Voxels, World
+from ...core.scene.scene import Geometry, Hidden, Image, Light, Numbers, Scene, Voxels
 from . import layers as texture_layers
 from . import lights, materials, meshes, remarks, view_layers, world
 from .displacement import applying
 from .instancing import Instancing
 from .linking import Linking, Sets
 from .media import grids
-from .object_values import DENSITY_SCALE, MASK, Instance, Value, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
 from .simplifying import Culling
 from .standing import Standing
 from .strands.collecting import Collector
@@ -50,51 +50,20 @@ RAYS = {
 """The kinds of rays that an object can be hidden from, with Blender's settings; before 5.1 without the last."""
 
 
-@dataclass
-class _Group:
-    """A mesh and its instances found so far."""
-
-    mesh: meshes.MeshArrays
-    materials: np.ndarray[Any, Any]
-    matrices: list[np.ndarray[Any, Any]] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    values: list[tuple[Value, ...]] = field(default_factory=list)
-
-    keys: list[tuple[str, int]] = field(default_factory=list)
-    """Names and Blender's hashes of the instances, which do not depend on the order of its lists and stay over time."""
-
-    def add(self, instance: Instance, matrix: np.ndarray[Any, Any], values: tuple[Value, ...]) -> None:
-        """Add an instance."""
-        self.matrices.append(matrix)
-        self.names.append(instance.item.name_full)
-        self.values.append(values)
-        self.keys.append((instance.item.name_full, instance.number & 0xFFFFFFFF))
-
-    def sort(self) -> None:
-        """Bring the instances into the order of their keys."""
-        order = sorted(range(len(self.keys)), key=self.keys.__getitem__)
-        for each in (self.matrices, self.names, self.values, self.keys):
-            each[:] = [each[i] for i in order]
-
-
 @dataclass(frozen=True)
 class Found:
-    """Everything read from the depsgraph, before meshes are placed."""
+    """Everything read from the depsgraph, before meshes are placed.
+
+    scene: without its geometry, and with lights in world space. layers, objects, apart: of `values.Layers`. made: lines
+    on hair and points, which were made into triangles.
+    """
 
     placements: list[meshes.Placement]
-    materials: tuple[Material, ...]
-    lights: tuple[Light, ...]
-    world: World
-    numbers: Numbers
-    images: tuple[Image, ...] = ()
+    scene: Scene
     layers: tuple[tuple[str, str], ...] = ()
     objects: bool = False
-    made: tuple[str, ...] = ()
-    """Lines on hair and points: what was made into how many triangles."""
-    mattes: Mattes | None = None
-    media: bool = False
     apart: bool = False
-    grids: tuple[Voxels, ...] = ()
+    made: tuple[str, ...] = ()
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
@@ -104,7 +73,7 @@ class Found:
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
         # Some scenes are flattened in any mode.
         why = ""
-        if integrator == "whitted" and any(material.glows for material in self.materials):
+        if integrator == "whitted" and any(material.glows for material in self.scene.materials):
             why = "Whitted's integrator supports emissive meshes only without instancing"
         elif self.layers or self.objects:
             why = "these textures need attributes that only flattened triangles have"
@@ -116,21 +85,16 @@ class Found:
 
     def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
-        # Media, and surfaces that rays of programs meet, are told apart by their objects.
-        objects = self.objects or self.media or self.apart
-        return self._scene(
-            meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin)
-        )
+        objects = self.objects or self.apart
+        return self._with(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin))
 
     def instanced(self, origin: F64 | None = None) -> Scene:
         """The scene with every mesh once, and its instances. origin: as for `flattened`."""
-        return self._scene(meshes.keep_instances(self.placements, origin))
+        return self._with(meshes.keep_instances(self.placements, origin))
 
-    def _scene(self, geometry: Any) -> Scene:
-        moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(
-            geometry, self.materials, moved, self.world, self.numbers, self.images, self.grids, mattes=self.mattes
-        )
+    def _with(self, geometry: AnyGeometry) -> Scene:
+        moved = tuple(lights.moved(light, geometry.origin) for light in self.scene.lights)
+        return replace(self.scene, geometry=geometry, lights=moved)
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
@@ -183,21 +147,18 @@ def find(
         wanted=wanted.outputs,
     )
     group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
-    return Found(
-        placements=placements,
-        materials=reader.palette.materials(),
-        lights=(*sorted(reader.lights, key=_light_key), *(replace(sun, group=group) for sun in suns)),
-        world=replace(background, group=group),
-        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
-        images=reader.palette.images(shown | reader.light_images),
-        layers=tuple(reader.palette.layers.keys),
-        objects=reader.palette.layers.objects,
-        made=tuple(reader.strands.made),
-        mattes=Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
-        media=reader.palette.layers.media,
-        apart=reader.palette.layers.apart,
-        grids=tuple(reader.grids),
+    scene = Scene(
+        Geometry.empty(),
+        reader.palette.materials(),
+        (*sorted(reader.lights, key=_light_key), *(replace(sun, group=group) for sun in suns)),
+        replace(background, group=group),
+        Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
+        reader.palette.images(shown | reader.light_images),
+        tuple(reader.grids),
+        Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
     )
+    layers = reader.palette.layers
+    return Found(placements, scene, tuple(layers.keys), layers.objects, layers.apart, tuple(reader.strands.made))
 
 
 def _light_key(light: Light) -> tuple[str, bytes]:
@@ -228,7 +189,7 @@ class _Reader:
         self.matte_names: dict[str, tuple[str, str]] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._room = meshes.LayerRoom()
-        self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
+        self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
         self._checked: set[str] = set()
         self._linked: dict[str, None] = {}  # glowing objects with light linking
         self._made: dict[str, None] = {}  # lights that are no shadow catchers
@@ -285,21 +246,16 @@ class _Reader:
         """
         for group in self._groups.values():
             group.sort()
-        groups = sorted(self._groups.items(), key=lambda item: item[1].keys[0])
-        found = [
-            meshes.Placement(
-                group.mesh if mesh[0] == "volume" else self._displaced(group),
-                np.stack(group.matrices),
-                tuple(group.names),
-                group.materials,
-                tuple(group.values),
-            )
-            for (mesh, _), group in groups
-            if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
-        ]
+        found = []
+        for (mesh, _), group in sorted(self._groups.items(), key=lambda item: item[1].keys[0]):
+            if mesh[0] == "object" and mesh[1] in self._given:
+                continue  # otherwise every triangle would occur twice
+            if mesh[0] != "volume":
+                group.mesh = self._displaced(group)
+            found.append(group)
         return found + self.strands.placements()
 
-    def _displaced(self, group: _Group) -> meshes.MeshArrays:
+    def _displaced(self, group: meshes.Placement) -> meshes.MeshArrays:
         """The mesh of a group, displaced by its materials where the first instance is, as in Cycles."""
         slots = self.palette.displacements(group.materials.tolist())
         if not any(slots):
@@ -351,7 +307,7 @@ class _Reader:
             self._room.placed(len(mesh.triangles))
         group_key = (mesh_key, used)
         if (group := self._groups.get(group_key)) is None:
-            group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
+            group = self._groups[group_key] = meshes.Placement(mesh, np.array(used, np.int32))
         group.add(instance, sheet, instance.values(self.palette.layers.object_values))
 
     def _place_volume(self, instance: Instance, matrix: np.ndarray[Any, Any]) -> None:
@@ -373,7 +329,7 @@ class _Reader:
         if all(self.palette.materials()[i].volume is None for i in used):
             self.notes.add("Skipped, the volume has no material with a volume shader", name)
             return
-        group = self._groups.setdefault((key, used), _Group(box, np.array(used, np.int32)))
+        group = self._groups.setdefault((key, used), meshes.Placement(box, np.array(used, np.int32)))
         scale = {DENSITY_SCALE: grids.density_scale(matrix, data)}
         values = replace(instance, grids=self._grid_numbers[key] | scale)
         group.add(instance, matrix, values.values(self.palette.layers.object_values))

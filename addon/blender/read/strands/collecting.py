@@ -205,8 +205,8 @@ class Collector:
         mesh = MeshArrays(
             positions.astype(np.float32), triangles.copy(), None, normals.astype(np.float32), triangles.copy(), None
         )
-        names = tuple(np.repeat(np.array(group.names, object), len(rows)).tolist())
-        return Placement(mesh, np.ascontiguousarray(placed), names, np.array(group.materials, np.int32))
+        names = np.repeat(np.array(group.names, object), len(rows)).tolist()
+        return Placement(mesh, np.array(group.materials, np.int32), names, np.ascontiguousarray(placed))
 
     def _placement(
         self,
@@ -224,7 +224,7 @@ class Collector:
             positions, triangles, None, normals, triangles, None if uvs is None else uvs[..., :2].copy(), read, box
         )
         materials = np.array(group.materials, np.int32)
-        return Placement(mesh, matrices, tuple(group.names), materials, tuple(group.object_values))
+        return Placement(mesh, materials, group.names, matrices, group.object_values)
 
 
 def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_layers.Key, F32]:
