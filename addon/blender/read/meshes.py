@@ -276,35 +276,6 @@ def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
     )
 
 
-class LayerRoom:
-    """Memory check of the layers that materials read, run before each mesh is read."""
-
-    def __init__(self) -> None:
-        self._widths: dict[texture_layers.Key, int] = {}
-        self._triangles = 0
-
-    def placed(self, triangles: int) -> None:
-        """Count one more instance of a mesh with this number of triangles."""
-        self._triangles += triangles
-
-    def check(self, mesh: Any, keys: Sequence[texture_layers.Key]) -> None:
-        """Raise SceneError if a mesh's layers, plus all layers over the triangles counted so far, do not fit into
-        memory.
-        """
-        found = texture_layers.widths(mesh, keys)
-        for key, numbers in found.items():
-            self._widths[key] = max(numbers, self._widths.get(key, 0))
-        if not found:
-            return
-        own = len(mesh.loop_triangles)
-        triangles = self._triangles + own
-        size = 12 * (sum(found.values()) * own + sum(self._widths.values()) * triangles)
-        if size > native.load().free_memory():
-            raise SceneError(
-                f"What materials read of {triangles:,} triangles or more, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
-            )
-
-
 def keep_instances(placements: list[Placement], origin: F64 | None = None) -> InstancedGeometry:
     """All placements with each mesh once, with the origin and the triangle order of `assemble`."""
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
