@@ -131,11 +131,4 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
         return SUFFIXES.get(self.what, ".csv")
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_export_inspector)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_export_inspector)
+CLASSES = (HALFSPACE_OT_export_inspector,)

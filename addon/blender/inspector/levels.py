@@ -101,11 +101,4 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_measure_levels)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_measure_levels)
+CLASSES = (HALFSPACE_OT_measure_levels,)

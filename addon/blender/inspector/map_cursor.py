@@ -106,11 +106,4 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_map_cursor)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_map_cursor)
+CLASSES = (HALFSPACE_OT_map_cursor,)

@@ -89,11 +89,4 @@ class HALFSPACE_OT_build_second(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_build_second)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_build_second)
+CLASSES = (HALFSPACE_OT_build_second,)

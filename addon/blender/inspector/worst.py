@@ -222,11 +222,4 @@ class HALFSPACE_OT_worst_ray(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_worst_ray)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_worst_ray)
+CLASSES = (HALFSPACE_OT_worst_ray,)

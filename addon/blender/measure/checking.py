@@ -74,11 +74,4 @@ def _chosen(scene: Any) -> trees.Tree | None:
     return trees.usable(scene, tree.spec)
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_check)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_check)
+CLASSES = (HALFSPACE_OT_check,)

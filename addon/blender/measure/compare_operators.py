@@ -182,14 +182,6 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
 CLASSES = (HALFSPACE_OT_compare, HALFSPACE_OT_choose, HALFSPACE_OT_write_report)
 
 
-def register() -> None:
-    """Register the operators."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
-
-
 def unregister() -> None:
-    """Stop running work, and undo `register`."""
+    """Stop running work."""
     comparing.stop(STOP_SECONDS)
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)

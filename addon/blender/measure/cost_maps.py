@@ -204,13 +204,14 @@ def show(context: Any, image: Any) -> None:
     area.spaces.active.image = image
 
 
+CLASSES = (HALFSPACE_OT_cost_map,)
+
+
 def register() -> None:
-    """Register the operator, and listen to the range."""
-    bpy.utils.register_class(HALFSPACE_OT_cost_map)
+    """Listen to the range."""
     signals.range_changed.connect(recolour)
 
 
 def unregister() -> None:
     """Undo `register`."""
     signals.range_changed.disconnect(recolour)
-    bpy.utils.unregister_class(HALFSPACE_OT_cost_map)

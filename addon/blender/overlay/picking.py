@@ -204,15 +204,3 @@ class HALFSPACE_OT_forget_ray(bpy.types.Operator):
 
 
 CLASSES = (HALFSPACE_OT_pick_ray, HALFSPACE_OT_forget_ray)
-
-
-def register() -> None:
-    """Register the operators."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)

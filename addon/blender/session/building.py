@@ -256,9 +256,7 @@ FOLLOWED = (signals.structure_changed, signals.visibility_changed)
 
 
 def register() -> None:
-    """Register the operators, and listen to the settings that decide what is built."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
+    """Listen to the settings that decide what is built."""
     for signal in FOLLOWED:
         signal.connect(request)
 
@@ -268,5 +266,3 @@ def unregister() -> None:
     for signal in FOLLOWED:
         signal.disconnect(request)
     stop()
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)

@@ -234,15 +234,3 @@ CLASSES = (
     HALFSPACE_PT_view_levels,
     HALFSPACE_PT_image_maps,
 )
-
-
-def register() -> None:
-    """Register the panels."""
-    for panel in CLASSES:
-        bpy.utils.register_class(panel)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for panel in reversed(CLASSES):
-        bpy.utils.unregister_class(panel)

@@ -458,5 +458,3 @@ CLASSES = (
     *COMPOSITOR,
     HALFSPACE_PT_statistics,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
