@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything that touches Blender. Registers in one order, and unregisters in the reverse order."""
 
+from typing import Any
+
 import bpy
 
+from . import state
 from .inspector import browsing, exporting, isolating, levels, map_cursor, second, worst
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
 from .render import engine, running, viewport
 from .samples import arrays, operators
-from .session import building, reports, unpacking
+from .session import building, unpacking
 from .settings import inspector_settings, overlay_settings, presets, properties
 from .ui import (
     bake_panels,
@@ -25,35 +28,27 @@ from .ui import (
     structure,
 )
 
+MODULES: tuple[Any, ...] = (
+    *(state, overlay_settings, inspector_settings, properties, operators, arrays, building, manual, presets),
+    *(checking, picking, cost_maps, compare_operators),
+    *(browsing, isolating, second, worst, levels, map_cursor, exporting),
+    *(structure, panels, data_panels, pass_panels, bake_panels, overlay_panels),
+    *(histogram_icons, inspector_panels, compare_panels, drawing),
+)
+"""What is registered, in this order: settings before the panels that show them. Each module may have `CLASSES`, and
+functions `register` and `unregister` for everything else.
+"""
+
 
 def register() -> None:
-    """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
+    """Register all modules, then the engine, then Blender's own panels for it."""
     unpacking.ensure(__package__.rpartition(".")[0])
     running.start()
-    overlay_settings.register()
-    inspector_settings.register()
-    properties.register()
-    operators.register()
-    arrays.register()
-    building.register()
-    manual.register()
-    presets.register()
-    checking.register()
-    picking.register()
-    cost_maps.register()
-    compare_operators.register()
-    for operators_of in (browsing, isolating, second, worst, levels, map_cursor, exporting):
-        operators_of.register()
-    structure.register()
-    panels.register()
-    data_panels.register()
-    pass_panels.register()
-    bake_panels.register()
-    overlay_panels.register()
-    histogram_icons.register()
-    inspector_panels.register()
-    compare_panels.register()
-    drawing.register()
+    for module in MODULES:
+        for kind in getattr(module, "CLASSES", ()):
+            bpy.utils.register_class(kind)
+        if hasattr(module, "register"):
+            module.register()
     bpy.utils.register_class(engine.HalfspaceEngine)
     compat.register(engine.ENGINE)
 
@@ -65,28 +60,8 @@ def unregister() -> None:
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     viewport.stop()
     sky.stop()
-    drawing.unregister()
-    compare_panels.unregister()
-    inspector_panels.unregister()
-    histogram_icons.unregister()
-    overlay_panels.unregister()
-    bake_panels.unregister()
-    pass_panels.unregister()
-    data_panels.unregister()
-    panels.unregister()
-    structure.unregister()
-    for operators_of in (exporting, map_cursor, levels, worst, second, isolating, browsing):
-        operators_of.unregister()
-    compare_operators.unregister()
-    cost_maps.unregister()
-    picking.unregister()
-    checking.unregister()
-    presets.unregister()
-    manual.unregister()
-    building.unregister()
-    arrays.unregister()
-    operators.unregister()
-    properties.unregister()
-    inspector_settings.unregister()
-    overlay_settings.unregister()
-    reports.clear()
+    for module in reversed(MODULES):
+        if hasattr(module, "unregister"):
+            module.unregister()
+        for kind in reversed(getattr(module, "CLASSES", ())):
+            bpy.utils.unregister_class(kind)

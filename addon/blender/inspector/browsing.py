@@ -87,11 +87,4 @@ class HALFSPACE_OT_go_to_node(bpy.types.Operator):
         return goals[self.to]()
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_go_to_node)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_go_to_node)
+CLASSES = (HALFSPACE_OT_go_to_node,)

@@ -44,9 +44,7 @@ class ExportError(ValueError):
 def text(scene: Any, what: str) -> str:
     """A table as CSV. Raises ExportError, WorkloadError, TreeError."""
     if what == "MAP":
-        if cost_maps.kept is None:
-            raise ExportError("Show a cost map first")
-        return csv_files.text(csv_files.pixels(dict(cost_maps.kept.maps)))
+        return csv_files.text(csv_files.pixels(dict(_maps().maps)))
     tree = trees.last(scene)
     if tree is None:
         raise ExportError("Build a structure first")
@@ -71,6 +69,13 @@ def page_of(scene: Any) -> str:
     if other is not None:
         structures.append((other.label, other.structure))
     return page.inspect(module, found.workload, structures, found.size).html
+
+
+def _maps() -> cost_maps.Kept:
+    """The maps of the picture, whichever scene they show."""
+    for kept in cost_maps.KEPT.all():
+        return kept
+    raise ExportError("Show a cost map first")
 
 
 def _rays(scene: Any, tree: trees.Tree) -> Any:
@@ -113,9 +118,7 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
         path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), self._suffix()))
         try:
             if self.what == "PICTURE":
-                if cost_maps.kept is None:
-                    raise ExportError("Show a cost map first")
-                pictures.save(path, cost_maps.kept.picture(context.scene))
+                pictures.save(path, _maps().picture(context.scene))
             else:
                 content = page_of(context.scene) if self.what == "PAGE" else text(context.scene, self.what)
                 results.write(path, content)
@@ -128,11 +131,4 @@ class HALFSPACE_OT_export_inspector(bpy.types.Operator):
         return SUFFIXES.get(self.what, ".csv")
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_export_inspector)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_export_inspector)
+CLASSES = (HALFSPACE_OT_export_inspector,)

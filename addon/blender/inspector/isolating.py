@@ -124,8 +124,7 @@ def _before_loading(*_: Any) -> None:
     _end()
 
 
-@persistent
-def _file_loaded(*_: Any) -> None:
+def _file_loaded(_scene: Any) -> None:
     """A file that was saved with isolated objects shows all of them again: its structure is not part of it."""
     for scene in bpy.data.scenes:
         if scene.halfspace.inspector.isolated:
@@ -139,7 +138,6 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
         (handlers.undo_post, _stepped),
         (handlers.redo_post, _stepped),
         (handlers.load_pre, _before_loading),
-        (handlers.load_post, _file_loaded),
     )
 
 
@@ -147,6 +145,7 @@ def register() -> None:
     """Listen to the settings, to new structures, to undo and to loaded files."""
     signals.node_changed.connect(follow)
     signals.tree_changed.connect(follow)
+    signals.file_loaded.connect(_file_loaded)
     for handlers, function in _watched():
         handlers.append(function)
 
@@ -156,5 +155,6 @@ def unregister() -> None:
     _end()
     for handlers, function in _watched():
         handlers.remove(function)
+    signals.file_loaded.disconnect(_file_loaded)
     signals.tree_changed.disconnect(follow)
     signals.node_changed.disconnect(follow)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base import native
 from ...core.choose import auto
@@ -16,6 +15,7 @@ from ...core.inspector import levels as measuring
 from ...core.inspector.levels import Levels
 from ...core.measure.reference import Reference, affordable
 from ..session import failures, trees
+from ..state import Slot
 from . import second, worst
 
 
@@ -41,13 +41,13 @@ class Measured:
             yield from self.beside.rows()
 
 
-_measured: dict[int, Measured] = {}
-"""By the scene's `session_uid`."""
+MEASURED: Slot[Measured] = Slot()
+"""Valid while `rays` is what `worst.known` returns."""
 
 
 def known(scene: Any) -> Measured | None:
     """The levels of the scene's last tree, if they were measured for the camera's view."""
-    measured = _measured.get(scene.original.session_uid)
+    measured = MEASURED.of(scene)
     return measured if measured is not None and measured.rays is worst.known(scene) else None
 
 
@@ -59,7 +59,7 @@ def measure(scene: Any, tree: trees.Tree) -> Measured:
     other = second.find(scene, tree)
     beside = None if other is None else _measure(found, other, None)
     measured = _measure(found, tree, beside)
-    _measured[scene.original.session_uid] = measured
+    MEASURED.keep(scene, measured)
     return measured
 
 
@@ -101,21 +101,4 @@ class HALFSPACE_OT_measure_levels(bpy.types.Operator):
         return {"FINISHED"}
 
 
-@persistent
-def _file_loaded(*_: Any) -> None:
-    """Another file was loaded: free what was measured in the old one."""
-    worst.clear()
-    _measured.clear()
-
-
-def register() -> None:
-    """Register the operator, and the handler of loaded files."""
-    bpy.utils.register_class(HALFSPACE_OT_measure_levels)
-    bpy.app.handlers.load_post.append(_file_loaded)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.app.handlers.load_post.remove(_file_loaded)
-    bpy.utils.unregister_class(HALFSPACE_OT_measure_levels)
-    _measured.clear()
+CLASSES = (HALFSPACE_OT_measure_levels,)

@@ -15,9 +15,10 @@ from ..overlay import picking
 def under(event: Any, screen: Any) -> tuple[int, int] | None:
     """Column and row, from the bottom, of the map's pixel under the mouse in an Image Editor; None outside of them."""
     image = bpy.data.images.get(cost_maps.IMAGE)
-    if image is None or cost_maps.kept is None:
+    kept = next(iter(cost_maps.KEPT.all()), None)
+    if image is None or kept is None:
         return None
-    height, width = cost_maps.kept.maps[0][1].shape
+    height, width = kept.maps[0][1].shape
     for area in screen.areas:
         if area.type != "IMAGE_EDITOR" or area.spaces.active.image != image:
             continue
@@ -26,13 +27,13 @@ def under(event: Any, screen: Any) -> tuple[int, int] | None:
             if region.type == "WINDOW" and 0 <= x < region.width and 0 <= y < region.height:
                 u, v = region.view2d.region_to_view(x, y)
                 place = u * image.size[0], v * image.size[1]
-                return map_pictures.pixel_at(*place, len(cost_maps.kept.maps), (width, height))
+                return map_pictures.pixel_at(*place, len(kept.maps), (width, height))
     return None
 
 
 def place(scene: Any, pixel: tuple[int, int] | None) -> None:
     """Show the cursor at this pixel of all maps, and pick its camera ray; None takes the cursor away."""
-    kept = cost_maps.kept
+    kept = cost_maps.KEPT.of(scene)
     assert kept is not None, "there are maps"
     kept.cursor = pixel
     cost_maps.recolour(scene)
@@ -58,13 +59,13 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        kept = cost_maps.kept
-        return kept is not None and context.scene is not None and kept.scene_uid == context.scene.session_uid
+        return context.scene is not None and cost_maps.KEPT.of(context.scene) is not None
 
     def execute(self, context: Any) -> set[str]:
         """Read the pixel of the properties, for scripts."""
-        assert cost_maps.kept is not None, "see poll"
-        height, width = cost_maps.kept.maps[0][1].shape
+        kept = cost_maps.KEPT.of(context.scene)
+        assert kept is not None, "see poll"
+        height, width = kept.maps[0][1].shape
         if not (self.column < width and self.row < height):
             self.report({"ERROR"}, f"The maps have {width} × {height} pixels")
             return {"CANCELLED"}
@@ -80,12 +81,13 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
 
     def modal(self, context: Any, event: Any) -> set[str]:
         """Follow the mouse until a click."""
-        if cost_maps.kept is None or event.type in {"ESC", "RIGHTMOUSE"}:
+        kept = cost_maps.KEPT.of(context.scene)
+        if kept is None or event.type in {"ESC", "RIGHTMOUSE"}:
             return self._cancel(context)
         if event.type not in {"MOUSEMOVE", "LEFTMOUSE"}:
             return {"PASS_THROUGH"}
         pixel = under(event, context.screen)
-        if pixel is not None and pixel != cost_maps.kept.cursor:
+        if pixel is not None and pixel != kept.cursor:
             place(context.scene, pixel)
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
             if pixel is None:
@@ -97,18 +99,11 @@ class HALFSPACE_OT_map_cursor(bpy.types.Operator):
 
     def _cancel(self, context: Any) -> set[str]:
         """Take the cursor away, and show the ray that was picked before."""
-        if cost_maps.kept is not None:
+        if cost_maps.KEPT.of(context.scene) is not None:
             place(context.scene, None)
         picking.keep(context.scene, self._before)
         context.window.cursor_modal_restore()
         return {"CANCELLED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_map_cursor)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_map_cursor)
+CLASSES = (HALFSPACE_OT_map_cursor,)

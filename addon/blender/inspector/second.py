@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base import native
 from ...core.overlay.cells import Path
@@ -16,12 +15,13 @@ from ...core.structures.settings import memory_limit
 from ..overlay import picking
 from ..session import failures, trees
 from ..session.trees import Tree
+from ..state import Slot
 
-_known: dict[int, tuple[int, Tree]] = {}
-"""By the scene's `session_uid`: the number of the first tree, and the second."""
+SECOND: Slot[tuple[int, Tree]] = Slot()
+"""The number of the first tree, and the second."""
 
-_paths: dict[int, tuple[tuple[int, int, picking.Ray], tuple[Path, Path]]] = {}
-"""By the scene's `session_uid`: the numbers of both trees and the ray, and its paths."""
+PATHS: Slot[tuple[tuple[int, int, picking.Ray], tuple[Path, Path]]] = Slot()
+"""The numbers of both trees and the ray, and its paths."""
 
 
 def chosen(scene: Any) -> str:
@@ -32,12 +32,11 @@ def chosen(scene: Any) -> str:
 
 def known(scene: Any) -> Tree | None:
     """The second structure, if it was built over the triangles of the scene's last tree."""
-    uid, first = scene.original.session_uid, trees.last(scene)
-    found = _known.get(uid)
+    first, found = trees.last(scene), SECOND.of(scene)
     if found is None:
         return None
     if first is None or found[0] != first.number:
-        del _known[uid]  # frees its memory
+        SECOND.keep(scene, None)
         return None
     return found[1] if found[1].spec == chosen(scene) else None
 
@@ -50,9 +49,8 @@ def find(scene: Any, first: Tree) -> Tree | None:
     limit = memory_limit(scene.halfspace.memory_limit)
     structure = native.load().build(first.vertices, first.triangles, spec, memory_limit=limit)
     label = catalogue.load()[spec].label
-    made = replace(first, structure=structure, spec=spec, label=label, number=next(trees.NUMBERS))
-    made.known_table = made.known_survey = None
-    _known[scene.original.session_uid] = first.number, made
+    made = replace(first, structure=structure, spec=spec, label=label)
+    SECOND.keep(scene, (first.number, made))
     return made
 
 
@@ -61,17 +59,11 @@ def paths(scene: Any) -> tuple[Path, Path] | None:
     first, tree, ray = trees.last(scene), known(scene), picking.last(scene)
     if first is None or tree is None or ray is None:
         return None
-    key, found = (first.number, tree.number, ray), _paths.get(scene.original.session_uid)
+    key, found = (first.number, tree.number, ray), PATHS.of(scene)
     if found is None or found[0] != key:
         found = key, (ray.path(first), ray.path(tree))
-        _paths[scene.original.session_uid] = found
+        PATHS.keep(scene, found)
     return found[1]
-
-
-def clear() -> None:
-    """Free all second structures."""
-    _known.clear()
-    _paths.clear()
 
 
 class HALFSPACE_OT_build_second(bpy.types.Operator):
@@ -97,19 +89,4 @@ class HALFSPACE_OT_build_second(bpy.types.Operator):
         return {"FINISHED"}
 
 
-@persistent
-def _file_loaded(*_: Any) -> None:
-    clear()
-
-
-def register() -> None:
-    """Register the operator, and the handler of loaded files."""
-    bpy.utils.register_class(HALFSPACE_OT_build_second)
-    bpy.app.handlers.load_post.append(_file_loaded)
-
-
-def unregister() -> None:
-    """Undo `register`, and free all structures."""
-    bpy.app.handlers.load_post.remove(_file_loaded)
-    bpy.utils.unregister_class(HALFSPACE_OT_build_second)
-    clear()
+CLASSES = (HALFSPACE_OT_build_second,)

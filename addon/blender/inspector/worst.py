@@ -25,6 +25,7 @@ from ...core.scene.workload import Workload
 from ..measure import workloads
 from ..overlay import picking
 from ..session import failures, trees
+from ..state import Slot
 from . import second
 
 MOST = 1000
@@ -65,13 +66,13 @@ class Beside:
     lines: tuple[str, ...]
 
 
-_found: dict[int, Found] = {}
-"""By the scene's `session_uid`."""
+FOUND: Slot[Found] = Slot()
+"""Valid for the tree, size and camera that it names, see `known`."""
 
 
 def known(scene: Any) -> Found | None:
     """The costs of rays through the scene's last tree, if they were measured."""
-    found, tree = _found.get(scene.original.session_uid), trees.last(scene)
+    found, tree = FOUND.of(scene), trees.last(scene)
     if found is None or tree is None:
         return None
     return found if (found.tree, found.size, found.camera) == (tree.number, _size(scene), _camera(scene)) else None
@@ -94,11 +95,6 @@ def _camera(scene: Any) -> tuple[Any, ...]:
     return (*place, item.data.type, *(value for corner in frame for value in corner))
 
 
-def clear() -> None:
-    """Forget all rays."""
-    _found.clear()
-
-
 def find(scene: Any, tree: trees.Tree) -> Found:
     """Count the rays of the camera's view, or return the known counts. Raises WorkloadError."""
     bpy.context.view_layer.update()  # moves the camera to where it was put
@@ -108,7 +104,7 @@ def find(scene: Any, tree: trees.Tree) -> Found:
     size = _size(scene)
     workload = workloads.of_tree(tree, scene.name, size)
     made = Found(tree.number, size, _camera(scene), workload, ray_costs.gather(tree.structure, workload, size))
-    _found[scene.original.session_uid] = made
+    FOUND.keep(scene, made)
     return made
 
 
@@ -226,12 +222,4 @@ class HALFSPACE_OT_worst_ray(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_worst_ray)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_worst_ray)
-    clear()
+CLASSES = (HALFSPACE_OT_worst_ray,)

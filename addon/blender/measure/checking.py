@@ -18,26 +18,13 @@ from ..session import building, failures, reports, trees
 from ..settings import properties
 from . import workloads
 
-_checks: dict[int, Check] = {}
-"""By the tree's number; only the last tree's check is kept."""
-
-
-def last(tree: trees.Tree) -> Check | None:
-    """The result of the last check of exactly this tree, or None."""
-    return _checks.get(tree.number)
-
 
 def words(tree: trees.Tree) -> str:
     """A short text on the tree's checked answers, for use beside its speed."""
-    found = last(tree)
+    found = tree.check
     if found is None:
         return choice.NOT_COMPARED
     return f"{found.errors.rays:,} answers {'right' if found.right else 'compared, some WRONG'}"
-
-
-def clear() -> None:
-    """Forget all results."""
-    _checks.clear()
 
 
 class HALFSPACE_OT_check(bpy.types.Operator):
@@ -74,10 +61,8 @@ class HALFSPACE_OT_check(bpy.types.Operator):
             return failures.reported(self, error, "measure the structure")
         for line in workload.notes:
             self.report({"WARNING"}, line)
-        _checks.clear()
-        if found is not None:
-            _checks[tree.number] = found
-            trees.redraw()
+        tree.check = found
+        trees.redraw()
         return {"FINISHED"}
 
 
@@ -89,12 +74,4 @@ def _chosen(scene: Any) -> trees.Tree | None:
     return trees.usable(scene, tree.spec)
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_check)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_check)
-    clear()
+CLASSES = (HALFSPACE_OT_check,)

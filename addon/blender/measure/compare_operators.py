@@ -38,7 +38,7 @@ class _Modal:
 
     def _done(self, work: comparing.Work) -> set[str]:
         """Store the result as a text block of the measured scene, whichever scene is visible by now."""
-        scene = trees.scene_of(work.scene_uid)
+        scene = work.state.scene
         if scene is None:
             self.report({"WARNING"}, "The measured scene was deleted")  # type: ignore[attr-defined]
             return {"CANCELLED"}
@@ -182,15 +182,6 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
 CLASSES = (HALFSPACE_OT_compare, HALFSPACE_OT_choose, HALFSPACE_OT_write_report)
 
 
-def register() -> None:
-    """Register the operators."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
-
-
 def unregister() -> None:
-    """Stop running work, and undo `register`."""
+    """Stop running work."""
     comparing.stop(STOP_SECONDS)
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)
-    comparing.clear()

@@ -19,8 +19,10 @@ from ...core.measure.reference import affordable
 from ...core.scene.workload import Workload
 from ...core.structures import catalogue, specs, ways
 from ...core.structures.settings import memory_limit
+from .. import state
 from ..session import trees
 from ..settings import properties
+from ..state import SceneState, Slot
 from . import workloads
 
 VIEW_WIDTH = 384
@@ -40,8 +42,7 @@ COMPARE, CHOOSE = "Compare", "Choose for Me"
 @dataclass
 class Found:
     """Result for a scene. notes: reasons and omissions, as lines; the first is the answer. rows, options: of the
-    benchmark, for the report. name: of the command. scene_uid, read: the scene, and its `trees.moment` when it was
-    read.
+    benchmark, for the report. name: of the command. state, read: of the scene, and its `moment` when it was read.
     """
 
     comparison: Comparison
@@ -49,13 +50,13 @@ class Found:
     name: str
     rows: list[Any] = field(default_factory=list)
     options: dict[str, Any] = field(default_factory=dict)
-    scene_uid: int = 0
+    state: SceneState | None = None
     read: int = 0
 
     @property
     def stale(self) -> bool:
         """Whether the scene's triangles may have changed since they were read."""
-        return trees.moved(self.scene_uid, self.read)
+        return self.state is not None and self.read != self.state.moment
 
     def relate(self, earlier: Found | None) -> None:
         """Add to the answer whether the last result of the other command agrees."""
@@ -74,12 +75,11 @@ class _State:
 
 
 _state = _State()
-_found: dict[int, Found] = {}
 
+FOUND: Slot[Found] = Slot()
 
-def last(scene: Any) -> Found | None:
-    """The result of the last comparison or choice in this scene, or None."""
-    return _found.get(scene.original.session_uid)
+last = FOUND.of
+"""The result of the last comparison or choice in a scene, or None."""
 
 
 def progress() -> tuple[float, str] | None:
@@ -92,11 +92,6 @@ def stop(seconds: float = 0.0) -> None:
     work, _state.work = _state.work, None
     if work is not None:
         work.join(seconds) if seconds else work.stop()
-
-
-def clear() -> None:
-    """Forget all results."""
-    _found.clear()
 
 
 def ticked(group: Any) -> list[str]:
@@ -150,7 +145,7 @@ class Work:
         """Raises the exceptions of extraction, and native.NativeError."""
         # Stop earlier work, read the scene on this thread, and start the steps on another.
         stop()
-        self.scene_uid = scene.original.session_uid
+        self.state = state.of(scene)
         module = native.load()
         bpy.context.view_layer.update()  # first, because evaluation reports changes
         self.read = trees.moment(scene)
@@ -174,10 +169,11 @@ class Work:
             raise
         if ended:
             self._forget()
-            for found in self.result if trees.scene_of(self.scene_uid) is not None else ():
-                found.scene_uid, found.read = self.scene_uid, self.read
-                found.relate(_found.get(self.scene_uid))
-                _found[self.scene_uid] = found
+            scene = self.state.scene
+            for found in self.result if scene is not None else ():
+                found.state, found.read = state.of(scene), self.read
+                found.relate(last(scene))
+                FOUND.keep(scene, found)
             trees.redraw_panels()
         return ended
 

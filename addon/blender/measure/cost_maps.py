@@ -25,6 +25,7 @@ from ...core.structures.specs import structure_of
 from ..session import failures, trees
 from ..settings import properties, signals
 from ..settings.inspector_settings import range_name
+from ..state import Slot
 from . import map_pictures, workloads
 from .map_pictures import Look
 
@@ -33,7 +34,7 @@ IMAGE = "Halfspace Costs"
 
 @dataclass(eq=False)
 class Kept:
-    """The last maps: title and numbers of each, what they measure, the scene and the rays of their pixels.
+    """The last maps: title and numbers of each, what they measure, and the rays of their pixels.
 
     view: of the rays, in the scene frame whose origin is at `origin` in world space. cursor: column and row from the
     bottom, or None.
@@ -41,7 +42,6 @@ class Kept:
 
     maps: list[tuple[str, F64]]
     what: costmap.Quantity
-    scene_uid: int
     view: View
     origin: F64
     cursor: tuple[int, int] | None = None
@@ -72,8 +72,8 @@ class Kept:
         return self.view.eye + self.origin, directions[(height - 1 - pixel[1]) * width + pixel[0]]
 
 
-kept: Kept | None = None
-"""The maps that the picture shows."""
+KEPT: Slot[Kept] = Slot()
+"""The maps that the picture shows: of one scene at most, because there is one picture."""
 
 
 class HALFSPACE_OT_cost_map(bpy.types.Operator):
@@ -113,7 +113,6 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
 
     tell: called with each line about omissions.
     """
-    global kept  # noqa: PLW0603 (one picture per Blender)
     group, render = scene.halfspace, scene.render
     size = costmap.shaped(width, (render.resolution_x, render.resolution_y))
     specs = [properties.spec(group)]
@@ -142,8 +141,10 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
                 reference = _reference(structure, workload, size)
             label += f", {choice.Line(spec, wrong=reference.wrong(structure), checked=len(reference)).answers}"
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
-    kept = Kept(maps, costmap.quantity(group.cost), scene.session_uid, workload.view, _origin(workload, tree))
+    kept = Kept(maps, costmap.quantity(group.cost), workload.view, _origin(workload, tree))
     kept.add_ranges(scene)
+    KEPT.free()
+    KEPT.keep(scene, kept)
     return kept.picture(scene)
 
 
@@ -157,7 +158,8 @@ def _origin(workload: Workload, tree: trees.Tree | None) -> F64:
 
 def recolour(scene: Any) -> None:
     """Draw the last maps of this scene again, after a change of their range or of the cursor."""
-    if kept is not None and kept.scene_uid == scene.original.session_uid and bpy.data.images.get(IMAGE) is not None:
+    kept = KEPT.of(scene)
+    if kept is not None and bpy.data.images.get(IMAGE) is not None:
         keep(kept.picture(scene))
 
 
@@ -202,20 +204,14 @@ def show(context: Any, image: Any) -> None:
     area.spaces.active.image = image
 
 
-def forget() -> None:
-    """Free the maps."""
-    global kept  # noqa: PLW0603
-    kept = None
+CLASSES = (HALFSPACE_OT_cost_map,)
 
 
 def register() -> None:
-    """Register the operator, and listen to the range."""
-    bpy.utils.register_class(HALFSPACE_OT_cost_map)
+    """Listen to the range."""
     signals.range_changed.connect(recolour)
 
 
 def unregister() -> None:
-    """Undo `register`, and forget the maps."""
+    """Undo `register`."""
     signals.range_changed.disconnect(recolour)
-    bpy.utils.unregister_class(HALFSPACE_OT_cost_map)
-    forget()

@@ -15,10 +15,12 @@ from gpu_extras.batch import batch_for_shader
 from ...core.base.arrays import F64
 from ...core.overlay import planes, sight
 from ...core.overlay.legend import Entry
-from ..measure import comparing, cost_maps
+from .. import state
+from ..measure import comparing
 from ..session import building, trees
 from ..settings import signals
-from . import choosing, legend, picking, replaying
+from ..state import Slot
+from . import choosing, legend, replaying
 
 OWN_COLOURS = {
     "OBLIQUE": (1.0, 0.72, 0.16),
@@ -57,8 +59,8 @@ class _Drawing:
 MOST_VIEWS = 8
 """Number of 3D views whose batches are kept."""
 
-_drawings: dict[tuple[int, str, int], _Drawing] = {}
-"""By the scene's `session_uid`, the part and the view, the last made at the end."""
+DRAWINGS: Slot[dict[tuple[str, int], _Drawing]] = Slot()
+"""By part and view, the last made at the end."""
 
 _handles: list[Any] = []
 
@@ -74,10 +76,9 @@ def shown(scene: Any, part: str = "PLANES", view: int | None = None) -> Any:
     """The last drawn data of a part of this scene in a view, for the panel's numbers: Planes, Cells, Path, Beam, or
     None. view: as for `paint`; None for any.
     """
-    uid, tree = scene.original.session_uid, trees.last(scene)
-    keys = [key for key in _drawings if key[:2] == (uid, part) and view in (None, key[2])]
-    drawing = _drawings[keys[-1]] if keys else None
-    return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
+    tree, drawings = trees.last(scene), DRAWINGS.of(scene) or {}
+    found = [drawing for (of, where), drawing in drawings.items() if of == part and view in (None, where)]
+    return found[-1].chosen if found and tree is not None and found[-1].tree == tree.number else None
 
 
 def paint(scene: Any, size: tuple[int, int], view: int = 0) -> None:
@@ -129,17 +130,17 @@ def _viewer(tree: trees.Tree) -> F64:
 
 def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | None:
     """The batches of a part, rebuilt only if the tree, the ray, a setting or the place of the viewer has changed."""
-    key = scene.original.session_uid, part, view
+    drawings = DRAWINGS.of(scene) or {}
     settings, tints = scene.halfspace.overlay, colours()
     eye = _viewer(tree) if part == "PLANES" else np.zeros(3)
     chosen_by = choosing.chosen_by(scene, tree, part, eye)
     step = replaying.step(scene) if part == "RAY" else None
-    known = _drawings.get(key)
+    known = drawings.get((part, view))
     known = known if known is not None and known.tree == tree.number else None
     # Reuse the data if only the look has changed.
     chosen = known.chosen if known is not None and known.key[0] == chosen_by else choosing.choose(tree, part, chosen_by)
     if chosen is None:
-        _drawings.pop(key, None)
+        drawings.pop((part, view), None)
         return None
     # Surfaces that would veil the view are left out, unless nothing but surfaces is to be shown.
     place = tuple(eye.tolist()) if part == "PLANES" and settings.style != "FILL" else ()
@@ -151,7 +152,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | N
     look = (*look, None if seen is None else seen.key())
     if known is not None and known.key == (chosen_by, look):
         if known.place != place:
-            _drawings[key] = known = replace(known, place=place)
+            drawings[part, view] = known = replace(known, place=place)
         return known
     # Convert the data to batches for each depth test with visible opacity.
     style = "BOTH" if part in choosing.WHOLE else settings.style
@@ -161,16 +162,13 @@ def _drawing(scene: Any, tree: trees.Tree, part: str, view: int) -> _Drawing | N
         if opacity > 0
     )
     made = _Drawing(tree.number, (chosen_by, look), chosen, place, seen, passes)
-    _keep(key, made)
+    # Keep the batches of the last views only: a view may have been closed.
+    drawings.pop((part, view), None)
+    drawings[part, view] = made
+    for former in [other for other in drawings if other[0] == part][:-MOST_VIEWS]:
+        del drawings[former]
+    DRAWINGS.keep(scene, drawings)
     return made
-
-
-def _keep(key: tuple[int, str, int], made: _Drawing) -> None:
-    """Keep the batches of the last views only: a view may have been closed."""
-    _drawings.pop(key, None)
-    _drawings[key] = made
-    for former in [other for other in _drawings if other[:2] == key[:2]][:-MOST_VIEWS]:
-        del _drawings[former]
 
 
 def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
@@ -218,8 +216,11 @@ def _draw_legend() -> None:
 
 @persistent
 def _scene_changed(scene: Any, depsgraph: Any) -> None:
-    """After each evaluation: record changes, and schedule a rebuild."""
-    if depsgraph.mode == "VIEWPORT" and trees.note_changes(scene, depsgraph):
+    """After each evaluation: drop deleted scenes, record changes, and schedule a rebuild."""
+    if depsgraph.mode != "VIEWPORT":
+        return
+    state.drop(kept=bpy.data.scenes)
+    if trees.note_changes(scene, depsgraph):
         building.request(scene)
 
 
@@ -239,28 +240,16 @@ def follow(*_: Any) -> None:
             _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
     elif not wanted and _handles:
         _let_go()
-    showing = {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}
-    for key in [key for key in _drawings if key[0] not in showing]:
-        del _drawings[key]
+    for scene in bpy.data.scenes:
+        if not scene.halfspace.overlay.show:
+            DRAWINGS.keep(scene, None)
 
 
-@persistent
-def _file_loaded(*_: Any) -> None:
-    """Another file was loaded: discard everything about the old one."""
+def _file_loaded(_scene: Any) -> None:
+    """Stop work on the former file, and begin with this one."""
     building.stop()
     comparing.stop()
-    comparing.clear()
-    trees.clear()
-    picking.clear()
-    _clear()
     _begin()
-
-
-def _clear() -> None:
-    """Free what was made from trees: batches, steps of rays, maps."""
-    replaying.clear()
-    _drawings.clear()
-    cost_maps.forget()
 
 
 @persistent
@@ -300,7 +289,6 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
     """
     handlers = bpy.app.handlers
     return (
-        (handlers.load_post, _file_loaded),
         (handlers.undo_post, _stepped),
         (handlers.redo_post, _stepped),
         (handlers.depsgraph_update_post, _scene_changed),
@@ -309,7 +297,8 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
 
 
 def register() -> None:
-    """Register handlers for loaded files, undo steps and scene changes, and listen to settings."""
+    """Register handlers for undo steps and scene changes, and listen to settings and loaded files."""
+    signals.file_loaded.connect(_file_loaded)
     signals.visibility_changed.connect(_visibility_changed)
     signals.look_changed.connect(_look_changed)
     for handlers, function in _watched():
@@ -321,9 +310,10 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register`, and free everything."""
+    """Undo `register`, and stop building."""
     signals.look_changed.disconnect(_look_changed)
     signals.visibility_changed.disconnect(_visibility_changed)
+    signals.file_loaded.disconnect(_file_loaded)
     for handlers, function in _watched():
         handlers.remove(function)
     if bpy.app.timers.is_registered(_begin):
@@ -331,4 +321,3 @@ def unregister() -> None:
     _let_go()
     building.stop()
     trees.stop()
-    _clear()

@@ -15,6 +15,7 @@ from bpy_extras import view3d_utils
 from ...core.base import native
 from ...core.overlay import beams, cells
 from ..session import building, trees
+from ..state import Slot
 
 
 @dataclass(frozen=True)
@@ -50,28 +51,16 @@ class Ray:
 POLL_SECONDS = 0.2
 """Interval at which a build is observed, in seconds."""
 
-_rays: dict[int, Ray] = {}
-"""By the scene's `session_uid`."""
+RAY: Slot[Ray] = Slot()
 
-
-def last(scene: Any) -> Ray | None:
-    """The ray picked in this scene, or None."""
-    return _rays.get(scene.original.session_uid)
+last = RAY.of
+"""The ray picked in a scene, or None."""
 
 
 def keep(scene: Any, ray: Ray | None) -> None:
     """Show the path of this ray, or of none."""
-    uid = scene.original.session_uid
-    if ray is None:
-        _rays.pop(uid, None)
-    else:
-        _rays[uid] = ray
+    RAY.keep(scene, ray)
     trees.redraw()
-
-
-def clear() -> None:
-    """Forget all rays."""
-    _rays.clear()
 
 
 def under(event: Any, screen: Any) -> Ray | None:
@@ -215,16 +204,3 @@ class HALFSPACE_OT_forget_ray(bpy.types.Operator):
 
 
 CLASSES = (HALFSPACE_OT_pick_ray, HALFSPACE_OT_forget_ray)
-
-
-def register() -> None:
-    """Register the operators."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)
-    clear()

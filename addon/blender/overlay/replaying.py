@@ -10,10 +10,11 @@ from ...core.inspector.replay import Replay
 from ...core.overlay.cells import Path
 from ...core.tree.table import TreeError
 from ..session import trees
+from ..state import Slot
 from . import picking
 
-_known: dict[int, tuple[tuple[int, picking.Ray | None], Replay]] = {}
-"""By the scene's `session_uid`: the tree's number and the ray, and the steps."""
+STEPS: Slot[tuple[tuple[int, picking.Ray | None], Replay]] = Slot()
+"""The tree's number and the ray, and the steps."""
 
 
 def step(scene: Any) -> int | None:
@@ -24,26 +25,20 @@ def step(scene: Any) -> int | None:
 
 def replay(scene: Any, tree: trees.Tree, path: Path) -> Replay | None:
     """The steps of this path of the picked ray; None if the structure has no tree to read."""
-    key = (tree.number, picking.last(scene))
-    known = _known.get(scene.original.session_uid)
-    if known is not None and known[0] == key:
-        return known[1]
+    key, found = (tree.number, picking.last(scene)), STEPS.of(scene)
+    if found is not None and found[0] == key:
+        return found[1]
     try:
         made = replays.replay(tree.table(), path)
     except TreeError:
         return None
-    _known[scene.original.session_uid] = (key, made)
+    STEPS.keep(scene, (key, made))
     return made
 
 
 def known(scene: Any) -> Replay | None:
     """The steps of the picked ray if they were made already, for panels."""
-    tree, found = trees.last(scene), _known.get(scene.original.session_uid)
+    tree, found = trees.last(scene), STEPS.of(scene)
     if tree is None or found is None or found[0] != (tree.number, picking.last(scene)):
         return None
     return found[1]
-
-
-def clear() -> None:
-    """Forget all steps."""
-    _known.clear()

@@ -6,95 +6,53 @@ Blender's data.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.scene.instances import Layout, choose
+from ...core.scene.instances import AnyGeometry, Layout, choose
 from ...core.scene.mattes import Mattes
-from ...core.scene.scene import Hidden, Image, Light, Material, Numbers, Scene, Voxels, World
-from . import layers as texture_layers
+from ...core.scene.scene import Geometry, Numbers, Scene
 from . import lights, materials, meshes, remarks, view_layers, world
-from .displacement import applying
+from .displacement.applying import Displacer
+from .identities import Identities
 from .instancing import Instancing
-from .linking import Linking, Sets
+from .linking import Linking
 from .media import grids
-from .object_values import DENSITY_SCALE, MASK, Instance, Value, as_sheet, is_regular
+from .object_meshes import MESH_TYPES, ObjectMeshes
+from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
 from .simplifying import Culling
 from .standing import Standing
 from .strands.collecting import Collector
-from .value_nodes import STRAND
 from .value_nodes.outputs import NOTHING, Wanted
+from .visibility import Visibility
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
 
-MESH_TYPES = {"MESH"}
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
 ROUND_TYPES = {"CURVES", "POINTCLOUD"}
 
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 
-RAYS = {
-    "camera": "visible_camera",
-    "shadow": "visible_shadow",
-    "diffuse": "visible_diffuse",
-    "glossy": "visible_glossy",
-    "transmission": "visible_transmission",
-    "volume": "visible_volume_scatter",
-    "raycast": "visible_raycast",
-}
-"""The kinds of rays that an object can be hidden from, with Blender's settings; before 5.1 without the last."""
-
-
-@dataclass
-class _Group:
-    """A mesh and its instances found so far."""
-
-    mesh: meshes.MeshArrays
-    materials: np.ndarray[Any, Any]
-    matrices: list[np.ndarray[Any, Any]] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    values: list[tuple[Value, ...]] = field(default_factory=list)
-
-    keys: list[tuple[str, int]] = field(default_factory=list)
-    """Names and Blender's hashes of the instances, which do not depend on the order of its lists and stay over time."""
-
-    def add(self, instance: Instance, matrix: np.ndarray[Any, Any], values: tuple[Value, ...]) -> None:
-        """Add an instance."""
-        self.matrices.append(matrix)
-        self.names.append(instance.item.name_full)
-        self.values.append(values)
-        self.keys.append((instance.item.name_full, instance.number & 0xFFFFFFFF))
-
-    def sort(self) -> None:
-        """Bring the instances into the order of their keys."""
-        order = sorted(range(len(self.keys)), key=self.keys.__getitem__)
-        for each in (self.matrices, self.names, self.values, self.keys):
-            each[:] = [each[i] for i in order]
-
 
 @dataclass(frozen=True)
 class Found:
-    """Everything read from the depsgraph, before meshes are placed."""
+    """Everything read from the depsgraph, before meshes are placed.
+
+    scene: without its geometry, and with lights in world space. layers, objects, apart: of `values.Layers`. made: lines
+    on hair and points, which were made into triangles.
+    """
 
     placements: list[meshes.Placement]
-    materials: tuple[Material, ...]
-    lights: tuple[Light, ...]
-    world: World
-    numbers: Numbers
-    images: tuple[Image, ...] = ()
+    scene: Scene
     layers: tuple[tuple[str, str], ...] = ()
     objects: bool = False
-    made: tuple[str, ...] = ()
-    """Lines on hair and points: what was made into how many triangles."""
-    mattes: Mattes | None = None
-    media: bool = False
     apart: bool = False
-    grids: tuple[Voxels, ...] = ()
+    made: tuple[str, ...] = ()
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
@@ -104,7 +62,7 @@ class Found:
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
         # Some scenes are flattened in any mode.
         why = ""
-        if integrator == "whitted" and any(material.glows for material in self.materials):
+        if integrator == "whitted" and any(material.glows for material in self.scene.materials):
             why = "Whitted's integrator supports emissive meshes only without instancing"
         elif self.layers or self.objects:
             why = "these textures need attributes that only flattened triangles have"
@@ -116,21 +74,16 @@ class Found:
 
     def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
-        # Media, and surfaces that rays of programs meet, are told apart by their objects.
-        objects = self.objects or self.media or self.apart
-        return self._scene(
-            meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin)
-        )
+        objects = self.objects or self.apart
+        return self._with(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin))
 
     def instanced(self, origin: F64 | None = None) -> Scene:
         """The scene with every mesh once, and its instances. origin: as for `flattened`."""
-        return self._scene(meshes.keep_instances(self.placements, origin))
+        return self._with(meshes.keep_instances(self.placements, origin))
 
-    def _scene(self, geometry: Any) -> Scene:
-        moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(
-            geometry, self.materials, moved, self.world, self.numbers, self.images, self.grids, mattes=self.mattes
-        )
+    def _with(self, geometry: AnyGeometry) -> Scene:
+        moved = tuple(lights.moved(light, geometry.origin) for light in self.scene.lights)
+        return replace(self.scene, geometry=geometry, lights=moved)
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
@@ -168,8 +121,7 @@ def find(
         if space is None or instance.object.visible_in_viewport_get(space):
             reader.visit(instance)
     placements = reader.placements()
-    reader.note_layers()
-    reader.note_lights()
+    reader.note()
     remarks.unread(depsgraph, notes)
     # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
@@ -183,63 +135,46 @@ def find(
         wanted=wanted.outputs,
     )
     group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
-    return Found(
-        placements=placements,
-        materials=reader.palette.materials(),
-        lights=(*sorted(reader.lights, key=_light_key), *(replace(sun, group=group) for sun in suns)),
-        world=replace(background, group=group),
-        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices(), reader.object_groups),
-        images=reader.palette.images(shown | reader.light_images),
-        layers=tuple(reader.palette.layers.keys),
-        objects=reader.palette.layers.objects,
-        made=tuple(reader.strands.made),
-        mattes=Mattes(reader.matte_names, reader.palette.names()) if wanted.mattes else None,
-        media=reader.palette.layers.media,
-        apart=reader.palette.layers.apart,
-        grids=tuple(reader.grids),
+    identities = reader.identities
+    scene = Scene(
+        Geometry.empty(),
+        reader.palette.materials(),
+        (*reader.lamps.found(), *(replace(sun, group=group) for sun in suns)),
+        replace(background, group=group),
+        Numbers(identities.indices, reader.palette.pass_indices(), identities.groups),
+        reader.palette.images(shown | reader.lamps.images),
+        tuple(reader.volumes.voxels),
+        Mattes(identities.mattes, reader.palette.names()) if wanted.mattes else None,
     )
-
-
-def _light_key(light: Light) -> tuple[str, bytes]:
-    """A key that does not depend on the order in which Blender lists lights."""
-    return light.name, light.to_world.tobytes()
+    layers = reader.palette.layers
+    return Found(placements, scene, tuple(layers.keys), layers.objects, layers.apart, tuple(reader.strands.made))
 
 
 class _Reader:
-    """The state of one pass over the depsgraph's instances."""
+    """One pass over the depsgraph's instances, which gives each to the part that reads its kind."""
 
     def __init__(self, notes: Notes, uvs: bool, depsgraph: Any, wanted: Wanted) -> None:
-        self.notes = notes
-        self.uvs = uvs
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
-        owners = (layer, scene, scene.world)
-        volumes = grids.occur(depsgraph)
         self.palette = materials.Palette(
-            notes, depsgraph.ids, layer.material_override, owners, wanted.outputs, grids=volumes
+            notes,
+            depsgraph.ids,
+            layer.material_override,
+            (layer, scene, scene.world),
+            wanted.outputs,
+            grids=grids.occur(depsgraph),
         )
-        self._standing = wanted.standing or Standing()
-        self._culling = Culling(depsgraph)
-        self.instancing = Instancing(depsgraph, self.palette.layers.object_values)
-        self.lights: list[Light] = []
-        self.light_images: set[int] = set()
-        self.object_numbers: dict[str, float] = {}
-        self.object_groups: dict[str, int] = {}
-        self._group_numbers = wanted.groups
-        self.matte_names: dict[str, tuple[str, str]] = {}
-        self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
-        self._room = meshes.LayerRoom()
-        self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
-        self._checked: set[str] = set()
-        self._linked: dict[str, None] = {}  # glowing objects with light linking
-        self._made: dict[str, None] = {}  # lights that are no shadow catchers
-        self._unreadable: set[texture_layers.Key] = set()
-        self.strands = Collector(depsgraph, notes, self.palette.layers, uvs=uvs)
-        self._volumes: dict[tuple[str, int], grids.Grids] = {}
-        self._grid_numbers: dict[tuple[str, int], dict[str, float]] = {}
-        self.grids: list[Voxels] = []
-        self._surfaces, self._strands, self._clouds = layer.use_solid, layer.use_strand, layer.use_volumes
-        self._marks, self._linking = view_layers.Marks(layer), Linking(depsgraph, notes)
-        self._pictures: dict[frozenset[int], tuple[Image, ...]] = {}
+        layers, self._linking = self.palette.layers, Linking(depsgraph, notes)
+        self._notes, self._standing = notes, wanted.standing or Standing()
+        self._culling, self._instancing = Culling(depsgraph), Instancing(depsgraph, layers.object_values)
+        self._visibility = Visibility(layer, self._linking)
+        self._surfaces, self._hair, self._clouds = layer.use_solid, layer.use_strand, layer.use_volumes
+        # Each part collects what it reads.
+        self.identities = Identities(wanted.groups)
+        self.lamps = lights.Lamps(notes, self.palette.gallery, self._linking, wanted.groups)
+        self.strands = Collector(depsgraph, notes, layers, uvs=uvs)
+        self.volumes = grids.Volumes(notes)
+        self._meshes = ObjectMeshes(notes, layers, self._standing, uvs=uvs)
+        self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
@@ -247,35 +182,28 @@ class _Reader:
         """Read one instance of the depsgraph: an object at one place."""
         item, parent = placed.object, placed.parent if placed.is_instance else None
         shown, kind = (placed.show_self, placed.show_particles), item.type
+        # Find the place of the instance, unless it is culled.
         matrix = np.array(placed.matrix_world, np.float64)
         if kind != "LIGHT" and self._culling.leaves_out(item, matrix):
             return
         matrix = self._standing.place(item, parent, placed.persistent_id, matrix)
-        given = self.instancing.of(placed)
+        given = self._instancing.of(placed)
         instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id & MASK, given=given)
-        if self._strands and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
-            self._place_round(instance, matrix, self._seen(item, parent), hair=True)
+        # Give the object to the part that reads its kind, and its particle hair in addition.
+        if self._hair and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
+            self._place_round(instance, matrix, self.strands.visit_hair)
         if not shown[0]:
             return
         if kind in ROUND_TYPES:
-            if self._strands or kind != "CURVES":
-                self._place_round(instance, matrix, self._seen(item, parent))
+            if self._hair or kind != "CURVES":
+                self._place_round(instance, matrix, self.strands.visit)
         elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
             if self._surfaces:
-                self._place(instance, matrix, self._seen(item, parent))
+                self._place(instance, matrix)
         elif kind == "LIGHT":
-            light, used = lights.read_light(instance, matrix, self.notes, self.palette.gallery)
-            if light is not None:
-                self.light_images |= used
-                receivers, blockers = self._linking.of_light(item)
-                group = self._group_numbers.get(item.lightgroup, 0)
-                hidden = _hidden(item, parent)
-                light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
-                self.lights.append(light)
-                if not item.is_shadow_catcher:
-                    self._made.setdefault(item.name_full)
+            self.lamps.visit(instance, matrix)
         elif kind == "VOLUME" and self._clouds:
             self._place_volume(instance, matrix)
 
@@ -285,203 +213,84 @@ class _Reader:
         """
         for group in self._groups.values():
             group.sort()
-        groups = sorted(self._groups.items(), key=lambda item: item[1].keys[0])
-        found = [
-            meshes.Placement(
-                group.mesh if mesh[0] == "volume" else self._displaced(group),
-                np.stack(group.matrices),
-                tuple(group.names),
-                group.materials,
-                tuple(group.values),
-            )
-            for (mesh, _), group in groups
-            if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
-        ]
+        # Displace the meshes of surfaces.
+        found, displacer = [], Displacer(self.palette, self._notes)
+        for (mesh, _), group in sorted(self._groups.items(), key=lambda item: item[1].keys[0]):
+            if mesh[0] == "object" and mesh[1] in self._given:
+                continue  # otherwise every triangle would occur twice
+            if mesh[0] != "volume":
+                group.mesh = displacer.mesh(group)
+            found.append(group)
         return found + self.strands.placements()
 
-    def _displaced(self, group: _Group) -> meshes.MeshArrays:
-        """The mesh of a group, displaced by its materials where the first instance is, as in Cycles."""
-        slots = self.palette.displacements(group.materials.tolist())
-        if not any(slots):
-            return group.mesh
-        used = frozenset().union(*(one.images for one in slots if one is not None))
-        if used not in self._pictures:
-            self._pictures[used] = self.palette.gallery.read(set(used), self.notes)
-        keys = self.palette.layers.keys
-        around = applying.Surroundings(group.matrices[0], group.values[0], keys, self._pictures[used])
-        mesh, lost = applying.displaced(group.mesh, slots, around)
-        if lost:
-            self.notes.add("Not displaced, vertices that would leave the scene", group.names[0], lost)
-        return mesh
+    def note(self) -> None:
+        """Note what is known once all instances were read."""
+        self._meshes.note_layers(self.palette.readers(), self.strands.found)
+        self._linking.note_glowing()
+        if any(material.catcher for material in self.palette.materials()):
+            self.lamps.note_catchers()
 
-    def _regular(self, item: Any, matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
+    def _regular(self, item: Any, matrix: F64) -> F64 | None:
         """The transform of an instance, made invertible; None, with a note, if it is unusable."""
-        name = item.name_full  # linked files may contain objects of equal names
-        self._check_once(item, name)
+        self.identities.add(item)
         if not np.isfinite(matrix).all():
-            self.notes.add("Dropped, the transform is not finite", name)
+            self._notes.add("Dropped, the transform is not finite", item.name_full)
             return None
         sheet = as_sheet(matrix)
         if sheet is None:
-            self.notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
+            text = "Dropped, the transform collapses the object to a line or a point (scale 0)"
+            self._notes.add(text, item.name_full)
         return sheet
 
-    def _place_round(
-        self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden, *, hair: bool = False
-    ) -> None:
-        """Add one instance of a point cloud, of hair curves, or (hair) of the object's particle hair."""
-        item, sheet = instance.item, self._regular(instance.item, matrix)
-        if sheet is None:
-            return
-        visit = self.strands.visit_hair if hair else self.strands.visit
-        used = self.palette.indices(item, item.data, hidden, self._sets(instance), self._mask(instance))
-        self._note_linking(item, used)
-        visit(instance, sheet, used)
+    def _used(self, instance: Instance) -> tuple[int, ...]:
+        """The materials of an instance's surface."""
+        return self.palette.indices(instance.item, instance.item.data, *self._visibility.of(instance))
 
-    def _place(self, instance: Instance, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
+    def _see(self, item: Any, used: tuple[int, ...]) -> None:
+        """Check the links of an object whose surface has these materials."""
+        self._linking.see(item, lambda: any(self.palette.materials()[i].glows for i in used))
+
+    def _place_round(self, instance: Instance, matrix: F64, visit: Callable[..., None]) -> None:
+        """Give `visit` one instance of a point cloud, of hair curves, or of the object's particle hair."""
+        sheet = self._regular(instance.item, matrix)
+        if sheet is not None:
+            used = self._used(instance)
+            self._see(instance.item, used)
+            visit(instance, sheet, used)
+
+    def _place(self, instance: Instance, matrix: F64) -> None:
         """Add one instance of the object's mesh, unless its transform is unusable."""
-        item, sheet = instance.item, self._regular(instance.item, matrix)
+        sheet = self._regular(instance.item, matrix)
         if sheet is None:
             return
-        mesh_key, mesh, used = self._mesh(instance, hidden)
-        if mesh is None or not len(mesh.triangles):
+        key, mesh = self._meshes.of(instance)
+        if mesh is None:
             return
-        self._note_linking(item, used)
-        if mesh_key[0] == "mesh":  # other meshes may be dropped at the end
-            self._room.placed(len(mesh.triangles))
-        group_key = (mesh_key, used)
-        if (group := self._groups.get(group_key)) is None:
-            group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
-        group.add(instance, sheet, instance.values(self.palette.layers.object_values))
+        used = self._used(instance)
+        if len(mesh.triangles):
+            self._see(instance.item, used)
+            self._add(key, used, mesh, instance, sheet)
 
-    def _place_volume(self, instance: Instance, matrix: np.ndarray[Any, Any]) -> None:
+    def _place_volume(self, instance: Instance, matrix: F64) -> None:
         """Add the box around the grids of a volume object."""
-        item, parent = instance.item, instance.parent
-        data, name = item.data, item.name_full
-        self._check_once(item, name)
-        key = ("volume", data.as_pointer())
-        if key not in self._volumes:
-            self._volumes[key] = grids.read_volume(data, name, self.notes, sum(one.values.size for one in self.grids))
-            first = len(self.grids) + 1
-            self._grid_numbers[key] = {grid: float(first + i) for i, grid in enumerate(self._volumes[key].voxels)}
-            self.grids += self._volumes[key].voxels.values()
-        box = self._volumes[key].box
+        item, name = instance.item, instance.item.name_full
+        self.identities.add(item)
+        box, numbers = self.volumes.of(item)
         if box is None or not np.isfinite(matrix).all() or not is_regular(matrix):
-            self.notes.add("Skipped, the volume is empty or has no size", name)
+            self._notes.add("Skipped, the volume is empty or has no size", name)
             return
-        used = self.palette.indices(item, data, self._seen(item, parent))
+        hidden, _, _ = self._visibility.of(instance)
+        used = self.palette.indices(item, item.data, hidden)
         if all(self.palette.materials()[i].volume is None for i in used):
-            self.notes.add("Skipped, the volume has no material with a volume shader", name)
+            self._notes.add("Skipped, the volume has no material with a volume shader", name)
             return
-        group = self._groups.setdefault((key, used), _Group(box, np.array(used, np.int32)))
-        scale = {DENSITY_SCALE: grids.density_scale(matrix, data)}
-        values = replace(instance, grids=self._grid_numbers[key] | scale)
-        group.add(instance, matrix, values.values(self.palette.layers.object_values))
+        scale = {DENSITY_SCALE: grids.density_scale(matrix, item.data)}
+        self._add(("volume", item.data.as_pointer()), used, box, replace(instance, grids={**numbers, **scale}), matrix)
 
-    def _mask(self, instance: Instance) -> materials.Mask:
-        """How rays see an instance. It is a holdout as its instancer or its collections are, and a shadow
-        catcher as itself or its instancer is.
-        """
-        item, parent = instance.item, instance.parent
-        owner = item if parent is None else parent
-        hole = bool(owner.is_holdout or self._marks.of(owner)[0])
-        offset = round(item.shadow_terminator_geometry_offset, 6)  # the default is 0.1 in f32
-        return hole, item.is_shadow_catcher or owner.is_shadow_catcher, offset
-
-    def _sets(self, instance: Instance) -> Sets:
-        """The sets of linked lights that an object is in."""
-        return self._linking.of_object(instance.item, instance.parent)
-
-    def _mesh(
-        self, instance: Instance, hidden: Hidden
-    ) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
-        """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
-        item, sets, mask = instance.item, self._sets(instance), self._mask(instance)
-        # In edit mode the evaluated mesh is a wrapper without attributes.
-        if item.type in MESH_TYPES and not item.data.is_editmode:
-            data = item.data
-            key = ("mesh", data.as_pointer())
-            if key not in self._meshes:
-                parent = instance.parent
-                self._meshes[key] = self._standing.shape(item, parent, data, lambda: self._read(data, item))
-            return key, self._meshes[key], self.palette.indices(item, data, hidden, sets, mask)
-        key = ("object", item.original.as_pointer())
-        if key not in self._meshes:
-            # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
-            data = item.to_mesh()
-            if data is None:
-                return key, None, ()
-            self._meshes[key] = self._standing.shape(item, instance.parent, item.data, lambda: self._read(data, item))
-            item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data, hidden, sets, mask)
-
-    def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
-        """A mesh with the layers that materials read."""
-        keys = self.palette.layers.keys
-        self._room.check(data, keys)
-        for key in keys:
-            if reason := texture_layers.unreadable(data, key):
-                self._unreadable.add(key)
-                self.notes.add(f"The attribute {key[1]!r} is black, its {reason} is not supported yet", item.name_full)
-        read = meshes.read_mesh(data, uvs=self.uvs, layers=keys)
-        if read.lost:
-            self.notes.add("Custom normals that are not finite are replaced by those of the faces", item.name_full)
-        return read
-
-    def note_layers(self) -> None:
-        """Note layers that materials read and no mesh has."""
-        there = self._unreadable.union(self.strands.found, *(mesh.layers for mesh in self._meshes.values()))
-        for key, names in self.palette.readers().items():
-            kind, layer = key
-            if key in there or not layer or kind == STRAND:
-                continue
-            for name in names:
-                what = "attribute" if kind == texture_layers.COLOR else "UV map"
-                self.notes.add(f"No mesh has the {what} {layer!r}, it is 0 everywhere, in material", name)
-
-    def _seen(self, item: Any, parent: Any) -> Hidden:
-        """The rays that ignore an instance, including the effect of its collections."""
-        hidden = _hidden(item, parent)
-        owner = item if parent is None else parent
-        _, indirect_only = self._marks.of(owner)
-        if not indirect_only or "camera" in hidden:
-            return hidden
-        return ("camera", *hidden)
-
-    def _note_linking(self, item: Any, used: tuple[int, ...]) -> None:
-        """Note an object that glows and links its light; used: its materials."""
-        linking, known = item.light_linking, self.palette.materials()
-        if (linking.receiver_collection or linking.blocker_collection) and any(known[i].glows for i in used):
-            self._linked.setdefault(item.name_full)
-
-    def note_lights(self) -> None:
-        """Note lights that shine on more than in Cycles."""
-        for name in self._linked:
-            self.notes.add("Light linking is supported for lights only, not for glowing objects", name)
-        if any(material.catcher for material in self.palette.materials()):
-            for name in self._made:
-                self.notes.add("Not a shadow catcher, but shines on shadow catchers alone, too", name)
-
-    def _check_once(self, item: Any, name: str) -> None:
-        """Note an object's unsupported settings, once per object."""
-        if name in self._checked:
-            return
-        self._checked.add(name)
-        if group := self._group_numbers.get(item.lightgroup, 0):
-            self.object_groups[name] = group
-        self.matte_names[name] = item.name, _topmost(item).name
-        if item.pass_index:
-            self.object_numbers[name] = float(item.pass_index)
-
-
-def _topmost(item: Any) -> Any:
-    """The object whose children, and theirs, include this one."""
-    while item.parent is not None:
-        item = item.parent
-    return item
-
-
-def _hidden(item: Any, parent: Any) -> Hidden:
-    """The rays that ignore an object; those that its instancer ignores are included."""
-    both = [item] if parent is None else [item, parent]
-    return tuple(ray for ray, setting in RAYS.items() if not all(getattr(one, setting, True) for one in both))
+    def _add(
+        self, key: tuple[str, int], used: tuple[int, ...], mesh: meshes.MeshArrays, instance: Instance, matrix: F64
+    ) -> None:
+        """Add an instance to the placement of its mesh with its materials."""
+        if (group := self._groups.get((key, used))) is None:
+            group = self._groups[key, used] = meshes.Placement(mesh, np.array(used, np.int32))
+        group.add(instance, matrix, instance.values(self.palette.layers.object_values))

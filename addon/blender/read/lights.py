@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +17,11 @@ from .nodes import Place, Unsupported, active_tree, output_node, scaled
 from .object_values import is_regular
 from .surfaces import Surface
 from .values import Layers, Values
+from .visibility import hidden_from
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
+    from .linking import Linking
     from .object_values import Instance
 
 
@@ -87,6 +90,40 @@ def read_light(
         light = replace(light, power=scaled(light.power, _extent(light)))
     light = _limited(light, notes)
     return (light, images) if any(light.power) else nothing
+
+
+class Lamps:
+    """Collects lights during one pass over the depsgraph's instances. images: numbers of those that they use."""
+
+    def __init__(self, notes: Notes, gallery: Gallery, linking: Linking, groups: Mapping[str, int]) -> None:
+        """groups: numbers of the light groups that the picture needs."""
+        self.images: set[int] = set()
+        self._notes, self._gallery, self._linking, self._groups = notes, gallery, linking, groups
+        self._lights: list[Light] = []
+        self._no_catchers: dict[str, None] = {}
+
+    def visit(self, instance: Instance, matrix: F64) -> None:
+        """Add an instance of a light object."""
+        light, used = read_light(instance, matrix, self._notes, self._gallery)
+        if light is None:
+            return
+        item = instance.item
+        self.images |= used
+        receivers, blockers = self._linking.of_light(item)
+        hidden, group = hidden_from(item, instance.parent), self._groups.get(item.lightgroup, 0)
+        light = replace(light, hidden_from=hidden, receivers=receivers, blockers=blockers, group=group)
+        self._lights.append(light)
+        if not item.is_shadow_catcher:
+            self._no_catchers[item.name_full] = None
+
+    def found(self) -> tuple[Light, ...]:
+        """The lights in world space, in an order that does not depend on that of Blender's lists."""
+        return tuple(sorted(self._lights, key=lambda light: (light.name, light.to_world.tobytes())))
+
+    def note_catchers(self) -> None:
+        """Note lights that shine on shadow catchers alone in Cycles, for a scene that has such objects."""
+        for name in self._no_catchers:
+            self._notes.add("Not a shadow catcher, but shines on shadow catchers alone, too", name)
 
 
 def max_bounces(block: Any) -> int | None:

@@ -210,7 +210,7 @@ def _material(material: Any, values: Values) -> Material:
         values.remark(f"{unsupported} (volume)")
         return surface
     values.images |= inner.images
-    values.layers.media |= bool(volume.closures)
+    values.layers.apart |= bool(volume.closures)
     return replace(surface, volume=volume.as_dict())
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from ...core.base.arrays import F32, F64, I32
 from ...core.scene.instances import InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
-from .object_values import Value
+from .object_values import MASK, Instance, Value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -142,20 +143,42 @@ def _read(collection: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Placement:
     """A mesh and all its instances with the same materials.
 
-    matrices: (k, 4, 4) float64, mesh to world, regular. names: the k objects. materials: (slots,) int32, the scene's
-    material for each slot, at least one; slots beyond the last use the last, as in Blender. values: for each object
-    those that materials read, see `object_values`.
+    materials: (slots,) int32, the scene's material for each slot, at least one; slots beyond the last use the last, as
+    in Blender. names: the k objects. transforms: k times (4, 4) float64, mesh to world, regular. values: for each
+    object those that materials read, see `object_values`. keys: names and Blender's hashes of the instances, which do
+    not depend on the order of its lists and stay over time.
     """
 
     mesh: MeshArrays
-    matrices: F64
-    names: tuple[str, ...]
     materials: I32
-    values: tuple[tuple[Value, ...], ...] = ()
+    names: list[str] = field(default_factory=list)
+    transforms: list[F64] | F64 = field(default_factory=list)
+    values: list[tuple[Value, ...]] = field(default_factory=list)
+    keys: list[tuple[str, int]] = field(default_factory=list)
+
+    def add(self, instance: Instance, matrix: F64, values: tuple[Value, ...]) -> None:
+        """Add an instance; the last one before `sort`, or the first use of `matrices`."""
+        assert isinstance(self.transforms, list)
+        name = instance.item.name_full
+        self.names.append(name)
+        self.transforms.append(matrix)
+        self.values.append(values)
+        self.keys.append((name, instance.number & MASK))
+
+    def sort(self) -> None:
+        """Bring the instances into the order of their keys."""
+        order = sorted(range(len(self.keys)), key=self.keys.__getitem__)
+        for each in (self.names, self.transforms, self.values, self.keys):
+            each[:] = [each[i] for i in order]
+
+    @cached_property
+    def matrices(self) -> F64:
+        """The transforms, (k, 4, 4)."""
+        return np.stack(self.transforms) if isinstance(self.transforms, list) else self.transforms
 
 
 def assemble(
@@ -218,7 +241,7 @@ def assemble(
             _flip(placed_uv, mirrored)
 
         # Record the mesh's place in the arrays.
-        sources.append(Source(t, m, placement.names))
+        sources.append(Source(t, m, tuple(placement.names)))
         v, t = vertex_rows.stop, triangle_rows.stop
     frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
     return Geometry(
@@ -251,35 +274,6 @@ def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
         f"Every copy of every instance together: {triangles:,} triangles, {(plain + read) / 2**30:.1f} GiB, "
         f"do not fit; {advice}"
     )
-
-
-class LayerRoom:
-    """Memory check of the layers that materials read, run before each mesh is read."""
-
-    def __init__(self) -> None:
-        self._widths: dict[texture_layers.Key, int] = {}
-        self._triangles = 0
-
-    def placed(self, triangles: int) -> None:
-        """Count one more instance of a mesh with this number of triangles."""
-        self._triangles += triangles
-
-    def check(self, mesh: Any, keys: Sequence[texture_layers.Key]) -> None:
-        """Raise SceneError if a mesh's layers, plus all layers over the triangles counted so far, do not fit into
-        memory.
-        """
-        found = texture_layers.widths(mesh, keys)
-        for key, numbers in found.items():
-            self._widths[key] = max(numbers, self._widths.get(key, 0))
-        if not found:
-            return
-        own = len(mesh.loop_triangles)
-        triangles = self._triangles + own
-        size = 12 * (sum(found.values()) * own + sum(self._widths.values()) * triangles)
-        if size > native.load().free_memory():
-            raise SceneError(
-                f"What materials read of {triangles:,} triangles or more, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
-            )
 
 
 def keep_instances(placements: list[Placement], origin: F64 | None = None) -> InstancedGeometry:

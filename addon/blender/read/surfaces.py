@@ -169,7 +169,7 @@ class Surface:
         older = "RANDOM_WALK_LEGACY" not in METHODS_OF_BLENDER
         usual = "random_walk_legacy" if older else "random_walk"
         self.closures[-1] = replace(self.closures[-1], method=WALKS.get(method, usual))
-        self.values.layers.media = True
+        self.values.layers.apart = True
 
     def add_facets(self, kind: str, weight: Operand, node: Place, **inputs: Operand) -> None:
         """Append a closure with the node's distribution of facets. Needs a preceding `_has_room`."""

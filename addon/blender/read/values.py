@@ -33,12 +33,13 @@ MOST_STEPS = 4096
 
 
 class Layers:
-    """The numbered layers that all materials read. apart: whether rays of programs need to tell objects apart."""
+    """The numbered layers that all materials read. objects: whether they read frames of objects. apart: whether media,
+    or rays of programs, need to tell objects apart.
+    """
 
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
-        self.media = False
         self.apart = False
         self.grids = False
         self.object_values: list[Key] = []

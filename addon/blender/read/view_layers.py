@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from .passes import CATCHER_PASS, MATTES, PASSES, VOLUME_PASSES
@@ -20,26 +19,6 @@ def world(depsgraph: Any) -> Any:
     """The evaluated world of this layer, which may override the scene's; None without one."""
     # With a default, because versions of Blender after 4.5.0 may lack the property.
     return getattr(depsgraph.view_layer_eval, "world_override", None) or depsgraph.scene_eval.world
-
-
-class Marks:
-    """The holdout and indirect-only settings of the layer's collections."""
-
-    def __init__(self, view_layer: Any) -> None:
-        self._layer = view_layer
-        self._any = any(one.holdout or one.indirect_only for one in _collections(view_layer.layer_collection))
-        self._known: dict[int, tuple[bool, bool]] = {}
-
-    def of(self, item: Any) -> tuple[bool, bool]:
-        """Whether an evaluated object, not an instance, is a holdout, and whether it is hidden from the camera."""
-        if not self._any:
-            return False, False
-        key = item.original.as_pointer()
-        if key not in self._known:
-            asked = {"view_layer": self._layer}
-            held = item.holdout_get(**asked)
-            self._known[key] = held, not held and item.indirect_only_get(**asked)
-        return self._known[key]
 
 
 def unknown_passes(view_layer: Any) -> list[str]:
@@ -61,14 +40,3 @@ def unknown_passes(view_layer: Any) -> list[str]:
     names += [f"AOV {one.name}" for one in view_layer.aovs if one.name not in written]
     grouped = outputs.groups(view_layer)
     return names + [f"Light Group {one.name}" for one in view_layer.lightgroups if one.name not in grouped]
-
-
-def _collections(layer_collection: Any) -> Iterator[Any]:
-    """A collection and all nested ones in order, without excluded ones."""
-    # No recursion: collections may be nested more deeply than Python's call stack allows.
-    left = [layer_collection]
-    while left:
-        one = left.pop()
-        if not one.exclude:
-            yield one
-        left += reversed(list(one.children))

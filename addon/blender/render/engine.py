@@ -249,15 +249,15 @@ class _Picture:
             followed=FOLLOWED if self.scene.render.use_persistent_data else None,
             keep_going=self._building,
         )
-        done = session.building.done if session.building is not None else ""
-        reasons = [f"Persistent data: the structure was {done}"] if done else []
+        reasons = [f"Persistent data: the structure was {session.done}"] if session.done else []
         return stages.Built(session, spec, label, reasons)
 
     def _build_chosen(self, module: Any, read: stages.Read, settings: RenderSettings) -> stages.Built:
         """Choose the structure with the least predicted time, with the reasons and the number of compared answers."""
         seen = Notes()
         chosen = self._choose(module, read.scene, read.view, settings, seen)
-        session = Session.over(module, read.scene, chosen.structure)
+        session = Session(module, read.scene.geometry, chosen.spec, structure=chosen.structure)
+        session.show(read.scene)
         answers = chosen.comparison.lines[0].answers
         return stages.Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
 
@@ -429,8 +429,7 @@ class _Picture:
 
 def _structures(session: Session) -> list[Any]:
     """The structure of a session and those of its meshes."""
-    meshes = session.building.meshes if session.building is not None else []
-    return [session.structure, *meshes]
+    return [session.structure, *session.meshes]
 
 
 def is_displayed() -> bool:

@@ -95,13 +95,14 @@ def _menu(self: Any, _context: Any) -> None:
     self.layout.operator(HALFSPACE_OT_import_arrays.bl_idname, text="Halfspace Arrays (.npz)")
 
 
+CLASSES = (HALFSPACE_OT_import_arrays,)
+
+
 def register() -> None:
-    """Register the operator and its entry in *File › Import*."""
-    bpy.utils.register_class(HALFSPACE_OT_import_arrays)
+    """Add the entry in *File › Import*."""
     bpy.types.TOPBAR_MT_file_import.append(_menu)
 
 
 def unregister() -> None:
     """Undo `register`."""
     bpy.types.TOPBAR_MT_file_import.remove(_menu)
-    bpy.utils.unregister_class(HALFSPACE_OT_import_arrays)

@@ -26,11 +26,4 @@ class HALFSPACE_OT_showcase(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_showcase)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_showcase)
+CLASSES = (HALFSPACE_OT_showcase,)

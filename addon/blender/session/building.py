@@ -14,10 +14,12 @@ import bpy
 
 from ...core.base import native
 from ...core.base.notes import Notes
-from ...core.session.session import POLL_SECONDS, Building
+from ...core.session.session import POLL_SECONDS, Session
 from ...core.structures.settings import memory_limit
+from .. import state
 from ..read import extract
 from ..settings import properties, signals
+from ..state import SceneState
 from . import failures, trees
 
 REST_SECONDS = 0.4
@@ -42,31 +44,30 @@ class Job:
         properties.remark_unknown(group, self.notes)
         self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
-        self.scene_uid = scene.original.session_uid
+        self._state = state.of(scene)
         self.triangles = len(geometry.triangles)
-        self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
+        self._session = Session(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
     @property
     def progress(self) -> float:
         """0 to 1."""
-        return self._building.progress
+        return self._session.progress
 
     def step(self, seconds: float = 0.0) -> bool:
         """Wait at most `seconds`. Returns True once the build has ended and its tree is kept. Raises the build's
         exceptions.
         """
-        if not self._building.wait(seconds):
+        if not self._session.wait(seconds):
             return False
-        structure = self._building.result()
-        scene = trees.scene_of(self.scene_uid)
+        structure = self._session.structure
+        scene = self._state.scene
         if scene is not None:  # None if the scene was deleted meanwhile
-            geometry = self._building.geometry
-            trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
+            trees.keep(scene, structure, self._session.geometry, spec=self.spec, label=self.label, read=self._read)
         return True
 
     def cancel(self) -> None:
         """Stop the build and drop its result."""
-        self._building.cancel()
+        self._session.cancel()
 
 
 def build_now(scene: Any, depsgraph: Any) -> Job:
@@ -78,10 +79,10 @@ def build_now(scene: Any, depsgraph: Any) -> Job:
 
 
 class _Background:
-    """The automatic build, at most one at a time, and the request for the next. wish: `session_uid` of its scene."""
+    """The automatic build, at most one at a time, and the request for the next. wish: the state of its scene."""
 
     job: Job | None = None
-    wish: int | None = None
+    wish: SceneState | None = None
     wished_at = 0.0
     problem = ""
 
@@ -100,7 +101,7 @@ def need(scene: Any) -> None:
     if native.problem() is not None or trees.usable(scene, properties.spec(scene.halfspace)) is not None:
         return
     _Background.problem = ""
-    _Background.wish = scene.original.session_uid
+    _Background.wish = state.of(scene)
     _Background.wished_at = time.monotonic()
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=REST_SECONDS)
@@ -154,7 +155,7 @@ def _advance() -> float | None:
         if rest > 0:
             return rest
         _Background.wish, _Background.problem = None, ""
-        scene, view_layer = trees.scene_of(wish), bpy.context.view_layer
+        scene, view_layer = wish.scene, bpy.context.view_layer
         if scene is not None and scene == bpy.context.scene and view_layer is not None:
             _Background.job = Job(scene, bpy.context.evaluated_depsgraph_get())
     return POLL_SECONDS if _Background.job is not None or _Background.wish is not None else None
@@ -255,9 +256,7 @@ FOLLOWED = (signals.structure_changed, signals.visibility_changed)
 
 
 def register() -> None:
-    """Register the operators, and listen to the settings that decide what is built."""
-    for operator in CLASSES:
-        bpy.utils.register_class(operator)
+    """Listen to the settings that decide what is built."""
     for signal in FOLLOWED:
         signal.connect(request)
 
@@ -267,5 +266,3 @@ def unregister() -> None:
     for signal in FOLLOWED:
         signal.disconnect(request)
     stop()
-    for operator in reversed(CLASSES):
-        bpy.utils.unregister_class(operator)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.choose.choice import NOT_COMPARED
+from ..state import Slot
 
 
 @dataclass(frozen=True)
@@ -33,19 +34,7 @@ class Report:
     made: tuple[str, ...] = ()
 
 
-_last: dict[int, Report] = {}
+REPORT: Slot[Report] = Slot()
 
-
-def keep(scene: Any, report: Report) -> None:
-    """Store the report of a scene, replacing its last one."""
-    _last[scene.original.session_uid] = report
-
-
-def last(scene: Any) -> Report | None:
-    """The report of a scene's last picture in this session, or None."""
-    return _last.get(scene.original.session_uid)
-
-
-def clear() -> None:
-    """Forget all reports."""
-    _last.clear()
+keep, last = REPORT.keep, REPORT.of
+"""Replace, or return, the report of a scene's last picture in this session; None without one."""

@@ -13,13 +13,16 @@ from typing import Any
 import bpy
 
 from ...core.base.arrays import F32, F64, I32
+from ...core.measure.check import Check
 from ...core.overlay import depths
 from ...core.overlay.depths import Survey
 from ...core.scene.owners import owners
 from ...core.scene.scene import Geometry, Source
 from ...core.tree import table
 from ...core.tree.table import Table
+from .. import state
 from ..settings import signals
+from ..state import SceneState, Slot
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
@@ -35,9 +38,9 @@ class Tree:
 
     vertices, triangles: (n, 3) float32 and (m, 3) int32, its input. They are needed to check its answers: the native
     structure does not return them, and the scene may have changed or differ between render and viewport. sources: the
-    objects of the triangles. read: the scene's `moment` when the triangles were read. number: a unique id, which
-    outlives the structure. known_table, known_survey: results of `table` and `survey` once they were called; panels
-    show only what is known.
+    objects of the triangles. state, read: of the scene, and its `moment` when the triangles were read. number: a unique
+    id, which outlives the structure. known_table, known_survey: results of `table` and `survey` once they were called;
+    panels show only what is known. check: of its answers, once it was made.
     """
 
     structure: Any
@@ -46,12 +49,13 @@ class Tree:
     triangles: I32
     spec: str
     label: str
-    scene_uid: int
+    state: SceneState
     read: int
-    number: int = field(default_factory=NUMBERS.__next__)
     sources: tuple[Source, ...] = ()
-    known_table: Table | None = None
-    known_survey: Survey | None = None
+    number: int = field(default_factory=NUMBERS.__next__, init=False)
+    known_table: Table | None = field(default=None, init=False)
+    known_survey: Survey | None = field(default=None, init=False)
+    check: Check | None = field(default=None, init=False)
 
     def table(self) -> Table:
         """The nodes of the tree, read at the first call. Raises TreeError."""
@@ -79,28 +83,20 @@ class Tree:
     @property
     def stale(self) -> bool:
         """Whether triangles of the scene may have moved since they were read."""
-        return moved(self.scene_uid, self.read)
+        return self.read != self.state.moment
 
 
-_tree: Tree | None = None
+TREE: Slot[Tree] = Slot()
 
-_moments: dict[int, int] = {}
-"""Number of changes that moved triangles, by the scene's `session_uid`."""
-
-_frames: dict[int, float] = {}
-"""The frame of the last of these changes, by the scene's `session_uid`."""
+last = TREE.of
+"""The last structure, if it is of this scene."""
 
 
 def moment(scene: Any) -> int:
-    """A counter to read before the scene, and to keep with what was read: it changes when triangles move."""
-    uid = scene.original.session_uid
-    _frames[uid] = scene.frame_float
-    return _moments.setdefault(uid, 0)
-
-
-def moved(scene_uid: int, read: int) -> bool:
-    """Whether triangles of this scene may have moved since that moment."""
-    return read != _moments.get(scene_uid, 0)
+    """A number to read before the scene, and to keep with what was read: it changes when triangles move."""
+    now = state.of(scene)
+    now.frame = scene.frame_float
+    return now.moment
 
 
 def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: str, read: int) -> Tree:
@@ -108,52 +104,38 @@ def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: st
 
     Only the fields of `Tree` are kept of the geometry: normals and UVs can take more memory than the triangles.
     """
-    global _tree  # noqa: PLW0603 (one per Blender, see the module's docstring)
-    uid, origin = scene.original.session_uid, geometry.origin.copy()
-    arrays = geometry.vertices, geometry.triangles
-    _tree = Tree(structure, origin, *arrays, spec, label, uid, read, sources=geometry.sources)
+    origin, arrays = geometry.origin.copy(), (geometry.vertices, geometry.triangles)
+    tree = Tree(structure, origin, *arrays, spec, label, state.of(scene), read, geometry.sources)
+    TREE.free()
+    TREE.keep(scene, tree)
     if not bpy.app.background:
         # Renders run on their own thread; timers run where redrawing is allowed.
         bpy.app.timers.register(announce)
-    return _tree
+    return tree
 
 
 def announce() -> None:
     """Redraw for a new structure, and let those follow it who show parts of it."""
     redraw()
-    scene = scene_of(_tree.scene_uid) if _tree is not None else None
-    if scene is not None:
-        signals.tree_changed.fire(scene)
-
-
-def last(scene: Any) -> Tree | None:
-    """The last structure, if it is of this scene."""
-    if _tree is not None and _tree.scene_uid == scene.original.session_uid:
-        return _tree
-    return None
+    for tree in TREE.all():
+        if (scene := tree.state.scene) is not None:
+            signals.tree_changed.fire(scene)
 
 
 def clear() -> None:
     """Forget the structure and free its memory."""
-    global _tree  # noqa: PLW0603
-    _tree = None
+    TREE.free()
     if not bpy.app.background:
         bpy.app.timers.register(redraw)
 
 
 def stop() -> None:
-    """Forget everything, and redraw at once: no timer of the extension may outlast it."""
+    """Forget the structure, and redraw at once: no timer of the extension may outlast it."""
     clear()
-    forget_moments()
     for soon in (announce, redraw, redraw_panels):
         while bpy.app.timers.is_registered(soon):
             bpy.app.timers.unregister(soon)
     redraw()
-
-
-def scene_of(uid: int) -> Any:
-    """The scene with this `session_uid`, or None."""
-    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
 def usable(scene: Any, spec: str) -> Tree | None:
@@ -167,9 +149,9 @@ def note_changes(scene: Any, depsgraph: Any) -> bool:
     if not any(_moves_triangles(update) for update in depsgraph.updates):
         return False
     # Redraw only when the shown tree becomes outdated.
-    tree, uid = last(scene), scene.original.session_uid
+    tree = last(scene)
     fresh = tree is not None and not tree.stale
-    _moments[uid] = _moments.get(uid, 0) + 1
+    state.of(scene).moment = next(state.MOMENTS)
     if fresh:
         redraw()
     return True
@@ -179,17 +161,11 @@ def note_frame(scene: Any, depsgraph: Any) -> bool:
     """`note_changes` after the evaluation of a frame, if the frame is new: a render ends by evaluating its first frame
     again.
     """
-    uid, frame = scene.original.session_uid, scene.frame_float
-    if _frames.get(uid) == frame:
+    now, frame = state.of(scene), scene.frame_float
+    if now.frame == frame:
         return False
-    _frames[uid] = frame
+    now.frame = frame
     return note_changes(scene, depsgraph)
-
-
-def forget_moments() -> None:
-    """Reset all counters, when nothing that was read is kept any more."""
-    _moments.clear()
-    _frames.clear()
 
 
 def _moves_triangles(update: Any) -> bool:

@@ -146,13 +146,4 @@ def range_name(quantity: str, place: int) -> str:
     return f"{quantity} {place}"
 
 
-def register() -> None:
-    """Register the groups; `properties` makes them part of `scene.halfspace`."""
-    bpy.utils.register_class(HalfspaceMapRange)
-    bpy.utils.register_class(HalfspaceInspectorSettings)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HalfspaceInspectorSettings)
-    bpy.utils.unregister_class(HalfspaceMapRange)
+CLASSES = (HalfspaceMapRange, HalfspaceInspectorSettings)

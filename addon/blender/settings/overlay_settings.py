@@ -189,11 +189,4 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
 
 
-def register() -> None:
-    """Register the group; `properties` makes it part of `scene.halfspace`."""
-    bpy.utils.register_class(HalfspaceOverlaySettings)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HalfspaceOverlaySettings)
+CLASSES = (HalfspaceOverlaySettings,)

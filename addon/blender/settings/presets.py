@@ -148,7 +148,7 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         return found
 
 
-CLASSES = (HALFSPACE_OT_use_spec, *FAMILY_MENUS, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
+KINDS = (HALFSPACE_OT_use_spec, *FAMILY_MENUS, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
 
 
 def draw(layout: Any) -> None:
@@ -162,12 +162,12 @@ def draw(layout: Any) -> None:
 def register() -> None:
     """Register menu and operators, which need a catalogue."""
     if native.problem() is None:
-        for kind in CLASSES:
+        for kind in KINDS:
             bpy.utils.register_class(kind)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    for kind in reversed(CLASSES):
+    for kind in reversed(KINDS):
         if kind.is_registered:
             bpy.utils.unregister_class(kind)

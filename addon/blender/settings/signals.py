@@ -44,3 +44,6 @@ node_changed = Signal()
 
 range_changed = Signal()
 """The range of a cost map whose pixels keep their colour."""
+
+file_loaded = Signal()
+"""The open file, with its active scene; states of scenes of the former file are gone by then."""

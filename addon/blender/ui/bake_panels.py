@@ -107,5 +107,3 @@ CLASSES = (
     HALFSPACE_PT_bake_selected_to_active,
     HALFSPACE_PT_bake_output,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -99,5 +99,3 @@ class HALFSPACE_PT_compare(_ComparePanel, panels.EnginePanel, bpy.types.Panel):
 
 
 CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

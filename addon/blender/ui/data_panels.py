@@ -416,5 +416,3 @@ CLASSES = (
     HALFSPACE_PT_light_beam_shape,
     HALFSPACE_PT_light_nodes,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

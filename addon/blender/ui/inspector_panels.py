@@ -197,8 +197,8 @@ def range_and_cursor(layout: Any, scene: Any) -> None:
     """Each map's histogram with the ends of its range under it, the numbers under the cursor, and the files of the
     last cost map.
     """
-    kept = cost_maps.kept
-    if kept is None or kept.scene_uid != scene.session_uid:
+    kept = cost_maps.KEPT.of(scene)
+    if kept is None:
         layout.label(text="No cost map yet", icon="INFO")
         return
     # Each map has a range of its own.
@@ -234,15 +234,3 @@ CLASSES = (
     HALFSPACE_PT_view_levels,
     HALFSPACE_PT_image_maps,
 )
-
-
-def register() -> None:
-    """Register the panels."""
-    for panel in CLASSES:
-        bpy.utils.register_class(panel)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for panel in reversed(CLASSES):
-        bpy.utils.unregister_class(panel)

@@ -74,11 +74,4 @@ def _show(context: Any, text: Any, line: int) -> None:
     space.show_word_wrap, space.show_syntax_highlight = True, False  # it is prose
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(HALFSPACE_OT_manual)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(HALFSPACE_OT_manual)
+CLASSES = (HALFSPACE_OT_manual,)

@@ -272,14 +272,10 @@ CLASSES = (
 
 
 def register() -> None:
-    """Register the panels, and the line in the overlays popover."""
-    for panel in CLASSES:
-        bpy.utils.register_class(panel)
+    """Add the line in the overlays popover."""
     bpy.types.VIEW3D_PT_overlay.append(_popover)
 
 
 def unregister() -> None:
     """Undo `register`."""
     bpy.types.VIEW3D_PT_overlay.remove(_popover)
-    for panel in reversed(CLASSES):
-        bpy.utils.unregister_class(panel)

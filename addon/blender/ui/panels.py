@@ -377,7 +377,7 @@ class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
         if report.instances:
             wrapped(layout, report.instances[0].upper() + report.instances[1:], icon="INFO")
         tree = trees.last(context.scene)
-        if tree is not None and tree.number != report.tree and checking.last(tree) is not None:
+        if tree is not None and tree.number != report.tree and tree.check is not None:
             layout.label(text=f"The picture: {report.answers}", icon="INFO")
         answers(layout, tree, report.answers)
         for title, lines, icon in (
@@ -416,7 +416,7 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
     without a check.
     """
     layout.operator(checking.HALFSPACE_OT_check.bl_idname, icon="VIEWZOOM")
-    found = None if tree is None else checking.last(tree)
+    found = None if tree is None else tree.check
     if tree is None or found is None:
         if known or tree is not None:
             text = known or choice.NOT_COMPARED
@@ -458,5 +458,3 @@ CLASSES = (
     *COMPOSITOR,
     HALFSPACE_PT_statistics,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -142,5 +142,3 @@ CLASSES = (
     HALFSPACE_PT_object_light_group,
     HALFSPACE_PT_world_light_group,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -7,21 +7,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..base.background import Background
-from .session import Building, Session
+from .session import render_scene
 
 if TYPE_CHECKING:
-    from ..base.interface import Native
+    from ..base.interface import Native, RenderScene
     from ..scene.scene import Scene
+    from .session import Session
     from .stock import Stock
 
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A traceable scene. building: kept so that its structure lives and can be shared."""
+    """A traceable scene. session: kept so that its structure lives and can be shared with views of other scenes."""
 
     edit: int
     session: Session
-    building: Building
+    scene: RenderScene
 
 
 class Preparing:
@@ -36,32 +37,32 @@ class Preparing:
         self._native, self._stock, self._scene, self._limit, self._edit = native, stock, scene, limit, edit
         self._specs = specs
         self._joining: Background | None = None
-        self._sessions: list[Session] = []
-        self._building = self._begin()
+        self._scenes: list[RenderScene] = []
+        self._session = self._begin()
 
-    def _begin(self) -> Building:
+    def _begin(self) -> Session:
         return self._stock.take(self._native, self._scene.geometry, self._specs[0], memory_limit=self._limit)
 
     @property
     def progress(self) -> tuple[str, float]:
         """The configuration that is being built, and its progress, 0 to 1."""
-        return self._specs[0], self._building.progress
+        return self._specs[0], self._session.progress
 
     def advance(self) -> Ready | None:
         """The scene that became ready since the last call, or None. Raises the native module's exceptions."""
         if self._joining is None:
-            if not self._building.wait(0):
+            if not self._session.wait(0):
                 return None
-            structure, sessions = self._building.result(), self._sessions
-            native, scene = self._native, self._scene
+            native, structure, scene = self._native, self._session.structure, self._scene
             # Prepare the scene on another thread, as an iterator of one step.
-            self._joining = Background((Session.over(native, scene, structure) for _ in range(1)), sessions.append)
+            step = (render_scene(native, structure, scene) for _ in range(1))
+            self._joining = Background(step, self._scenes.append)
         if not self._joining.wait(0):
             return None
-        ready = Ready(self._edit, self._sessions.pop(), self._building)
+        ready = Ready(self._edit, self._session, self._scenes.pop())
         self._joining = None
         self._specs = self._specs[1:]
         self.shown, self.ended = True, not self._specs
         if self._specs:
-            self._building = self._begin()
+            self._session = self._begin()
         return ready

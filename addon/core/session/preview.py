@@ -22,6 +22,7 @@ from ..structures.specs import structure_of
 from . import refits
 from .cleaning import Cleaning, Noisy
 from .preparing import Preparing, Ready
+from .session import render
 
 if TYPE_CHECKING:
     from ..base.arrays import F32
@@ -219,10 +220,10 @@ class Preview:
         """What was done with the structure when the scene last changed: "refitted", or "rebuilt" with the reason; "" if
         it is the first of its triangles, or if structures of its kind are built again after each change.
         """
-        building = None if self._ready is None else self._ready.building
-        if building is None or not building.done or not refits.can_fit(self._native, building.spec):
+        session = None if self._ready is None else self._ready.session
+        if session is None or not session.done or not refits.can_fit(self._native, session.spec):
             return ""
-        return building.done
+        return session.done
 
     def advance(self) -> bool:
         """Start and finish work without blocking. Returns whether there is something new to show."""
@@ -374,7 +375,7 @@ class Preview:
             samples=1 if coarse else self._settings.samples,
             passes=passes,
         )
-        native = ready.session.render(view.camera, settings)
+        native = render(self._native, ready.scene, view.camera, settings)
         self._job = _Job(native, view, settings, scale, what, first, time.monotonic())
 
     def _drop(self) -> None:

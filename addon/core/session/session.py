@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import re
 import threading
+import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from contextlib import suppress
+from dataclasses import asdict, fields
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from ..scene.instances import InstancedGeometry
@@ -39,71 +42,17 @@ class RenderError(RuntimeError):
     """The native renderer failed. The message is its own."""
 
 
-class _Work:
-    """The work of a build's thread and its results. It holds no reference to its waiter, which may thus be freed."""
-
-    def __init__(
-        self, native: Native, spec: str, threads: int, memory_limit: int | None, followed: Followed | None
-    ) -> None:
-        self.structure: AnyStructure | None = None
-        self.error: BaseException | None = None
-        self.meshes: list[Structure] = []
-        self.meshes_built = 0
-        self.cancelled = False
-        self.monitor = native.Monitor()
-        self.part = (0.0, 1.0)
-        self.done: list[str] = []
-        self._followed = followed
-        self._native, self._spec = native, spec
-        self._options: BuildOptions = {"threads": threads, "memory_limit": memory_limit}
-
-    def run(self, geometry: AnyGeometry, trees: Trees) -> None:
-        """Build the structure, or those of all meshes and the tree over instances. Any exception is kept in `error`."""
-        try:
-            if isinstance(geometry, InstancedGeometry):
-                self.meshes, self.meshes_built = trees.of(geometry, self._spec, self._build)
-                self.structure = self._native.build_instances(
-                    self.meshes, geometry.mesh, geometry.matrices, monitor=self.monitor, **self._options
-                )
-            else:
-                self.structure = self._build(geometry, 0.0, 1.0)
-        except BaseException as error:
-            self.error = error
-
-    def cancel(self) -> None:
-        """Request the end of the work without waiting for it."""
-        self.cancelled = True
-        self.monitor.cancel()
-
-    def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Structure:
-        """Build one structure. before, share: progress at its start, and its part of the whole, both 0 to 1."""
-        if before > 0:
-            self.monitor = self._native.Monitor()
-        self.part = (before, share)
-        if self.cancelled:  # cancelled before this build or between two meshes
-            self.monitor.cancel()
-        # Fit the structure of the same triangles at other places, where one is in use.
-        shape = b"" if self._followed is None else refits.topology(triangles)
-        old = None if self._followed is None else self._followed.find(shape, self._spec)
-        structure = None
-        if old is not None:
-            structure, done = refits.fitted(self._native, old, triangles, self._options["threads"], self.monitor)
-            self.done.append(done)
-        if structure is None:
-            structure = self._native.build(
-                triangles.vertices, triangles.triangles, self._spec, monitor=self.monitor, **self._options
-            )
-        if self._followed is not None:
-            self._followed.keep(shape, self._spec, structure)
-        return structure
-
-
-class Building:
-    """A structure that is being built on its own thread.
+class Session:
+    """A structure that is built on its own thread, and the scene around it in the native renderer's form.
 
     For instances it is one structure per mesh, reused where known, and a tree over the instances. Deleting this object
-    cancels the work, so every user of the structure keeps a reference.
+    cancels the build, so every user of the structure keeps a reference.
+
+    meshes: the structures of the meshes; keeping them lets the next build reuse them. meshes_built: number of those
+    that were built anew. render_scene: made by `show`.
     """
+
+    render_scene: RenderScene
 
     def __init__(
         self,
@@ -111,99 +60,170 @@ class Building:
         geometry: AnyGeometry,
         spec: str,
         *,
-        threads: int = 0,
-        memory_limit: int | None = None,
         trees: Trees = TREES,
         followed: Followed | None = None,
+        structure: AnyStructure | None = None,
+        **options: Unpack[BuildOptions],
     ) -> None:
-        """Start to build `spec` over these triangles; 0 threads means one per core.
+        """Start to build `spec` over these triangles.
 
-        memory_limit: bytes that the build may use; None for the native module's limit. trees: cache of the meshes'
-        structures. followed: structures in use, which are fitted instead where only vertices moved; None = none are.
+        trees: cache of the meshes' structures. followed: structures in use, which are fitted instead where only
+        vertices moved; None = none are. structure: a finished one, which is used in place of a build.
         """
-        self.geometry = geometry
-        self.spec = spec
-        self.memory_limit = memory_limit
-        self._work = work = _Work(native, spec, threads, memory_limit, followed)
-        # Not a method of this class: the thread must not keep this object alive.
-        self._thread = threading.Thread(target=work.run, args=(geometry, trees), name="halfspace-build", daemon=True)
-        self._thread.start()
+        self.native, self.geometry, self.spec = native, geometry, spec
+        self.memory_limit = options.get("memory_limit")
+        self.meshes: list[Structure] = []
+        self.meshes_built = 0
+        self._structure = structure
+        self._error: BaseException | None = None
+        self._cancelled = False
+        self._monitor = native.Monitor()
+        self._part = (0.0, 1.0)
+        self._done: list[str] = []
+        self._followed = followed
+        self._options: BuildOptions = {"threads": options.get("threads", 0), "memory_limit": self.memory_limit}
+        # Run on a proxy, which does not keep this object alive.
+        work = (weakref.proxy(self), geometry, trees)
+        self._thread = threading.Thread(target=Session._run, args=work, name="halfspace-build", daemon=True)
+        if structure is None:
+            self._thread.start()
 
     def __del__(self) -> None:
         if hasattr(self, "_thread"):  # the constructor failed before the thread began
-            self._work.cancel()
+            self._stop()
+
+    @classmethod
+    def start(
+        cls,
+        native: Native,
+        scene: Scene,
+        spec: str,
+        *,
+        trees: Trees = TREES,
+        followed: Followed | None = None,
+        keep_going: KeepGoing,
+        **options: Unpack[BuildOptions],
+    ) -> Session:
+        """Build the structure to the end, calling `keep_going` meanwhile, and pass on materials, lights and world.
+
+        Raises Cancelled, or as `show` does.
+        """
+        session = cls(native, scene.geometry, spec, trees=trees, followed=followed, **options)
+        try:
+            while not session.wait(POLL_SECONDS):
+                if not keep_going(session.progress):
+                    raise Cancelled
+        except BaseException:  # also KeyboardInterrupt
+            session.cancel()
+            raise
+        session.show(scene)
+        return session
+
+    def show(self, scene: Scene) -> None:
+        """Put a scene of the same triangles around the structure, after waiting for it. Raises as `structure` and
+        `render_scene` do.
+        """
+        self.render_scene = render_scene(self.native, self.structure, scene)
 
     @property
     def progress(self) -> float:
         """0 to 1."""
-        before, share = self._work.part
-        return before + share * float(self._work.monitor.progress)
-
-    @property
-    def meshes(self) -> list[Structure]:
-        """The structures of the meshes of instances; keeping them lets the next build reuse them."""
-        return self._work.meshes
-
-    @property
-    def meshes_built(self) -> int:
-        """The number of those structures that were built anew."""
-        return self._work.meshes_built
+        before, share = self._part
+        return before + share * float(self._monitor.progress)
 
     @property
     def done(self) -> str:
-        """What became of structures of the same triangles at other places: "refitted", or "rebuilt" with the reason; ""
-        if there were none.
+        """How structures of the same triangles at other places were reused: "refitted", or "rebuilt" with the reason;
+        "" if there were none.
         """
-        return ", ".join(dict.fromkeys(self._work.done))
+        return ", ".join(dict.fromkeys(self._done))
 
     @property
     def usable(self) -> bool:
         """Whether the structure exists or is being built: neither failed nor cancelled."""
-        return self._work.error is None and not self._work.cancelled
+        return self._error is None and not self._cancelled
 
-    def wait(self, seconds: float) -> bool:
-        """Wait at most `seconds` for the end. Returns whether the work has ended."""
-        self._thread.join(seconds)
+    @property
+    def structure(self) -> AnyStructure:
+        """The structure, after waiting for the end of its build. Raises the native module's exception."""
+        self.wait()
+        if self._error is not None:
+            raise self._error
+        assert self._structure is not None, "the build has ended without an error"
+        return self._structure
+
+    @property
+    def left_out(self) -> list[str]:
+        """Features that are not computed because this scene lacks them, one reason per line."""
+        return list(self.render_scene.left_out)
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait for the end of the build, at most `seconds`. Returns whether it has ended."""
+        if self._thread.is_alive():
+            self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def cancel(self) -> None:
-        """Cancel the work and wait for its end, which the native module reaches within a tenth of a second."""
-        self._work.cancel()
-        self._thread.join()
+        """Cancel the build and wait for its end, which the native module reaches within a tenth of a second."""
+        self._stop()
+        self.wait()
 
-    def result(self) -> AnyStructure:
-        """The structure, after waiting for the end. Raises the native module's exception."""
-        self._thread.join()
-        if self._work.error is not None:
-            raise self._work.error
-        assert self._work.structure is not None, "the thread has ended without an error"
-        return self._work.structure
+    def render(
+        self,
+        camera: Camera,
+        settings: RenderSettings,
+        times: Sequence[Session] = (),
+        points: Mapping[str, Any] | None = None,
+    ) -> RenderJob:
+        """Start a native job for one picture and return it at once.
 
+        times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it stands
+        still. points: of surfaces that the pixels show in place of what the camera sees, as the native module takes
+        them.
+        """
+        scenes = [session.render_scene for session in times] or self.render_scene
+        return render(self.native, scenes, camera, settings, points)
 
-def build(
-    native: Native,
-    geometry: AnyGeometry,
-    spec: str,
-    *,
-    trees: Trees = TREES,
-    followed: Followed | None = None,
-    keep_going: KeepGoing,
-    **options: Unpack[BuildOptions],
-) -> Building:
-    """Build the native structure `spec` over these triangles to the end, calling `keep_going` meanwhile.
+    def _stop(self) -> None:
+        self._cancelled = True
+        self._monitor.cancel()
 
-    Raises Cancelled, or the native module's exceptions.
-    """
-    building = Building(native, geometry, spec, trees=trees, followed=followed, **options)
-    try:
-        while not building.wait(POLL_SECONDS):
-            if not keep_going(building.progress):
-                raise Cancelled
-    except BaseException:  # also KeyboardInterrupt
-        building.cancel()
-        raise
-    building.result()
-    return building
+    def _run(self, geometry: AnyGeometry, trees: Trees) -> None:
+        """Build the structure, or those of all meshes and the tree over instances. Any exception is kept."""
+        build = partial(Session._build, self)  # a method of the proxy would be one of the session
+        try:
+            if isinstance(geometry, InstancedGeometry):
+                self.meshes, self.meshes_built = trees.of(geometry, self.spec, build)
+                self._structure = self.native.build_instances(
+                    self.meshes, geometry.mesh, geometry.matrices, monitor=self._monitor, **self._options
+                )
+            else:
+                self._structure = build(geometry, 0.0, 1.0)
+        except BaseException as error:
+            with suppress(ReferenceError):  # the session was deleted meanwhile
+                self._error = error
+
+    def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Structure:
+        """Build one structure. before, share: progress at its start, and its part of the whole, both 0 to 1."""
+        if before > 0:
+            self._monitor = self.native.Monitor()
+        self._part = (before, share)
+        if self._cancelled:  # cancelled before this build or between two meshes
+            self._monitor.cancel()
+        # Fit the structure of the same triangles at other places, where one is in use.
+        shape = b"" if self._followed is None else refits.topology(triangles)
+        old = None if self._followed is None else self._followed.find(shape, self.spec)
+        structure = None
+        if old is not None:
+            structure, done = refits.fitted(self.native, old, triangles, self._options["threads"], self._monitor)
+            self._done.append(done)
+        if structure is None:
+            structure = self.native.build(
+                triangles.vertices, triangles.triangles, self.spec, monitor=self._monitor, **self._options
+            )
+        if self._followed is not None:
+            self._followed.keep(shape, self.spec, structure)
+        return structure
 
 
 def asdict_shallow(item: Any) -> dict[str, Any]:
@@ -276,57 +296,15 @@ def render_scene(native: Native, structure: AnyStructure, scene: Scene) -> Rende
         raise type(error)(f"{name}: {error}") from error
 
 
-@dataclass(frozen=True)
-class Session:
-    """A structure, and the scene around it in the native renderer's form."""
-
-    native: Native
-    structure: AnyStructure
-    render_scene: RenderScene
-    building: Building | None = None
-    """The structure's build, if the session made it."""
-
-    @classmethod
-    def start(
-        cls,
-        native: Native,
-        scene: Scene,
-        spec: str,
-        *,
-        trees: Trees = TREES,
-        followed: Followed | None = None,
-        keep_going: KeepGoing,
-        **options: Unpack[BuildOptions],
-    ) -> Session:
-        """Build the structure and pass on materials, lights and world. Raises as `build` does."""
-        building = build(native, scene.geometry, spec, trees=trees, followed=followed, keep_going=keep_going, **options)
-        return replace(cls.over(native, scene, building.result()), building=building)
-
-    @classmethod
-    def over(cls, native: Native, scene: Scene, structure: AnyStructure) -> Session:
-        """A session over a finished structure of this scene."""
-        return cls(native, structure, render_scene(native, structure, scene))
-
-    @property
-    def left_out(self) -> list[str]:
-        """Features that are not computed because this scene lacks them, one reason per line."""
-        return list(self.render_scene.left_out)
-
-    def render(
-        self,
-        camera: Camera,
-        settings: RenderSettings,
-        times: Sequence[Session] = (),
-        points: Mapping[str, Any] | None = None,
-    ) -> RenderJob:
-        """Start a native job for one picture and return it at once.
-
-        times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it stands
-        still. points: of surfaces that the pixels show in place of what the camera sees, as the native module takes
-        them.
-        """
-        scenes = [session.render_scene for session in times] or self.render_scene
-        return self.native.render(scenes, camera.as_dict(), settings.as_dict(), threads=settings.threads, points=points)
+def render(
+    native: Native,
+    scenes: RenderScene | list[RenderScene],
+    camera: Camera,
+    settings: RenderSettings,
+    points: Mapping[str, Any] | None = None,
+) -> RenderJob:
+    """Start a native job for one picture, see `Session.render`."""
+    return native.render(scenes, camera.as_dict(), settings.as_dict(), threads=settings.threads, points=points)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Unpack
 from ..base.equality import same
 from ..scene.instances import InstancedGeometry
 from .refits import FOLLOWED, Followed
-from .session import Building
+from .session import Session
 
 if TYPE_CHECKING:
     from ..base.interface import BuildOptions, Native
@@ -26,23 +26,23 @@ class Stock:
     def __init__(self, followed: Followed | None = None) -> None:
         """followed: structures that are fitted where only vertices moved; None = those of this stock."""
         self._followed = Followed() if followed is None else followed
-        self._buildings: weakref.WeakSet[Building] = weakref.WeakSet()
+        self._sessions: weakref.WeakSet[Session] = weakref.WeakSet()
 
-    def find(self, geometry: AnyGeometry, spec: str, memory_limit: int | None = None) -> Building | None:
+    def find(self, geometry: AnyGeometry, spec: str, memory_limit: int | None = None) -> Session | None:
         """A running or finished build of `spec` over exactly these triangles, or None."""
-        for building in tuple(self._buildings):
-            alike = building.spec == spec and building.memory_limit == memory_limit and building.usable
-            if alike and _same_triangles(building.geometry, geometry):
-                return building
+        for session in tuple(self._sessions):
+            alike = session.spec == spec and session.memory_limit == memory_limit and session.usable
+            if alike and _same_triangles(session.geometry, geometry):
+                return session
         return None
 
-    def take(self, native: Native, geometry: AnyGeometry, spec: str, **options: Unpack[BuildOptions]) -> Building:
-        """The build that `find` returns, or a new one, which is started. options: of `Building`."""
-        building = self.find(geometry, spec, options.get("memory_limit"))
-        if building is None:
-            building = Building(native, geometry, spec, followed=self._followed, **options)
-            self._buildings.add(building)
-        return building
+    def take(self, native: Native, geometry: AnyGeometry, spec: str, **options: Unpack[BuildOptions]) -> Session:
+        """The build that `find` returns, or a new one, which is started. options: of `Session`."""
+        session = self.find(geometry, spec, options.get("memory_limit"))
+        if session is None:
+            session = Session(native, geometry, spec, followed=self._followed, **options)
+            self._sessions.add(session)
+        return session
 
 
 def _same_triangles(old: AnyGeometry, new: AnyGeometry) -> bool:

@@ -38,6 +38,13 @@ def seen(scene: Any, add: Any) -> Any:
     return scene
 
 
+def maps_of(scene: Any) -> cost_maps.Kept:
+    """The maps of the picture, which shows this scene."""
+    kept = cost_maps.KEPT.of(scene)
+    assert kept is not None
+    return kept
+
+
 def paint(canvas: Any, scene: Any) -> None:
     with canvas.bind():
         drawing.paint(scene, (WIDTH, HEIGHT))
@@ -225,11 +232,8 @@ def test_everything_is_written(seen: Any, tmp_path: Path, what: str) -> None:
     def export() -> Any:
         return bpy.ops.halfspace.export_inspector(filepath=str(path), what=what)
 
-    monkey = pytest.MonkeyPatch()
-    monkey.setattr(cost_maps, "kept", None)
     with pytest.raises(RuntimeError, match="first"):
         export()
-    monkey.undo()
     tree = build(seen, "kd")
     if what == "STEPS":
         with pytest.raises(RuntimeError, match="Pick a ray first"):
@@ -240,8 +244,7 @@ def test_everything_is_written(seen: Any, tmp_path: Path, what: str) -> None:
         assert bpy.ops.halfspace.cost_map(width=64) == {"FINISHED"}
     assert export() == {"FINISHED"}
     if what == "PICTURE":
-        assert cost_maps.kept is not None
-        wanted = cost_maps.kept.picture(seen)
+        wanted = maps_of(seen).picture(seen)
         assert np.abs(pictures.load(path)[..., :3] - wanted).max() < 0.01
         return
     rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
@@ -303,8 +306,7 @@ def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
     group.structure, group.second, group.cost = "kd", "bvh-sah", "TESTS"
     build(seen, "kd")
     bpy.ops.halfspace.cost_map(width=64)
-    kept = cost_maps.kept
-    assert kept is not None
+    kept = maps_of(seen)
     assert len(kept.maps) == 2
     row, column = np.unravel_index(int(kept.maps[0][1].argmax()), kept.maps[0][1].shape)
     assert bpy.ops.halfspace.map_cursor(column=int(column), row=int(row)) == {"FINISHED"}
@@ -335,8 +337,7 @@ def test_a_range_takes_colour_from_the_other_pixels(seen: Any) -> None:
     seen.halfspace.cost = "TESTS"
     build(seen, "kd")
     bpy.ops.halfspace.cost_map(width=64)
-    image, kept = bpy.data.images[cost_maps.IMAGE], cost_maps.kept
-    assert kept is not None
+    image, kept = bpy.data.images[cost_maps.IMAGE], maps_of(seen)
     before = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(before)
     (own,) = kept.ranges(seen)
@@ -362,20 +363,18 @@ def test_each_map_keeps_a_range_of_its_own(seen: Any) -> None:
     def show(cost: str) -> list[Any]:
         group.cost = cost
         bpy.ops.halfspace.cost_map(width=64)
-        assert cost_maps.kept is not None
-        return cost_maps.kept.ranges(seen)
+        return maps_of(seen).ranges(seen)
 
     def grey(place: int) -> float:
         """The share of a map's pixels without colour."""
-        assert cost_maps.kept is not None
         x = map_pictures.left(place, 64)
-        drawn = cost_maps.kept.picture(seen)[map_pictures.foot() :][:32, x : x + 64]
+        drawn = maps_of(seen).picture(seen)[map_pictures.foot() :][:32, x : x + 64]
         return float((np.ptp(drawn, axis=2) < 0.01).mean())
 
     first, second = show("TESTS")
     first.low, second.high = 100.0, 0.0
     assert grey(0) > 0.9
-    values = cost_maps.kept.maps[1][1] if cost_maps.kept is not None else np.zeros(0)
+    values = maps_of(seen).maps[1][1]
     assert grey(1) == pytest.approx(float((values > 0).mean()))
     # Maps of another quantity have whole ranges, and these stay as they were.
     assert [(one.low, one.high) for one in show("STEPS")] == [(0, 100), (0, 100)]
@@ -383,7 +382,7 @@ def test_each_map_keeps_a_range_of_its_own(seen: Any) -> None:
     assert [(one.low, one.high) for one in show("TESTS")] == [(100, 100), (0, 0)]
     # The panel has one pair of ends for each map; undone beyond the first map there are none, and no pixel is grey.
     panel = inspector_panels.HALFSPACE_PT_image_maps
-    labels = [title for title, _ in cost_maps.kept.maps] if cost_maps.kept is not None else []
+    labels = [title for title, _ in maps_of(seen).maps]
     assert set(labels) <= set(draw(panel, scene=seen))
     group.inspector.ranges.clear()
     assert grey(0) == grey(1) == 0
@@ -399,8 +398,7 @@ def test_undo_draws_the_range_again(seen: Any, monkeypatch: pytest.MonkeyPatch) 
     # Undo changes a setting without its callback.
     with monkeypatch.context() as patch:
         patch.setattr(signals.range_changed, "_listeners", [])
-        assert cost_maps.kept is not None
-        cost_maps.kept.ranges(seen)[0].low = 50.0
+        maps_of(seen).ranges(seen)[0].low = 50.0
     for handler in bpy.app.handlers.undo_post:
         handler(seen)
     image.pixels.foreach_get(after)
@@ -417,8 +415,7 @@ def test_a_cancelled_cursor_shows_the_ray_of_before(seen: Any) -> None:
     ended = operator._cancel(SimpleNamespace(_before=before), SimpleNamespace(scene=seen, window=window))
     assert ended == {"CANCELLED"}
     assert picking.last(seen) == before
-    assert cost_maps.kept is not None
-    assert cost_maps.kept.cursor is None
+    assert maps_of(seen).cursor is None
 
 
 def test_depths_are_chosen_until_they_are_set(seen: Any, canvas: Any) -> None:

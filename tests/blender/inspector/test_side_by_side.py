@@ -94,7 +94,7 @@ def test_a_picked_ray_is_followed_through_both(seen: Any, canvas: Any) -> None:
     # A new first structure needs a new second one.
     build(seen, "bvh-sah")
     assert second.known(seen) is None
-    assert not second._known
+    assert not second.SECOND.all()
 
 
 def test_levels_of_both_stand_side_by_side(seen: Any) -> None:
@@ -173,18 +173,18 @@ def test_histograms_stand_over_the_sliders(seen: Any) -> None:
     build(seen, "kd")
     bpy.ops.halfspace.cost_map(width=64)
     draw(inspector_panels.HALFSPACE_PT_image_maps, scene=seen)
-    assert cost_maps.kept is not None
+    (kept,) = cost_maps.KEPT.all()
     icons = histogram_icons._icons
     side = histogram_icons.SIDE
     before = np.empty((side, side, 4), np.float32)
-    for number, (_, values) in enumerate(cost_maps.kept.maps):
+    for number, (_, values) in enumerate(kept.maps):
         icons[f"map {number}"].image_pixels_float.foreach_get(before.reshape(-1))
         # The fullest bin reaches to the top.
         shares = (before[..., :3].max(axis=2) > 0.15).mean(axis=0)
-        end = cost_maps.costmap.scale_end([one for _, one in cost_maps.kept.maps])
+        end = cost_maps.costmap.scale_end([one for _, one in kept.maps])
         fullest = np.bincount(np.clip((values.ravel() / end * 64).astype(int), 0, 63), minlength=64).argmax()
         assert int(shares[1:-1].argmax() + 1) // (side // 64) == fullest
-    ranges = cost_maps.kept.ranges(seen)
+    ranges = kept.ranges(seen)
     ranges[1].low = 50.0
     draw(inspector_panels.HALFSPACE_PT_image_maps, scene=seen)
     after_range = np.empty((side, side, 4), np.float32)

@@ -22,7 +22,7 @@ class HALFSPACE_PT_old(EnginePanel, bpy.types.Panel):
         """Draw nothing."""
 
 
-register, unregister = bpy.utils.register_classes_factory((*CLASSES, HALFSPACE_PT_old))
+CLASSES = (*CLASSES, HALFSPACE_PT_old)
 '''
 
 OLD = {

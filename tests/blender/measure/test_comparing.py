@@ -42,7 +42,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(comparing, "REPEATS", 1)
     yield
     comparing.stop(10.0)
-    comparing.clear()
 
 
 def test_ticked_structures_and_the_chosen_one_are_compared(
@@ -159,7 +158,7 @@ def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
     line = choice.Line("kd", 1.0, 2.0)
     found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), ["kd"], comparing.COMPARE)
     assert any("3.00 s; answers not compared" in told for told in compare_files.words(found))
-    comparing._found[seen.session_uid] = found
+    comparing.FOUND.keep(seen, found)
     for panel in compare_panels.CLASSES:
         assert "Answers not compared" in draw_all(panel, scene=seen).log
 
@@ -300,7 +299,7 @@ def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
     bpy.data.scenes.remove(seen)
     assert until_it_ends(operator, kind, window.context) == {"CANCELLED"}
     assert operator.said == ["The measured scene was deleted"]
-    assert not comparing._found
+    assert not comparing.FOUND.all()
     assert not bpy.data.texts
 
 

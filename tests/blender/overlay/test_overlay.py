@@ -84,19 +84,22 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
 def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
     _, _, *view = show(canvas, scene, "kd")
-    uid = scene.session_uid, "PLANES", 0
-    first = overlay._drawings[uid]
+
+    def drawn() -> Any:
+        return (overlay.DRAWINGS.of(scene) or {})["PLANES", 0]
+
+    first = drawn()
     picture(canvas, scene, *view)
-    assert overlay._drawings[uid] is first
+    assert drawn() is first
     scene.halfspace.overlay.opacity = 0.5
     picture(canvas, scene, *view)
-    second = overlay._drawings[uid]
+    second = drawn()
     assert second is not first
     assert second.chosen is first.chosen
     build(scene, "kd")
     assert overlay.shown(scene) is None
     picture(canvas, scene, *view)
-    assert overlay._drawings[uid].tree != first.tree
+    assert drawn().tree != first.tree
 
 
 def test_objects_hide_planes_as_far_as_wished(scene: Any, add: Any, canvas: Any) -> None:
@@ -127,7 +130,7 @@ def test_nothing_is_drawn_and_nothing_kept_when_switched_off(scene: Any, add: An
     assert drawn.any()
     scene.halfspace.overlay.show = False
     assert not picture(canvas, scene, *view).any()
-    assert not overlay._drawings
+    assert not overlay.DRAWINGS.all()
 
 
 def test_handlers_come_and_go_with_the_wish(scene: Any) -> None:

@@ -243,7 +243,7 @@ def run_builds() -> None:
     building._Background.wished_at = -1e9
     while building._tick() is not None:
         if building._Background.job is not None:
-            building._Background.job._building.wait(300)
+            building._Background.job._session.wait(300)
 
 
 def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add: Any) -> None:

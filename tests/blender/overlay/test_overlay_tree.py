@@ -59,7 +59,7 @@ def run_ticks() -> int:
         if building._tick() is None:
             return count
         if building._Background.job is not None:
-            building._Background.job._building.wait(300)
+            building._Background.job._session.wait(300)
     pytest.fail("the build never ends")
 
 

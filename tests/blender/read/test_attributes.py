@@ -134,7 +134,7 @@ def test_the_advice_is_about_what_does_not_fit(
     box: Any, monkeypatch: pytest.MonkeyPatch, most: int, free: int, advice: str
 ) -> None:
     keys = [("uv", "")]
-    placement = meshes.Placement(meshes.read_mesh(box, layers=keys), np.eye(4)[None], ("Box",), np.zeros(1, np.int32))
+    placement = meshes.Placement(meshes.read_mesh(box, layers=keys), np.zeros(1, np.int32), ["Box"], np.eye(4)[None])
     monkeypatch.setattr(meshes, "MOST_TRIANGLES", most)
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: free)
     with pytest.raises(SceneError, match=f"12 triangles, .* do not fit; {advice}$"):
@@ -153,7 +153,7 @@ def test_tangents_stay_in_the_space_of_their_mesh_within_the_memory_that_is_coun
     )
     matrices = np.tile(np.eye(4), (places, 1, 1))
     matrices[:, :3, :3] = random.standard_normal((places, 3, 3))
-    placement = meshes.Placement(mesh, matrices, ("Mesh",) * places, np.zeros(1, np.int32))
+    placement = meshes.Placement(mesh, np.zeros(1, np.int32), ["Mesh"] * places, matrices)
     tracemalloc.start()
     try:
         (layer,) = layers.assemble_layers([placement], [KEY], triangles * places)

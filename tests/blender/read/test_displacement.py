@@ -150,7 +150,7 @@ def test_bump_changes_the_normal_alone(add: Any) -> None:
     read, notes = found()
     assert not notes
     assert np.allclose(read.placements[0].mesh.positions[:, 2], 0)
-    material = next(m for m in read.materials if m.name == "Displaced")
+    material = next(m for m in read.scene.materials if m.name == "Displaced")
     assert [step["op"] for step in material.program].count("bump") == 1
     assert all(isinstance(closure.normal, int) for closure in material.closures)
 

@@ -235,7 +235,7 @@ def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
 def test_subsurface_scattering_keeps_its_method_and_lets_objects_be_told_apart() -> None:
     block = material("Skin", Subsurface_Weight=0.5)
     palette = Palette(Notes(), [block])
-    assert palette.layers.media
+    assert palette.layers.apart
     shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
     older = "RANDOM_WALK_LEGACY" not in shader.bl_rna.properties["subsurface_method"].enum_items
     for method, expected in (

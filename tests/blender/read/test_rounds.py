@@ -53,7 +53,7 @@ def test_hair_curves_are_tubes_of_their_material(add: Any) -> None:
     assert len(read.made) == 1
     assert f"7 hairs as {geometry.count:,} triangles" in read.made[0]
     assert geometry.count >= 7 * 4 * 2 * tubes.FEWEST_SIDES
-    assert {read.materials[i].name for i in geometry.material_index} == {"Brown"}
+    assert {read.scene.materials[i].name for i in geometry.material_index} == {"Brown"}
     corners = geometry.vertices + geometry.origin
     ends = locks(7)[:, [0, -1]].reshape(-1, 3) + np.array((1, 2, 3))
     nearest = np.linalg.norm(corners[:, None] - ends, axis=2).min(axis=0)
@@ -80,7 +80,7 @@ def test_particle_hair_has_parents_or_children_and_their_radii(add: Any, scene: 
     read = found()[0]
     assert "Head: 10 hairs" in read.made[0]
     strands = read.placements[-1]
-    assert read.materials[strands.materials[0]].name == "Fur"
+    assert read.scene.materials[strands.materials[0]].name == "Fur"
     root = strands.mesh.positions[strands.mesh.positions[:, 2] == 0]
     assert np.allclose(strands.mesh.positions[:, 2].max(), 0.5, atol=0.02)
     # Each root's polygon has the radius 1 * 0.1 / 2, widened to the breadth of a circle.
@@ -98,7 +98,7 @@ def test_hair_of_hidden_emitters_is_rendered(add: Any) -> None:
     fur(item, 10)
     item.show_instancer_for_viewport = False
     read = found()[0]
-    assert [placement.names for placement in read.placements] == [("Head",)]
+    assert [placement.names for placement in read.placements] == [["Head"]]
     assert read.made
     item.particle_systems[0].settings.render_type = "NONE"
     assert not found()[0].made
@@ -145,7 +145,7 @@ def test_instances_share_one_mesh(add: Any, scene: Any) -> None:
         add(f"Curls {i}", curves, location=(6 * i, 0, 0), scale=(1, 1, -1))
     read = found()[0]
     (only,) = read.placements
-    assert only.names == ("Curls 0", "Curls 1", "Curls 2")
+    assert only.names == ["Curls 0", "Curls 1", "Curls 2"]
     assert read.instanced().geometry.size * 3 == read.flattened().geometry.count
 
 

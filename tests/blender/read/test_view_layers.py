@@ -10,8 +10,10 @@ import pytest
 from exr_files import exr
 from shapes import cube, material, node, read, with_nodes
 
-from addon.blender.read import view_layers
+from addon.blender.read import visibility
+from addon.blender.read.linking import Linking
 from addon.blender.session import reports
+from addon.core.base.notes import Notes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -158,18 +160,22 @@ def test_collections_come_in_their_order(scene: Any) -> None:
             outer.children.link(bpy.data.collections.new(f"{name}{i}"))
     first = bpy.context.view_layer.layer_collection
     first.children["B"].children["B0"].exclude = True
-    assert [one.name for one in view_layers._collections(first)][1:] == ["A", "A0", "A1", "B", "B1"]
+    assert [one.name for one in visibility._collections(first)][1:] == ["A", "A0", "A1", "B", "B1"]
 
 
 def test_collections_may_lie_within_each_other_more_deeply_than_calls(scene: Any) -> None:
+    def marked() -> bool:
+        linking = Linking(bpy.context.evaluated_depsgraph_get(), Notes())
+        return visibility.Visibility(bpy.context.view_layer, linking)._marked
+
     inner = scene.collection
     for _ in range(1100):
         new = bpy.data.collections.new("Within")
         inner.children.link(new)
         inner = new
-    assert not view_layers.Marks(bpy.context.view_layer)._any
+    assert not marked()
     last = bpy.context.view_layer.layer_collection
     while last.children:
         (last,) = last.children
     last.holdout = True
-    assert view_layers.Marks(bpy.context.view_layer)._any
+    assert marked()

@@ -233,9 +233,9 @@ def test_a_picture_larger_than_memory_is_refused_before_the_scene_is_read(
 
 def test_the_tree_of_the_last_picture_is_freed_before_the_next(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     bpy.ops.render.render()
-    assert trees._tree is not None
+    assert trees.TREE.all()
     monkeypatch.setattr(room, "SMALL", 0)
-    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 1 << 30 if trees._tree is None else 0)
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 0 if trees.TREE.all() else 1 << 30)
     bpy.ops.render.render()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shapes import cube
 
-from addon.blender.measure import checking, cost_maps, map_pictures, workloads
+from addon.blender.measure import cost_maps, map_pictures, workloads
 from addon.blender.session import trees
 from addon.blender.ui import overlay_panels
 from addon.core.base import native
@@ -68,7 +68,7 @@ def test_an_edit_while_nothing_is_shown_is_noticed_before_measuring(seen: Any) -
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert before.stale
     assert kept(seen) is not before
-    found = checking.last(kept(seen))
+    found = kept(seen).check
     assert found is not None
     assert found.right
     # Once more, over the same triangles: nothing is built again.
@@ -86,7 +86,7 @@ def test_a_render_is_measured_over_its_own_triangles(seen: Any, change: Any, tri
     assert rendered.count == triangles
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert kept(seen) is rendered
-    found = checking.last(rendered)
+    found = rendered.check
     assert found is not None
     assert found.right
     assert whole.check_rays(seen).right
@@ -100,7 +100,7 @@ def test_only_another_frame_makes_an_animated_render_stale(seen: Any) -> None:
     seen.frame_set(10)
     assert rendered.stale
     assert bpy.ops.halfspace.check() == {"FINISHED"}
-    found = checking.last(kept(seen))
+    found = kept(seen).check
     assert found is not None
     assert found.right
 

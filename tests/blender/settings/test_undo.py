@@ -49,7 +49,6 @@ def test_what_an_operator_adds_to_the_file_is_a_step_of_its_own(
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert made() == []
     assert "Mark" in bpy.data.meshes
-    comparing.clear()
 
 
 class Picker:

@@ -78,8 +78,7 @@ def test_drawing_a_panel_neither_builds_nor_measures(
     def work(*_args: Any, **_kwargs: Any) -> None:
         pytest.fail("a panel does work")
 
-    only_read = SimpleNamespace(statistics=tree.structure.statistics, spec=tree.spec)
-    monkeypatch.setattr(trees, "_tree", dataclasses.replace(tree, structure=only_read, number=tree.number))
+    tree.structure = SimpleNamespace(statistics=tree.structure.statistics, spec=tree.spec)
     for module, name in ((extract, "find"), (building, "Job"), (native, "load")):
         monkeypatch.setattr(module, name, work)
     monkeypatch.setattr(native, "problem", lambda: None)
@@ -106,12 +105,12 @@ def test_a_structure_that_errs_is_shown_as_such(scene: Any, add: Any) -> None:
     bpy.ops.halfspace.check()
     tree = trees.last(scene)
     assert tree is not None
-    found = checking.last(tree)
+    found = tree.check
     assert found is not None
     assert found.right
     # Five that differ, of which two are right but for the last bit of their distance.
     wrong = dataclasses.replace(found.errors, false_miss=3, wrong=5)
-    checking._checks[tree.number] = dataclasses.replace(found, errors=wrong)
+    tree.check = dataclasses.replace(found, errors=wrong)
     assert checking.words(tree) == f"{found.errors.rays:,} answers compared, some WRONG"
     (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene) if "Built in" in line)
     assert built.endswith("some WRONG")

@@ -9,8 +9,9 @@ import bpy
 import pytest
 
 import addon
-from addon.blender.inspector import levels, worst
-from addon.blender.measure import checking, comparing, cost_maps
+from addon.blender import state
+from addon.blender.inspector import levels, second, worst
+from addon.blender.measure import comparing, cost_maps
 from addon.blender.overlay import drawing as overlay
 from addon.blender.overlay import picking, replaying
 from addon.blender.read import sky
@@ -45,13 +46,9 @@ def footprint() -> dict[str, object]:
         },
         "engines": engines_of_panels(),
         "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
-        "reports": dict(reports._last),
-        "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
-        "checks": dict(checking._checks),
-        "rays": (dict(picking._rays), dict(replaying._known)),
-        "inspector": (dict(worst._found), dict(levels._measured), cost_maps.kept),
-        "comparisons": (dict(comparing._found), comparing._state.work),
-        "drawing": (list(overlay._handles), dict(overlay._drawings)),
+        "states": [one.values for one in state._states.values()],
+        "work": comparing._state.work,
+        "drawing": list(overlay._handles),
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
         else 1,
@@ -71,11 +68,25 @@ def begin_a_view_and_a_sky() -> None:
     sky._kept["clear"] = sky.SkyError("not rendered")
 
 
-def inspect(some: Any) -> None:
-    """What the inspector keeps of a scene."""
-    key: Any = bpy.context.scene.session_uid
-    picking._rays[key], replaying._known[key] = some, some
-    worst._found[key], levels._measured[key], cost_maps.kept = some, some, some
+SLOTS: tuple[state.Slot[Any], ...] = (
+    trees.TREE,
+    reports.REPORT,
+    comparing.FOUND,
+    cost_maps.KEPT,
+    picking.RAY,
+    replaying.STEPS,
+    overlay.DRAWINGS,
+    second.SECOND,
+    second.PATHS,
+    worst.FOUND,
+    levels.MEASURED,
+)
+"""Everything that is kept of a scene."""
+
+
+def keep_everything() -> None:
+    for slot in SLOTS:
+        slot.keep(bpy.context.scene, object())
 
 
 HELD: list[viewport.Viewport] = []
@@ -96,21 +107,19 @@ def test_three_rounds_leave_nothing_behind() -> None:
             bpy.context.scene.halfspace.overlay.show = True
             assert footprint()["drawing"] != clean["drawing"]
             begin_a_view_and_a_sky()
-            inspect(object())
-            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies", "rays", "inspector"))
+            keep_everything()
+            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies", "states"))
             addon.unregister()
             assert footprint() == clean
     finally:
         addon.register()
 
 
-def test_another_file_frees_what_the_inspector_keeps(scene: object) -> None:
-    clean = footprint()
-    inspect(object())
+def test_another_file_frees_what_is_kept_of_scenes(scene: object) -> None:
+    keep_everything()
+    assert len([one for slot in SLOTS for one in slot.all()]) == len(SLOTS)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert {name: footprint()[name] for name in ("rays", "inspector")} == {
-        name: clean[name] for name in ("rays", "inspector")
-    }
+    assert not [one for slot in SLOTS for one in slot.all()]
 
 
 def test_panels_appear_and_unsupported_ones_do_not() -> None:

@@ -16,7 +16,7 @@ from addon.core.base import interrupt
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="a process cannot interrupt itself as from the keyboard")
 
-SCRIPTS = Path(__file__).resolve().parents[3] / "scripts"
+SCRIPT = str(Path(__file__).resolve().parents[3] / "scripts" / "halfspace.py")
 
 GUARDED = ("bench", "choose", "claims", "compare", "export", "growth", "render", "reported", "stability")
 """The commands that users run and that import more than Python's own modules."""
@@ -37,12 +37,11 @@ runpy.run_path({script!r}, run_name="__main__")
 """
 
 
-def interrupted(script: str, arguments: list[str], name: str) -> subprocess.CompletedProcess[str]:
-    """Run a script that is interrupted as it imports the named module."""
-    path = str(SCRIPTS / script)
+def interrupted(command: str, arguments: list[str], name: str) -> subprocess.CompletedProcess[str]:
+    """Run a command that is interrupted as it imports the named module."""
     # Without the folders that Blender adds where a test of this process has imported it: there, bpy is another module.
     paths = [folder for folder in sys.path if "bpy" not in Path(folder).parts]
-    program = PROGRAM.format(paths=paths, name=name, script=path, arguments=arguments)
+    program = PROGRAM.format(paths=paths, name=name, script=SCRIPT, arguments=[command, *arguments])
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=600, env=environment, check=False
@@ -51,7 +50,7 @@ def interrupted(script: str, arguments: list[str], name: str) -> subprocess.Comp
 
 @pytest.mark.parametrize("name", GUARDED)
 def test_an_interrupt_while_modules_are_imported(name: str, tmp_path: Path) -> None:
-    done = interrupted(f"{name}.py", ["--out", str(tmp_path)], "numpy")
+    done = interrupted(name, ["--out", str(tmp_path)], "numpy")
     assert (done.returncode, done.stderr) == (130, f"{name}: stopped\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -63,7 +62,7 @@ def test_an_interrupt_while_modules_are_imported(name: str, tmp_path: Path) -> N
 )
 def test_an_interrupt_while_blender_is_imported(name: str, arguments: list[str], module: str, tmp_path: Path) -> None:
     out = tmp_path / "out.png" if name == "render" else tmp_path
-    done = interrupted(f"{name}.py", [*arguments, "--out", str(out)], module)
+    done = interrupted(name, [*arguments, "--out", str(out)], module)
     assert (done.returncode, done.stderr) == (130, f"{name}: stopped\n")
     assert {path.name for path in tmp_path.iterdir()} <= {"rows.jsonl"}
 

@@ -14,7 +14,7 @@ import pytest
 from addon.core.scene.scene import Geometry
 from addon.core.session import refits
 from addon.core.session.refits import Followed
-from addon.core.session.session import Building, build
+from addon.core.session.session import Session
 from addon.core.session.stock import Stock
 from addon.core.structures.trees import Trees
 from addon.lab.motion import animations
@@ -28,8 +28,10 @@ def geometry(frame: int, scatter: float = 0.0, name: str = "wave") -> Geometry:
     return Geometry(vertices.astype(np.float32), mesh.triangles, np.zeros(count, np.int32), origin=np.zeros(3))
 
 
-def built(frame: Any, spec: str, followed: Followed | None) -> Building:
-    return build(native, frame, spec, trees=Trees(), followed=followed, keep_going=lambda _: True)
+def built(frame: Any, spec: str, followed: Followed | None) -> Session:
+    session = Session(native, frame, spec, trees=Trees(), followed=followed)
+    assert session.structure.spec == spec
+    return session
 
 
 @pytest.mark.parametrize("spec", ["bvh-sah", "bih", "bih-n"])
@@ -39,11 +41,11 @@ def test_moved_vertices_are_fitted(spec: str) -> None:
     assert first.done == ""
     later = built(geometry(1), spec, followed)
     assert later.done == refits.REFITTED
-    structure = later.result()
-    assert structure.spec == first.result().spec
+    structure = later.structure
+    assert structure.spec == first.structure.spec
     assert structure.statistics["refits"] == 1
     assert refits.duration(structure.statistics).startswith("Refitted")
-    assert refits.duration(first.result().statistics).startswith("Build")
+    assert refits.duration(first.structure.statistics).startswith("Build")
     # The answers are those of the moved triangles.
     now = geometry(1)
     down = np.tile(np.array([[0.0, 0.0, -1.0]], np.float32), (500, 1))
@@ -58,21 +60,21 @@ def test_a_tree_that_no_longer_fits_is_built_again() -> None:
     first = built(geometry(0), "bvh-sah", followed)
     scattered = built(geometry(0, scatter=2.0), "bvh-sah", followed)
     assert scattered.done == refits.TOO_DEAR
-    assert scattered.result().statistics["refits"] == 0
-    assert first.result().statistics["refits"] == 0
+    assert scattered.structure.statistics["refits"] == 0
+    assert first.structure.statistics["refits"] == 0
 
 
 def test_small_steps_are_compared_with_the_cost_of_the_build() -> None:
     followed = Followed()
     kept = [built(geometry(0), "bvh-sah", followed)]
-    before = kept[0].result().statistics["sah_cost"]
+    before = kept[0].structure.statistics["sah_cost"]
     costs = [before]
     # Scatter the vertices a little more each time, until the tree is built again.
     for step in range(1, 60):
         kept.append(built(geometry(0, scatter=0.004 * step), "bvh-sah", followed))
         if kept[-1].done != refits.REFITTED:
             break
-        costs.append(kept[-1].result().statistics["sah_cost"])
+        costs.append(kept[-1].structure.statistics["sah_cost"])
     assert kept[-1].done == refits.TOO_DEAR
     # No step alone makes rays dear.
     assert 1.2 * before < costs[-1] <= refits.DRIFT * before
@@ -104,9 +106,9 @@ def test_planes_are_built_again_and_say_so() -> None:
 def test_a_stock_fits_what_it_holds() -> None:
     stock = Stock()
     first = stock.take(native, geometry(0), "bih-sah")
-    first.result()
+    first.wait()
     second = stock.take(native, geometry(1), "bih-sah")
-    second.result()
+    second.wait()
     assert second.done == refits.REFITTED
     assert stock.take(native, geometry(1), "bih-sah") is second
 
@@ -122,7 +124,7 @@ def test_a_fit_is_cancelled_with_its_building() -> None:
 
         def refit(self, vertices: Any, *, threads: int, monitor: Any) -> Any:
             monitor.cancel()
-            return first.result().refit(vertices, threads=threads, monitor=monitor)
+            return first.structure.refit(vertices, threads=threads, monitor=monitor)
 
     with pytest.raises(native.Cancelled):
         built(geometry(1), "bvh-sah", Stopped())

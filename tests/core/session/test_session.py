@@ -53,6 +53,30 @@ def test_a_cancelled_build_stops_and_joins_its_thread() -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
+def test_a_deleted_session_stops_its_build() -> None:
+    native = FakeNative(build_seconds=math.inf)
+    session = Session(native, SCENE.geometry, "kd")
+    while native.monitor is None:
+        assert not session.wait(0.01)
+    del session
+    assert native.monitor.cancelled
+    for thread in threading.enumerate():
+        if thread.name == "halfspace-build":
+            thread.join(10)
+            assert not thread.is_alive()
+
+
+def test_a_finished_structure_is_used_in_place_of_a_build() -> None:
+    native = FakeNative()
+    built = start(native)
+    session = Session(native, SCENE.geometry, "kd", structure=built.structure)
+    assert session.wait(0)
+    assert session.structure is built.structure
+    session.show(SCENE)
+    assert session.left_out == built.left_out
+    assert native.builds == 1
+
+
 def test_the_memory_limit_reaches_the_build() -> None:
     native = FakeNative()
     Session.start(native, SCENE, "kd", memory_limit=123, keep_going=lambda _progress: True)

@@ -18,7 +18,10 @@ from .programs import Displacement
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ....core.base.notes import Notes
     from ....core.scene.scene import Image
+    from ..materials import Palette
+    from ..meshes import Placement
     from ..object_values import Value
 
 FLAT = 1e-3
@@ -37,6 +40,29 @@ class Surroundings:
     values: tuple[Value, ...]
     layers: Sequence[Key]
     images: Sequence[Image]
+
+
+class Displacer:
+    """Displaces meshes by their materials where the first instance is, as in Cycles."""
+
+    def __init__(self, palette: Palette, notes: Notes) -> None:
+        self._palette, self._notes = palette, notes
+        self._images: dict[frozenset[int], tuple[Image, ...]] = {}
+
+    def mesh(self, placement: Placement) -> MeshArrays:
+        """The displaced mesh of a placement, or its own."""
+        slots = self._palette.displacements(placement.materials.tolist())
+        if not any(slots):
+            return placement.mesh
+        used = frozenset().union(*(one.images for one in slots if one is not None))
+        if used not in self._images:
+            self._images[used] = self._palette.gallery.read(set(used), self._notes)
+        keys, images = self._palette.layers.keys, self._images[used]
+        around = Surroundings(placement.transforms[0], placement.values[0], keys, images)
+        mesh, lost = displaced(placement.mesh, slots, around)
+        if lost:
+            self._notes.add("Not displaced, vertices that would leave the scene", placement.names[0], lost)
+        return mesh
 
 
 def displaced(mesh: MeshArrays, slots: Sequence[Displacement | None], around: Surroundings) -> tuple[MeshArrays, int]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,7 @@ class Linking:
         self._notes = notes
         self._numbers: tuple[dict[int, int], dict[int, int]] = ({}, {})
         self._members: tuple[list[_Members], list[_Members]] = ([], [])
+        self._glowing: dict[str, None] = {}
         for item in depsgraph.objects:
             if item.type == "LIGHT":
                 for kind, collection in enumerate(_collections(item)):
@@ -59,6 +61,16 @@ class Linking:
             for found in self._members
         )
         return receives, blocks
+
+    def see(self, item: Any, glows: Callable[[], bool]) -> None:
+        """See an object with a surface, to be noted if it glows and links its light."""
+        if any(_collections(item)) and glows():
+            self._glowing[item.name_full] = None
+
+    def note_glowing(self) -> None:
+        """Note glowing objects that link their light."""
+        for name in self._glowing:
+            self._notes.add("Light linking is supported for lights only, not for glowing objects", name)
 
     def _add(self, kind: int, collection: Any, name: str) -> None:
         """Give a collection its number, unless it is known."""

@@ -97,6 +97,25 @@ def read_volume(data: Any, name: str, notes: Notes, taken: int = 0) -> Grids:
     return Grids(box, found)
 
 
+class Volumes:
+    """Reads volume objects during one pass over the depsgraph's instances, each data block once. voxels: all grids."""
+
+    def __init__(self, notes: Notes) -> None:
+        self.voxels: list[Voxels] = []
+        self._notes = notes
+        self._known: dict[int, tuple[MeshArrays | None, dict[str, float]]] = {}
+
+    def of(self, item: Any) -> tuple[MeshArrays | None, Mapping[str, float]]:
+        """The box around the grids of a volume, None if it has none, and the number of each grid by name, from 1."""
+        key = item.data.as_pointer()
+        if key not in self._known:
+            taken, first = sum(one.values.size for one in self.voxels), len(self.voxels) + 1
+            found = read_volume(item.data, item.name_full, self._notes, taken)
+            self._known[key] = found.box, {name: float(first + i) for i, name in enumerate(found.voxels)}
+            self.voxels += found.voxels.values()
+        return self._known[key]
+
+
 def density_scale(matrix: F64, data: Any) -> float:
     """The factor that keeps a volume as opaque whatever its object's scale, as in Cycles; 1 in world space."""
     if data.render.space != "OBJECT":

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....core.base.arrays import F32, F64
+from ....core.base.arrays import F32
 from ....core.scene import spheres, tubes
 from .. import layers as texture_layers
 from ..meshes import UNBOUNDED, MeshArrays, Placement
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ....core.base.notes import Notes
-    from ..object_values import Instance, Value
+    from ..object_values import Instance
 
 MOST_TRIANGLES = 1 << 23
 """Triangles of one object's hair or points. A constant, so that the picture does not depend on the machine."""
@@ -33,18 +33,18 @@ Key = tuple[str, str, int]
 """The kind of an object's data, where the data is, and the number of its particle system."""
 
 
-@dataclass(eq=False)
+NOTHING = MeshArrays(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), None, None, None, None)
+"""The mesh of a placement before the detail of its curves or points is known."""
+
+
+@dataclass(frozen=True, eq=False)
 class _Round:
-    """Curves or points (whose radii are given), and their instances found so far."""
+    """Curves or points, whose radii are given. name: of the first object."""
 
     name: str
     strands: tubes.Strands | None
     points: tuple[F32, F32] | None
     values: sources.Values
-    materials: tuple[int, ...]
-    matrices: list[NDArray[Any]] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    object_values: list[tuple[Value, ...]] = field(default_factory=list)
 
 
 class Collector:
@@ -57,7 +57,7 @@ class Collector:
         self._mode, self._view = depsgraph.mode, detail.pixels(depsgraph)
         self._notes, self._layers, self._uvs = notes, layers, uvs
         self._read: dict[Key, _Round] = {}
-        self._groups: dict[tuple[Key, tuple[int, ...]], _Round] = {}
+        self._groups: dict[tuple[Key, tuple[int, ...]], tuple[_Round, Placement]] = {}
 
     def visit(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
         """Add an instance of a hair curves object or a point cloud. matrix: its transform, regular."""
@@ -66,10 +66,10 @@ class Collector:
         if key not in self._read:
             if instance.item.type == "CURVES":
                 strands, values = sources.read_curves(data, self._keys())
-                self._read[key] = _Round(name, strands, None, values, ())
+                self._read[key] = _Round(name, strands, None, values)
             else:
                 centres, radii, values = sources.read_points(data, self._keys())
-                self._read[key] = _Round(name, None, (centres, radii), values, ())
+                self._read[key] = _Round(name, None, (centres, radii), values)
         self._place(key, materials, instance, matrix)
 
     def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
@@ -80,7 +80,7 @@ class Collector:
             if key not in self._read:
                 most = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
                 hair = sources.read_hair(item, modifier, self._keys(), self._mode, most)
-                self._read[key] = _Round(item.name_full, hair.strands, None, hair.values, ())
+                self._read[key] = _Round(item.name_full, hair.strands, None, hair.values)
                 if hair.part > 1:
                     self._note_part("hairs", hair.part, item.name_full)
             slot = min(max(system.settings.material - 1, 0), len(materials) - 1)
@@ -89,10 +89,9 @@ class Collector:
     def placements(self) -> list[Placement]:
         """All placements, in order of appearance; adds a line for each object to `made`."""
         made: list[Placement] = []
-        for group in self._groups.values():
-            matrices = np.stack(group.matrices)
+        for read, group in self._groups.values():
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                made += self._tubes(group, matrices) if group.strands is not None else self._spheres(group, matrices)
+                made += self._tubes(read, group) if read.strands is not None else self._spheres(read, group)
         self.found = {key for placement in made for key in placement.mesh.layers}
         return made
 
@@ -101,14 +100,10 @@ class Collector:
         return keys if not self._uvs or (UV, "") in keys else [*keys, (UV, "")]
 
     def _place(self, key: Key, materials: tuple[int, ...], instance: Instance, matrix: NDArray[Any]) -> None:
-        read = self._read[key]
-        group = self._groups.get((key, materials))
-        if group is None:
-            group = _Round(read.name, read.strands, read.points, read.values, materials)
-            self._groups[key, materials] = group
-        group.matrices.append(matrix)
-        group.names.append(instance.item.name_full)
-        group.object_values.append(instance.values(self._layers.object_values))
+        if (key, materials) not in self._groups:
+            self._groups[key, materials] = self._read[key], Placement(NOTHING, np.array(materials, np.int32))
+        _, group = self._groups[key, materials]
+        group.add(instance, matrix, instance.values(self._layers.object_values))
 
     def _note_part(self, what: str, part: int, name: str) -> None:
         self._notes.add(
@@ -121,19 +116,19 @@ class Collector:
         if negative:
             self._notes.add(f"Negative radii are rendered as 0, of {what}", name, negative)
 
-    def _tubes(self, group: _Round, matrices: F64) -> list[Placement]:
+    def _tubes(self, read: _Round, group: Placement) -> list[Placement]:
         """The placements of curves: none if nothing of them can be seen."""
-        assert group.strands is not None
-        strands, broken, negative = tubes.usable(group.strands, float(UNBOUNDED))
-        self._note_faults("hairs", group.name, broken, negative)
+        assert read.strands is not None
+        strands, broken, negative = tubes.usable(read.strands, float(UNBOUNDED))
+        self._note_faults("hairs", read.name, broken, negative)
         if not len(strands.counts):
             return []
         # Decide on the detail of each curve by the size of a pixel at its ends.
         ends = np.stack([strands.points[strands.first[:-1]], strands.points[strands.first[1:] - 1]], axis=1)
-        pixels = detail.sizes_within(self._view, ends.astype(np.float64), matrices)
+        pixels = detail.sizes_within(self._view, ends.astype(np.float64), group.matrices)
         thickest = np.maximum.reduceat(strands.radii, strands.first[:-1])
         sides = tubes.sides_of(thickest.astype(np.float64), pixels)
-        strands, sides, pieces = self._fitting(group.name, strands, sides, tubes.pieces_of(strands, pixels))
+        strands, sides, pieces = self._fitting(read.name, strands, sides, tubes.pieces_of(strands, pixels))
         wanted = (STRAND, "Tangent") in self._keys()
         parts = [
             tubes.tubes(strands.chosen(sides == n), pieces, n, directions=wanted) for n in np.unique(sides).tolist()
@@ -141,11 +136,11 @@ class Collector:
         made = tubes.joined(parts)
         total = len(made.triangles)
         self.made.append(
-            f"{group.name}: {len(sides):,} hairs as {total:,} triangles, tubes of "
+            f"{read.name}: {len(sides):,} hairs as {total:,} triangles, tubes of "
             f"{_span(sides)} sides, {pieces} to a segment"
         )
-        layers = _curve_layers(group.values, made)
-        return [self._placement(group, matrices, made.positions, made.normals, made.triangles, layers)]
+        layers = _curve_layers(read.values, made)
+        return [self._placement(group, made.positions, made.normals, made.triangles, layers)]
 
     def _fitting(
         self, name: str, strands: tubes.Strands, sides: NDArray[np.int64], pieces: int
@@ -166,65 +161,63 @@ class Collector:
             strands, sides = strands.chosen(keep), sides[keep]
         return strands, sides, pieces
 
-    def _spheres(self, group: _Round, matrices: F64) -> list[Placement]:
+    def _spheres(self, read: _Round, group: Placement) -> list[Placement]:
         """The placements of points: one mesh of all spheres, or one sphere with an instance for each point."""
-        assert group.points is not None
-        centres, radii = group.points
+        assert read.points is not None
+        centres, radii = read.points
         bound = float(UNBOUNDED)
         sound = (np.abs(centres) < bound).all(axis=1) & (np.abs(radii) < bound)
-        self._note_faults("points", group.name, int((~sound).sum()), int((sound & (radii < 0)).sum()))
+        self._note_faults("points", read.name, int((~sound).sum()), int((sound & (radii < 0)).sum()))
         rows = np.flatnonzero(sound & (radii > 0))
         if not len(rows):
             return []
         # Decide on one detail for all points; the largest sphere seen needs most.
-        pixels = detail.sizes_within(self._view, centres[rows].astype(np.float64), matrices)
+        pixels = detail.sizes_within(self._view, centres[rows].astype(np.float64), group.matrices)
         level = spheres.level_of(1.0, float((pixels / radii[rows]).min()))
         while level > 1 and len(rows) * 20 * 4**level > MOST_TRIANGLES:
             level -= 1
         part = -(-len(rows) * 20 * 4**level // MOST_TRIANGLES)
         if part > 1:
-            self._note_part("points", part, group.name)
+            self._note_part("points", part, read.name)
             rows = rows[::part]
         total = len(rows) * 20 * 4**level
-        self.made.append(f"{group.name}: {len(rows):,} points as {total:,} triangles, {20 * 4**level} to a sphere")
+        self.made.append(f"{read.name}: {len(rows):,} points as {total:,} triangles, {20 * 4**level} to a sphere")
         if total > MERGED and not self._keys() and not self._layers.objects:
-            return [self._instances(group, matrices, rows, level)]
+            return [self._instances(read, group, rows, level)]
         positions, normals, triangles = spheres.spheres(centres[rows], radii[rows], level)
         corners = rows[triangles // (len(positions) // len(rows))]
-        layers = {key: np.ascontiguousarray(values[corners]) for key, values in group.values.of_points.items()}
-        return [self._placement(group, matrices, positions, normals, triangles, layers)]
+        layers = {key: np.ascontiguousarray(values[corners]) for key, values in read.values.of_points.items()}
+        return [self._placement(group, positions, normals, triangles, layers)]
 
-    def _instances(self, group: _Round, matrices: F64, rows: NDArray[Any], level: int) -> Placement:
-        assert group.points is not None
-        centres, radii = (part[rows].astype(np.float64) for part in group.points)
+    def _instances(self, read: _Round, group: Placement, rows: NDArray[Any], level: int) -> Placement:
+        assert read.points is not None
+        centres, radii = (part[rows].astype(np.float64) for part in read.points)
         local = np.zeros((len(rows), 4, 4))
         local[:, [0, 1, 2], [0, 1, 2]] = radii[:, None]
         local[:, :3, 3], local[:, 3, 3] = centres, 1
-        placed = np.einsum("pij,njk->pnik", matrices, local).reshape(-1, 4, 4)
+        placed = np.einsum("pij,njk->pnik", group.matrices, local).reshape(-1, 4, 4)
         positions, normals, triangles = spheres.sphere(level)
         mesh = MeshArrays(
             positions.astype(np.float32), triangles.copy(), None, normals.astype(np.float32), triangles.copy(), None
         )
-        names = tuple(np.repeat(np.array(group.names, object), len(rows)).tolist())
-        return Placement(mesh, np.ascontiguousarray(placed), names, np.array(group.materials, np.int32))
+        names = np.repeat(np.array(group.names, object), len(rows)).tolist()
+        return Placement(mesh, group.materials, names, np.ascontiguousarray(placed))
 
     def _placement(
         self,
-        group: _Round,
-        matrices: F64,
+        group: Placement,
         positions: F32,
         normals: F32,
         triangles: NDArray[np.int32],
         layers: dict[texture_layers.Key, F32],
     ) -> Placement:
         uvs = layers.get((UV, "")) if self._uvs else None
-        read = {key: values for key, values in layers.items() if key in self._layers.keys}
+        own = {key: values for key, values in layers.items() if key in self._layers.keys}
         box = texture_layers.box_around(positions)
         mesh = MeshArrays(
-            positions, triangles, None, normals, triangles, None if uvs is None else uvs[..., :2].copy(), read, box
+            positions, triangles, None, normals, triangles, None if uvs is None else uvs[..., :2].copy(), own, box
         )
-        materials = np.array(group.materials, np.int32)
-        return Placement(mesh, matrices, tuple(group.names), materials, tuple(group.object_values))
+        return replace(group, mesh=mesh)
 
 
 def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_layers.Key, F32]:
