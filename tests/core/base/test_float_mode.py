@@ -20,6 +20,7 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
+from kinds import KINDS
 from render_scenes import camera, settings
 
 X86_GLIBC = platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc"
@@ -37,7 +38,7 @@ MODES = {
 
 BITS = 0xE040
 LIBRARY: Any = ctypes.CDLL("libm.so.6") if X86_GLIBC else None
-SPECS = [row["id"] for row in native.structures()]
+SPECS = KINDS
 
 
 def mode(value: int | None = None) -> int:

@@ -58,7 +58,7 @@ class Farm:
             )
 
     def worker(self, name: str) -> None:
-        gate = Path(__file__).with_name("gated_worker.py")
+        gate = Path(__file__).parents[2] / "gated_worker.py"
         words = ("--nthreads", "1", "--preload", str(gate), "--local-directory", str(self.folder / name))
         self.start(name, self.address, *LOCAL, *words)
 

@@ -10,6 +10,7 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
+from kinds import KINDS
 
 from addon.lab.commands import export
 from addon.lab.export import trees
@@ -91,7 +92,7 @@ def nearest(tree: Any, origin: Any, direction: Any) -> tuple[int, float, int]:
     return found, best, leaves
 
 
-@pytest.mark.parametrize("spec", [row["id"] for row in native.structures()])
+@pytest.mark.parametrize("spec", KINDS)
 def test_numpy_walks_the_tree_and_finds_the_hits_of_brute_force(
     spec: str, scene: Path, rays: tuple[Any, Any], tmp_path: Path
 ) -> None:

@@ -14,12 +14,13 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
+from kinds import KINDS
 
 from addon.core.scene import workload
 from addon.lab.stability import leaks
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
-SPECS = [row["id"] for row in native.structures()]
+SPECS = KINDS
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
 DOWN = np.array([[0.25, 0.25, 1.0]], np.float32), np.array([[0.0, 0.0, -2.0]], np.float32)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kinds import KINDS
 
 from addon.core.base import native
-from addon.core.structures import catalogue
 from addon.core.tree import location, regions, table
 
 MODULE = native.load()
-EVERY = [structure.id for structure in catalogue.load().structures]
+EVERY = KINDS
 
 
 def some_triangles() -> tuple[Any, Any]:
