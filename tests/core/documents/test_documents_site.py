@@ -23,6 +23,8 @@ from PIL import Image
 
 from addon.lab.claims.table import CLAIMS
 
+pytestmark = pytest.mark.slow
+
 ROOT = documents_site.ROOT
 
 

@@ -29,6 +29,9 @@ EXACT = np.array([[0.1, 2.0**32 - 1, 1 / 3], [65536.0, 2.0**24 + 1, 0.0]])
 """Numbers that a map must keep, rows from the bottom."""
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     with browsers.opened() as browser:

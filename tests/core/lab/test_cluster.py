@@ -21,6 +21,8 @@ from addon.core.scene import workload
 from addon.lab.bench import cluster
 from addon.lab.commands import bench
 
+pytestmark = pytest.mark.slow
+
 BENCH = str(environment.ROOT / "scripts" / "bench.py")
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")

@@ -23,6 +23,7 @@ from addon.lab.bench import cluster
 from addon.lab.commands import bench
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem())),
     pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals"),
 ]

@@ -59,6 +59,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own
 def test_a_notebook_runs(path: Path, package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

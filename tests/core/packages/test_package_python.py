@@ -25,6 +25,8 @@ from packaging.requirements import Requirement
 
 from addon.core.base import native
 
+pytestmark = pytest.mark.slow
+
 ROOT = package_python.ROOT
 
 PAGE = "https://example.org/halfspace"

@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/limits").is_file(), reason="this system lists no limits")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/limits").is_file(), reason="this system lists no limits"),
+]
 
 PROGRAM = """
 import resource
