@@ -101,6 +101,18 @@ class StructureRow(TypedDict):
     """Values of the parameter `traversal` through the structure's own nodes, the default first."""
     ways: list[Way]
     """All valid pairs of nodes and traversal, the default first."""
+    no_groups: str
+    """Why neither packets nor tiles nor streams go through its nodes; empty where all of them do."""
+    heading: str
+    """Heading of the family in lists."""
+    menu: str
+    """Title of the menu of `literature`."""
+    literature: list[tuple[str, str]]
+    """Names in the literature, each with its configuration."""
+    sweep: bool
+    """Whether split directions are selected anew at every node."""
+    claims: list[str]
+    """Ids of the published claims about it; a * at the end includes all ids that begin so."""
 
 class Statistics(TypedDict):
     """Statistics of a build.
@@ -166,6 +178,19 @@ def free_memory() -> int:
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""
+
+def effective(spec: str) -> dict[str, int | float | str | None]:
+    """Each parameter of a configuration's structure with its effective value, or None where it has no effect.
+
+    The configuration may contradict itself: a value out of its range becomes the nearest, an option that the other values
+    exclude becomes the default. SpecError for an unknown structure or parameter, or text that is no number.
+    """
+
+def options(spec: str) -> dict[str, list[str]]:
+    """The options of each choice that are valid with the other values, which may contradict each other. SpecError."""
+
+def idle(spec: str) -> list[tuple[str, str]]:
+    """The given values that have no effect with the others: name, and name of the parameter that prevents it. SpecError."""
 
 class Monitor:
     """Progress of a build, and cancellation of builds and of traced rays; usable from any thread."""
