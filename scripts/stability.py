@@ -27,7 +27,7 @@ if __name__ == "__main__":
 from addon.core.base import command, native
 from addon.core.report import results
 from addon.core.scene import grid, workload
-from addon.core.structures import specs
+from addon.core.structures import specs, ways
 from lab.base.usage import Parser, UsageError, output
 from lab.stability import agreement, leaks, slowdown, slowdown_page, stability, trials
 
@@ -169,7 +169,7 @@ def check(asked: argparse.Namespace) -> None:
 
 def is_brute(spec: str) -> bool:
     """Whether the configuration is brute force itself."""
-    return specs.structure_of(spec) == "brute"
+    return ways.nodes_of(spec) == "none"
 
 
 def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
