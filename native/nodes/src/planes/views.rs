@@ -5,6 +5,7 @@ use super::plane_tree::{Node, PlaneTree};
 use super::projected_tree::ProjectedTree;
 use super::ropes::Ropes;
 use super::wide_tree::WideTree;
+use crate::axis_tree::SharedAxisTree;
 use crate::cells::{Cells, NodeId, NodeView, OBLIQUE, axis_kind};
 use crate::check;
 use crate::tree::{Body, Tree, same};
@@ -139,7 +140,7 @@ impl Tree for Numbered {
 #[derive(Debug)]
 pub struct Linked {
     /// The tree.
-    pub tree: Arc<PlaneTree>,
+    pub tree: Arc<SharedAxisTree>,
     /// Its links.
     pub ropes: Arc<Ropes>,
 }
@@ -157,7 +158,7 @@ impl Tree for Linked {
     fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
 
     fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
-        check::ropes::ropes(body, &self.tree, &self.ropes, broken);
+        check::ropes::ropes(body, self.tree.borrowed(), &self.ropes, broken);
     }
 
     fn same(&self, other: &dyn Tree) -> bool {

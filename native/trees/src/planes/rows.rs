@@ -129,7 +129,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         ),
         plan: |planes| {
             let (bounded, published) = (ta_b::ta_b, ta_b_1997::ta_b_published);
-            let mut plan = planes.as_chosen("ta-b", bounded, published);
+            let mut plan = planes.along_axes("ta-b", bounded, published)?;
             plan.cases = &halfspace_ray::cases::NAMES;
             Ok(plan)
         },
@@ -155,7 +155,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Havran et al. 1997)",
         ),
-        plan: |planes| Ok(planes.as_chosen("ta-a", ta_a::ta_a, ta_a::ta_a_published)),
+        plan: |planes| planes.along_axes("ta-a", ta_a::ta_a, ta_a::ta_a_published),
     },
     Traversal {
         way: way(
@@ -165,7 +165,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Sung and Shirley 1992)",
         ),
-        plan: |planes| Ok(planes.as_chosen("sung", sung::sung, sung::sung_published)),
+        plan: |planes| planes.along_axes("sung", sung::sung, sung::sung_published),
     },
     Traversal {
         way: way(
@@ -175,7 +175,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Arvo 1988)",
         ),
-        plan: |planes| Ok(planes.as_chosen("arvo", arvo::arvo, arvo::arvo_published)),
+        plan: |planes| planes.along_axes("arvo", arvo::arvo, arvo::arvo_published),
     },
     Traversal {
         way: way(
@@ -187,9 +187,9 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         ),
         plan: |planes| {
             let bounds = planes.frame.bounds();
-            Ok(planes.as_chosen("seq", seq::seq, |tree, leaves| {
+            planes.along_axes("seq", seq::seq, |tree, leaves| {
                 seq_1985::seq_published(tree, leaves, bounds)
-            }))
+            })
         },
     },
     Traversal {
