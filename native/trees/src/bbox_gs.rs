@@ -165,14 +165,17 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
     let objects = object::gather(scene, &frame);
     let growth = Growth {
         search,
-        children: match config.choice("fanout") {
-            "any" => usize::MAX,
-            _ => config.integer("children"),
-        },
-        order: match config.choice("order") {
-            "given" => Order::Given,
-            _ => Order::Shuffled(config.integer("seed") as u64),
-        },
+        children: config.pick(
+            "fanout",
+            [("any", usize::MAX), ("limited", config.integer("children"))],
+        ),
+        order: config.pick(
+            "order",
+            [
+                ("given", Order::Given),
+                ("shuffled", Order::Shuffled(config.integer("seed") as u64)),
+            ],
+        ),
     };
     let grown = insertion::grow(&objects, &growth, monitor)?;
     let ids: Vec<_> = objects.iter().map(|object| object.id).collect();

@@ -116,11 +116,14 @@ const ANY_ORDER: ParamSpec = ParamSpec {
 };
 
 fn any_order(config: &Config) -> Rule {
-    match config.choice("any_order") {
-        "area" => Rule::Area,
-        "near" => Rule::Near,
-        _ => Rule::Cost,
-    }
+    config.pick(
+        "any_order",
+        [
+            ("cost", Rule::Cost),
+            ("area", Rule::Area),
+            ("near", Rule::Near),
+        ],
+    )
 }
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {

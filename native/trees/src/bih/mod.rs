@@ -146,10 +146,10 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
     literature: &[("BIH, five cases", "")],
     claims: &["intervals-*"],
     build: |scene, config, monitor| {
-        let gaps = match config.choice("cut") {
-            "split" => Gaps::SplitAxis,
-            _ => Gaps::OneChild,
-        };
+        let gaps = config.pick(
+            "cut",
+            [("surface", Gaps::OneChild), ("split", Gaps::SplitAxis)],
+        );
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), gaps, leaves),
