@@ -14,6 +14,9 @@ pub fn ropes(body: &Body<'_>, tree: AxisTree<'_>, ropes: &Ropes, broken: &mut Ve
     let mut cells = HashMap::new();
     let mut stack = vec![(tree.root(), bounds)];
     while let Some((node, cell)) = stack.pop() {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         if let AxisNode::Axis {
             axis,
             split,
@@ -32,6 +35,9 @@ pub fn ropes(body: &Body<'_>, tree: AxisTree<'_>, ropes: &Ropes, broken: &mut Ve
     // Check the links of each leaf.
     let mut links = 0;
     for (&leaf, cell) in &cells {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         for axis in 0..3 {
             for side in 0..2 {
                 let link = ropes.links(leaf)[axis][side];

@@ -120,8 +120,11 @@ impl Tree for Numbered {
 
     fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
 
-    fn validate(&self, _: &Body<'_>, broken: &mut Vec<String>) {
+    fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
         self.tree.visit(|index, node, _| {
+            if body.monitor.is_cancelled() {
+                return;
+            }
             if !self.nodes.equals(index, node) {
                 broken.push(format!(
                     "node {index} differs between the layouts: {node:?}, {:?}",
