@@ -101,6 +101,18 @@ class StructureRow(TypedDict):
     """Values of the parameter `traversal` through the structure's own nodes, the default first."""
     ways: list[Way]
     """All valid pairs of nodes and traversal, the default first."""
+    no_groups: str
+    """Why neither packets nor tiles nor streams go through its nodes; empty where all of them do."""
+    heading: str
+    """Heading of the family in lists."""
+    menu: str
+    """Title of the menu of `literature`."""
+    literature: list[tuple[str, str]]
+    """Names in the literature, each with its configuration."""
+    sweep: bool
+    """Whether split directions are selected anew at every node."""
+    claims: list[str]
+    """Ids of the published claims about it; a * at the end includes all ids that begin so."""
 
 class Statistics(TypedDict):
     """Statistics of a build.
@@ -166,6 +178,22 @@ def free_memory() -> int:
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""
+
+def effective(spec: str) -> dict[str, int | float | str | None]:
+    """Each parameter of a configuration's structure with its effective value, or None where it has no effect.
+
+    The configuration may contradict itself: a value out of its range becomes the nearest, an option that the other
+    values exclude becomes the default. SpecError for an unknown structure or parameter, or text that is no number.
+    """
+
+def options(spec: str) -> dict[str, list[str]]:
+    """The options of each choice that are valid with the other values, which may contradict each other. SpecError."""
+
+def idle(spec: str) -> list[tuple[str, str]]:
+    """The given values that have no effect with the others: name, and name of the parameter that prevents it.
+
+    SpecError as for effective().
+    """
 
 class Monitor:
     """Progress of a build, and cancellation of builds and of traced rays; usable from any thread."""
@@ -551,6 +579,7 @@ class Structure:
         t_max: float | F32 | None = None,
         *,
         any_hit: bool = False,
+        monitor: Monitor | None = None,
     ) -> Recording:
         """Traces the rays one by one, on one thread, and records the answer of every leaf, so that the
         traversals can be repeated without triangle tests.
@@ -559,30 +588,40 @@ class Structure:
         SpecError for "brute", which has no traversal.
         """
 
-    def validate(self) -> list[str]:
-        """Descriptions of broken invariants; empty for a valid structure. Slow, for tests."""
+    def validate(self, *, monitor: Monitor | None = None) -> list[str]:
+        """Descriptions of broken invariants; empty for a valid structure. Slow, for tests.
 
-    def analysis(self, max_nodes: int = 200_000) -> Analysis:
+        monitor: to cancel the check. Raises Cancelled.
+        """
+
+    def analysis(self, max_nodes: int = 200_000, *, monitor: Monitor | None = None) -> Analysis:
         """Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
 
         max_nodes: end-point overlap of a tree of more nodes is estimated from a sample of the triangles,
         fewer by the same factor but at least 1024, with a fixed seed. Takes time in proportion to the nodes.
-        Raises SpecError for numbers below 0.
+        monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
         """
 
-    def export(self) -> Export:
-        """The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it."""
+    def export(self, *, monitor: Monitor | None = None) -> Export:
+        """The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it.
 
-    def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
+        monitor: to cancel it. Raises Cancelled.
+        """
+
+    def split_polygons(
+        self, max_depth: int = 60, max_count: int = 20_000, *, monitor: Monitor | None = None
+    ) -> SplitPolygons:
         """The split planes of nodes down to max_depth, at most max_count of them, breadth first.
 
-        Raises SpecError for numbers below 0.
+        monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
         """
 
-    def leaf_cells(self, min_triangles: int = 1, max_count: int = 20_000) -> LeafCells:
+    def leaf_cells(
+        self, min_triangles: int = 1, max_count: int = 20_000, *, monitor: Monitor | None = None
+    ) -> LeafCells:
         """The cells of leaves with at least min_triangles, the fullest first, at most max_count.
 
-        Raises SpecError for numbers below 0.
+        monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
         """
 
     def trace_path(
@@ -593,11 +632,13 @@ class Structure:
         t_max: float = ...,
         *,
         any_hit: bool = False,
+        monitor: Monitor | None = None,
     ) -> RayPath:
         """The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
 
         origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
-        any_hit: the path of a ray of occluded(), to the hit that ends it. Raises NonFiniteError.
+        any_hit: the path of a ray of occluded(), to the hit that ends it. monitor: to cancel it. Raises NonFiniteError,
+        Cancelled.
         """
 
 class Recording:

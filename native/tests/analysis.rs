@@ -4,8 +4,9 @@
 mod common;
 
 use common::build;
-use halfspace::inspect::analysis::{Analysis, Beta, analysis};
-use halfspace::inspect::export::{Export, LEAF, export};
+use halfspace::base::Monitor;
+use halfspace::inspect::analysis::{self, Analysis, Beta};
+use halfspace::inspect::export::{self, Export, LEAF};
 use halfspace::inspect::ray_path::ray_path;
 use halfspace::oracle::cases::{Random, cloud, soup};
 use halfspace::ray::Ray;
@@ -14,6 +15,14 @@ use halfspace::structure::Structure;
 use halfspace::structure::leaf_depth::LeafDepths;
 use std::collections::BTreeSet;
 use std::sync::Arc;
+
+fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
+    analysis::analysis(structure, max_nodes, &Monitor::new()).unwrap()
+}
+
+fn export(structure: &Structure) -> Export {
+    export::export(structure, &Monitor::new()).unwrap()
+}
 
 /// One structure per node layout.
 const SPECS: [&str; 12] = [
@@ -356,7 +365,9 @@ fn depths_are_those_of_the_ray_s_path() {
                 t_min: 0.0,
                 t_max: f32::INFINITY,
             };
-            let visits = ray_path(&structure, &ray, false).visits;
+            let visits = ray_path(&structure, &ray, false, &Monitor::new())
+                .unwrap()
+                .visits;
             let expected = visits.iter().rfind(|visit| visit.tested.is_some());
             let expected = expected.map_or(0, |visit| visit.depth as u32);
             assert_eq!(depths.of(&structure, &ray), expected, "{spec}, ray {i}");

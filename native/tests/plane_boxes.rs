@@ -289,6 +289,7 @@ fn boxes_at_other_positions_are_reported() {
     let shape = structure.shape();
     let check = |made: &Structure, broken: &mut Vec<String>| {
         let body = Body {
+            monitor: &Monitor::new(),
             scene: structure.scene(),
             frame: structure.frame(),
             blocks: made.leaves(),

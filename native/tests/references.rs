@@ -142,7 +142,7 @@ fn check(structure: &Structure, rays: &[Ray], right: &[Hit], about: &str) {
         .zip(right)
         .all(|(any, hit)| *any == hit.is_hit());
     assert!(same, "{about}: any hits");
-    let (first, _) = structure.path(&rays[0], false);
+    let (first, _) = structure.path(&rays[0], false, None);
     assert!(first == right[0], "{about}: path");
 }
 

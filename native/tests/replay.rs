@@ -35,7 +35,9 @@ fn every_traversal_repeats_itself_without_triangles() {
     let mut rays = lattice_rays(5, &mut random, 700);
     rays.extend(aimed(&scene, 700, &mut random));
     rays.push(ray([90.0; 3], [1.0; 3]));
-    let kd = build(&scene, "kd").record(rays.clone(), false).unwrap();
+    let kd = build(&scene, "kd")
+        .record(rays.clone(), false, None)
+        .unwrap();
     for tree in TREES.iter().filter(|tree| tree.id != "brute") {
         // Recordings are of single rays, which a structure of other rays has too.
         let single = |way: &&Way| [Rays::Single, Rays::Auto].contains(&way.rays);
@@ -44,7 +46,7 @@ fn every_traversal_repeats_itself_without_triangles() {
             let spec = &spec;
             let structure = build(&scene, spec);
             for any in [false, true] {
-                let recording = structure.record(rays.clone(), any).unwrap();
+                let recording = structure.record(rays.clone(), any, None).unwrap();
                 let (seconds, strayed) = structure.replay(&recording);
                 assert_eq!(strayed, 0, "{spec}, any: {any}");
                 assert_eq!(seconds.len(), rays.len().div_ceil(CHUNK));
@@ -72,6 +74,6 @@ fn every_traversal_repeats_itself_without_triangles() {
             }
         }
     }
-    let brute = build(&scene, "brute").record(rays, false);
+    let brute = build(&scene, "brute").record(rays, false, None);
     assert!(matches!(brute, Err(Error::Spec(_))));
 }

@@ -26,35 +26,35 @@ if TYPE_CHECKING:
 TRIANGLES, SIZE, SETS = 2000, (64, 64), ("primary", "diffuse")
 """The torus, the pixels of its view, and the ray sets that are counted."""
 
-CLAIMED: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "ta-b-*": ("traversal-by-entry-and-exit-points-ta-b", ("kd-sah", "kd")),
-    "intervals-*": ("bounding-interval-hierarchies", ("bih", "bih[!-o]*", "bih-sah", "bih-n", "bih-bvh", "bih-obl")),
-    "moving-*": ("moving-scenes", ("bih", "bih-sah", "bvh-sah", "kd")),
-    "beams-*": ("beams-through-octrees", ("octree-beam",)),
-    "shadow-beams": ("beams-through-octrees", ("octree-beam",)),
-    "shadow-cache": ("shadow-cache", ("kd", "octree-net")),
-    "any-hits-*": ("order-of-children-for-any-hits", ("bvh-sah",)),
-    "shadow-polygons": ("beams-through-octrees", ("octree-beam",)),
-    "*ed-beams": ("beams-of-mirrors-and-panes", ("beam-hh", "octree-beam", "kd", "bvh-sah")),
-    "octrees-beat-boxes": ("beams-through-octrees", ("octree-*", "bbox-gs*")),
-    "boxes-beat-octrees": ("beams-through-octrees", ("octree-samet", "octree-net", "bbox-gs*")),
-    "links-gain": ("beams-through-octrees", ("octree-net",)),
-    "neighbour-search": ("beams-through-octrees", ("octree-samet",)),
-    "teapot-*": ("beams-through-octrees", ("octree-samet", "octree-net", "bbox-gs*")),
-    "sweep-trees-*": ("bsp-trees-along-normals", ("bsp-random-plus-kd", "bsp-wn-plus-kd", "bsp-cn-plus-kd")),
-    "other-trees-time": ("bsp-trees-along-normals", ("bsp-ize-kd", "rbsp-kd")),
-    "three-directions-are-kd": ("bsp-trees-along-normals", ("bsp-*-plus", "bsp-*-plus-kd")),
-    "without-axes": ("bsp-trees-along-normals", ("bsp-random", "bsp-wn", "bsp-cn")),
-    "one-normal": ("bsp-trees-along-normals", ("bsp-wn-plus-kd",)),
-    "long-builds": ("bsp-trees-along-normals", ("bsp-ize*", "bsp-random*", "bsp-wn*", "bsp-cn*")),
-    "rbsp-*": ("planes-of-few-directions", ("rbsp", "rbsp-kd")),
-    "halved-cells-constant": ("medians-cells-and-oriented-boxes", ("kd-median",)),
-    "medians-*": ("medians-cells-and-oriented-boxes", ("kd-median", "kd-object", "kd-sah")),
-    "voxel-step": ("medians-cells-and-oriented-boxes", ("grid",)),
-    "oriented-boxes-fit": ("medians-cells-and-oriented-boxes", ("obb",)),
-    "fixed-directions": ("bsp-trees-along-normals", ("rbsp", "rbsp-kd")),
+HEADINGS: Mapping[str, str] = {
+    "ta-b-*": "traversal-by-entry-and-exit-points-ta-b",
+    "intervals-*": "bounding-interval-hierarchies",
+    "moving-*": "moving-scenes",
+    "beams-*": "beams-through-octrees",
+    "shadow-beams": "beams-through-octrees",
+    "shadow-cache": "shadow-cache",
+    "any-hits-*": "order-of-children-for-any-hits",
+    "shadow-polygons": "beams-through-octrees",
+    "*ed-beams": "beams-of-mirrors-and-panes",
+    "octrees-beat-boxes": "beams-through-octrees",
+    "boxes-beat-octrees": "beams-through-octrees",
+    "links-gain": "beams-through-octrees",
+    "neighbour-search": "beams-through-octrees",
+    "teapot-*": "beams-through-octrees",
+    "sweep-trees-*": "bsp-trees-along-normals",
+    "other-trees-time": "bsp-trees-along-normals",
+    "three-directions-are-kd": "bsp-trees-along-normals",
+    "without-axes": "bsp-trees-along-normals",
+    "one-normal": "bsp-trees-along-normals",
+    "long-builds": "bsp-trees-along-normals",
+    "rbsp-*": "planes-of-few-directions",
+    "halved-cells-constant": "medians-cells-and-oriented-boxes",
+    "medians-*": "medians-cells-and-oriented-boxes",
+    "voxel-step": "medians-cells-and-oriented-boxes",
+    "oriented-boxes-fit": "medians-cells-and-oriented-boxes",
+    "fixed-directions": "bsp-trees-along-normals",
 }
-"""Claims, by their beginnings, to the heading of docs/papers.md about them and to the structures they are about."""
+"""Claims, by their beginnings, to the heading of docs/papers.md about them. The registry has the structures."""
 
 STATED: Mapping[str, str] = {
     "brute": "It is the reference: every other structure must return its answers, bit for bit. Its own are compared "
@@ -93,12 +93,12 @@ class Scene:
         return Cost(tree.statistics, steps, tests)
 
 
-def claims_of(name: str) -> Iterator[tuple[str, str]]:
-    """The claims about a structure: statement, and heading of docs/papers.md."""
+def claims_of(row: Row) -> Iterator[tuple[str, str]]:
+    """The claims about the structure of a row: statement, and heading of docs/papers.md."""
     for claim in CLAIMS:
-        for pattern, (heading, structures) in CLAIMED.items():
-            if fnmatch.fnmatch(claim.id, pattern) and any(fnmatch.fnmatch(name, one) for one in structures):
-                yield f"{claim.statement} ({claim.paper}; `{claim.id}`)", heading
+        if any(fnmatch.fnmatch(claim.id, one) for one in row["claims"]):
+            heading = next(heading for pattern, heading in HEADINGS.items() if fnmatch.fnmatch(claim.id, pattern))
+            yield f"{claim.statement} ({claim.paper}; `{claim.id}`)", heading
 
 
 def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
@@ -114,7 +114,7 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
         "",
         f"{row['paper']}.",
         "",
-        *_claims(row["id"]),
+        *_claims(row),
         *_costs(cost),
         *_ways(row),
         *_parameters(row),
@@ -122,11 +122,11 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _claims(name: str) -> list[str]:
+def _claims(row: Row) -> list[str]:
     """The claims, or the statement. Raises KeyError for a structure with neither."""
-    found = list(claims_of(name))
+    found = list(claims_of(row))
     if not found:
-        return ["## Claims", "", STATED[name], ""]
+        return ["## Claims", "", STATED[row["id"]], ""]
     lines = ["## Claims", "", "What its authors claim; the links lead to what was measured.", ""]
     return [*lines, *(f"- {text}: [measured](../papers.md#{heading})" for text, heading in found), ""]
 
@@ -182,11 +182,11 @@ def index(rows: Sequence[Row], pictures: Collection[str]) -> str:
     """The page that links all structures by family, with their pictures."""
     families: dict[str, list[Row]] = {}
     for row in rows:
-        families.setdefault(row["family"], []).append(row)
+        families.setdefault(row["heading"], []).append(row)
     shown = "its picture, source" if pictures else "its source"
     lines = ["# Gallery", "", f"Every structure with {shown}, cost and claims, or what is stated in their place.", ""]
-    for family, members in families.items():
-        lines += [f"## {structures_page.FAMILIES.get(family, family.capitalize())}", ""]
+    for heading, members in families.items():
+        lines += [f"## {heading}", ""]
         lines += ['<div class="gallery" markdown>', ""]
         for row in members:
             picture = f"![{row['label']}](../pictures/{row['id']}.jpg)" if row["id"] in pictures else ""

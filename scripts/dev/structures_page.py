@@ -18,14 +18,6 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "structures.md"
 
-FAMILIES = {
-    "space": "Spatial subdivisions",
-    "objects": "Object hierarchies",
-    "octants": "Octrees",
-    "oracle": "Reference",
-}
-"""Headings of the families of the registry. A family that is missing here gets its own name as heading."""
-
 INTRODUCTION = """\
 # Structures
 
@@ -74,14 +66,14 @@ def page(rows: Sequence[Row]) -> str:
     """The text of docs/structures.md for these rows of `halfspace_native.structures()`."""
     families: dict[str, list[Row]] = {}
     for row in rows:
-        families.setdefault(row["family"], []).append(row)
-    tables = [_family(name, members) for name, members in families.items()]
+        families.setdefault(row["heading"], []).append(row)
+    tables = [_family(heading, members) for heading, members in families.items()]
     return "\n".join([INTRODUCTION, *tables, _traversals(rows), _parameters(rows)])
 
 
-def _family(family: str, rows: Iterable[Row]) -> str:
+def _family(heading: str, rows: Iterable[Row]) -> str:
     """A heading and a list with one line per structure."""
-    lines = [f"## {FAMILIES.get(family, family.capitalize())}", ""]
+    lines = [f"## {heading}", ""]
     for row in rows:
         aliases = f" (also {_ids(row['aliases'])})" if row["aliases"] else ""
         source = "; ".join(TITLE.sub(r"\1", part) for part in row["paper"].split("; "))

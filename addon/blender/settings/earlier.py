@@ -46,12 +46,16 @@ def parameters(group: Any, structure: Structure) -> dict[str, Value]:
     return found
 
 
-def remark_parameters(group: Any, structure: Structure, today: dict[str, Value], notes: Notes) -> None:
-    """Note each parameter of a structure whose value in the file is not valid. today: the values that replace them."""
+def remark_parameters(group: Any, structure: Structure, today: dict[str, Value | None], notes: Notes) -> None:
+    """Note each parameter of a structure whose value in the file is not valid.
+
+    today: the values that replace them, None for parameters without effect.
+    """
     given = parameters(group, structure)
     for one in structure.parameters:
-        if one.clamp(given[one.name]) != given[one.name]:
-            notes.add(REPLACED, f"{one.label} {_text(one, today[one.name])}")
+        value = today[one.name]
+        if value is not None and one.clamp(given[one.name]) != given[one.name]:
+            notes.add(REPLACED, f"{one.label} {_text(one, value)}")
 
 
 def remark_choices(group: Any, names: Iterable[str], notes: Notes) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -63,49 +64,31 @@ class HALFSPACE_OT_use_spec(bpy.types.Operator):
         return {"FINISHED"}
 
 
-FAMILIES = (
-    ("kd", "Kd-Trees", ("kd",)),
-    ("bsp", "BSP and RBSP", ("rbsp", "bsp", "beam")),
-    ("bih", "Interval Hierarchies", ("bih", "skd", "boxtree")),
-    ("boxes", "Hierarchies of Boxes", ("bvh", "obb", "bbox")),
-    ("octrees", "Octrees", ("octree",)),
-    ("others", "Others", ("",)),
-)
-"""Submenus of the presets: key, title, and how the ids of their structures begin. The first that fits is taken."""
-
-
-def family(preset: presets.Preset) -> str:
-    """The key of the submenu that lists a preset."""
-    name = specs.structure_of(preset.spec)
-    return next(key for key, _, beginnings in FAMILIES if name.startswith(beginnings))
-
-
-class _FamilyMenu:
-    """The names of the literature for the structures of one family."""
-
-    key = ""
+class _NamesMenu:
+    """The names of the literature for the structures of one menu."""
 
     def draw(self, context: Any) -> None:
         for preset in presets.offered(catalogue.load()):
-            if family(preset) == self.key:
+            if preset.menu == self.bl_label:  # type: ignore[attr-defined]
                 button = self.layout.operator(  # type: ignore[attr-defined]
                     HALFSPACE_OT_use_spec.bl_idname, text=preset.name
                 )
                 button.spec = preset.spec
 
 
-def _family_menu(key: str) -> str:
-    return f"HALFSPACE_MT_presets_{key}"
+@cache
+def _menus() -> dict[str, type]:
+    """The submenus by title, in the order of the registry."""
+    titles = dict.fromkeys(preset.menu for preset in presets.offered(catalogue.load()))
+    return {title: type(_menu_id(title), (_NamesMenu, bpy.types.Menu), {"bl_label": title}) for title in titles}
 
 
-FAMILY_MENUS = tuple(
-    type(_family_menu(key), (_FamilyMenu, bpy.types.Menu), {"bl_label": title, "key": key})
-    for key, title, _ in FAMILIES
-)
+def _menu_id(title: str) -> str:
+    return f"HALFSPACE_MT_presets_{title.lower().replace(' ', '_').replace('-', '_')}"
 
 
 class HALFSPACE_MT_presets(bpy.types.Menu):
-    """The names of the literature by family, then the user's presets."""
+    """The names of the literature by kind of structure, then the user's presets."""
 
     bl_label = "Structure Presets"
     preset_subdir = "halfspace/structure"
@@ -113,8 +96,8 @@ class HALFSPACE_MT_presets(bpy.types.Menu):
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        for key, title, _ in FAMILIES:
-            layout.menu(_family_menu(key), text=title)
+        for title in _menus():
+            layout.menu(_menu_id(title), text=title)
         layout.separator()
         self.draw_preset(context)
 
@@ -148,7 +131,11 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         return found
 
 
-KINDS = (HALFSPACE_OT_use_spec, *FAMILY_MENUS, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
+def _classes() -> tuple[type, ...]:
+    return (HALFSPACE_OT_use_spec, *_menus().values(), HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
+
+
+_registered: list[type] = []
 
 
 def draw(layout: Any) -> None:
@@ -162,12 +149,12 @@ def draw(layout: Any) -> None:
 def register() -> None:
     """Register menu and operators, which need a catalogue."""
     if native.problem() is None:
-        for kind in KINDS:
+        for kind in _classes():
             bpy.utils.register_class(kind)
+            _registered.append(kind)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    for kind in reversed(KINDS):
-        if kind.is_registered:
-            bpy.utils.unregister_class(kind)
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())

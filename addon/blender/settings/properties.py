@@ -53,8 +53,10 @@ def structure_parameters(group: Any) -> tuple[Parameter, ...]:
     return structure(group).parameters
 
 
-def values(group: Any) -> dict[str, Value]:
-    """The values in a `scene.halfspace` group of the parameters of its structure, made valid together."""
+def values(group: Any) -> dict[str, Value | None]:
+    """The values in a `scene.halfspace` group of the parameters of its structure, made valid together; None for those
+    without effect.
+    """
     chosen = structure(group)
     return relevance.effective(chosen, earlier.parameters(group, chosen))
 
@@ -70,13 +72,14 @@ def options(group: Any, name: str) -> tuple[tuple[str, str], ...]:
     parameter = chosen.parameter(name)
     if parameter is None:
         return ()
-    valid = relevance.options(chosen, parameter, values(group))
+    valid = relevance.options(chosen, earlier.parameters(group, chosen)).get(name, ())
     return tuple((option, parameter.label_of(option)) for option in valid)
 
 
 def spec(group: Any) -> str:
     """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
-    return settings.spec(structure(group), values(group))
+    chosen = structure(group)
+    return settings.spec(chosen, earlier.parameters(group, chosen))
 
 
 def _follow_structure(group: Any, context: Any) -> None:
@@ -112,21 +115,12 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
     return properties | _map_properties(known)
 
 
-FAMILIES = {
-    "space": "Split Planes",
-    "objects": "Hierarchies of Triangles",
-    "octants": "Octrees",
-    "oracle": "Reference",
-}
-"""Headings of the menu of structures, by the registry's family; others follow under their own names."""
-
-
 def by_family(structures: Iterable[Structure]) -> dict[str, list[Structure]]:
-    """Structures under the headings of a menu, in the order of FAMILIES."""
-    found: dict[str, list[Structure]] = {heading: [] for heading in FAMILIES.values()}
+    """Structures under the headings of a menu."""
+    found: dict[str, list[Structure]] = {}
     for one in structures:
-        found.setdefault(FAMILIES.get(one.family, one.family.capitalize()), []).append(one)
-    return {heading: group for heading, group in found.items() if group}
+        found.setdefault(one.heading.title(), []).append(one)
+    return found
 
 
 def _structure_items(known: Catalogue) -> list[tuple[Any, ...]]:

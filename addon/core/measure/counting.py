@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..scene.rays import RaySet
 from ..structures import specs
+from ..structures.ways import nodes_of
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
@@ -47,7 +48,7 @@ def alone(structure: Structure, some: RaySet) -> dict[str, NDArray[np.uint32]]:
 
     Brute force has one way to trace rays, and no recordings.
     """
-    if structure.spec.partition(":")[0] == "brute":
+    if nodes_of(structure.spec) == "none":
         return counters(structure, replace(some, order="none"), 0)
     return structure.record(some.origins, some.directions, None, some.t_max, any_hit=some.any_hit).counters
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -14,32 +14,11 @@ Value = int | float | str
 
 
 @dataclass(frozen=True)
-class Need:
-    """A condition on another parameter: its value is one of `options`, or a number above `above`."""
-
-    key: str
-    options: tuple[str, ...] = ()
-    above: float | None = None
-
-    @classmethod
-    def of(cls, row: Mapping[str, Any]) -> Need:
-        """The condition of a row of the native registry."""
-        return cls(row["key"], tuple(row["options"] or ()), row["above"])
-
-    def holds(self, value: Value) -> bool:
-        """Whether a value of the other parameter meets the condition."""
-        if self.above is None:
-            return value in self.options
-        return not isinstance(value, str) and value > self.above
-
-
-@dataclass(frozen=True)
 class Parameter:
     """One key of a configuration string, with the texts and limits that a user interface needs.
 
     kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` lists the values of a
-    choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS. needs: where it has an
-    effect, where each of them holds. option_needs: the same for options that cannot be chosen everywhere.
+    choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS.
     """
 
     name: str
@@ -53,8 +32,6 @@ class Parameter:
     options: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     group: str = "builder"
-    needs: tuple[Need, ...] = ()
-    option_needs: Mapping[str, tuple[Need, ...]] = field(default_factory=dict, hash=False)
 
     @property
     def is_switch(self) -> bool:
@@ -96,7 +73,9 @@ class Way:
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: further names for the id, used by other authors. ways: all valid pairs of nodes and traversal.
+    aliases: further names for the id, used by other authors. ways: all valid pairs of nodes and traversal. heading: of
+    its family in lists. menu: title of the menu of its names in the literature. literature: these names, each with its
+    configuration.
     """
 
     id: str
@@ -108,6 +87,9 @@ class Structure:
     parameters: tuple[Parameter, ...]
     aliases: tuple[str, ...] = ()
     ways: tuple[Way, ...] = ()
+    heading: str = ""
+    menu: str = ""
+    literature: tuple[tuple[str, str], ...] = ()
 
     def parameter(self, name: str) -> Parameter | None:
         """The parameter of this name, or None."""
@@ -166,6 +148,9 @@ def _structure(row: Mapping[str, Any]) -> Structure:
         parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
         aliases=tuple(row["aliases"]),
         ways=tuple(_way(way) for way in row["ways"]),
+        heading=row["heading"],
+        menu=row["menu"],
+        literature=tuple((name, spec) for name, spec in row["literature"]),
     )
 
 
@@ -186,8 +171,6 @@ def _parameter(row: Mapping[str, Any]) -> Parameter:
         options=tuple(row["options"] or ()),
         labels=tuple(row["labels"] or ()),
         group=row["group"],
-        needs=tuple(map(Need.of, row["needs"])),
-        option_needs={option: tuple(map(Need.of, needs)) for option, needs in row["option_needs"].items()},
     )
 
 
@@ -208,6 +191,4 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
         options=tuple(names),
         labels=tuple(names.values()),
         group=a.group,
-        needs=a.needs,
-        option_needs={**a.option_needs, **b.option_needs},
     )

@@ -27,9 +27,9 @@ def spec(structure: Structure, values: Mapping[str, Value]) -> str:
     """
     taken = relevance.effective(structure, values)
     keys: dict[str, Value] = {
-        parameter.name: taken[parameter.name]
-        for parameter in relevance.relevant(structure, taken)
-        if not same(taken[parameter.name], parameter.default)
+        parameter.name: value
+        for parameter in structure.parameters
+        if (value := taken[parameter.name]) is not None and not same(value, parameter.default)
     }
     return specs.joined(structure.id, *(f"{key}={_text(value)}" for key, value in keys.items()))
 

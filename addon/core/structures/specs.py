@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .catalogue import Need
+from ..base import native
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
@@ -60,9 +60,6 @@ def joined(name: str, *given: str) -> str:
 
 SWEEP = "bsp-sweep"
 """The thesis's name for all trees whose directions are selected per node."""
-
-SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
-"""Prefixes of the ids of these trees."""
 
 MOST = 100_000
 """Limit on the configurations of one list, and on the values of one option."""
@@ -185,30 +182,24 @@ def expand(
 
 def _effective(spec: str, row: Mapping[str, Any], swept: Collection[str], left_out: list[str]) -> str:
     """A configuration without values that have no effect after a sweep; adds a line about them to `left_out`."""
-    found = [(key, other, words) for key, other, words in idle(spec, row) if key in swept or other in swept]
-    for _, _, words in found[:1]:
-        line = f"{structure_of(spec)}: {words}"
+    found = [(key, other) for key, other in idle(spec) if key in swept or other in swept]
+    for key, other in found[:1]:
+        line = f"{structure_of(spec)}: {key} has no effect with {other}={values(spec, [row])[other]}"
         if line not in left_out:
             left_out.append(line)
-    return without(spec, {key for key, _, _ in found})
+    return without(spec, {key for key, _ in found})
 
 
-def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """The values of a configuration that have no effect with its others: key, the key of the other, and a sentence."""
-    chosen = values(spec, [row])
-    given = {key for key, _ in pairs(spec)}
-    return [
-        (name, need.key, f"{name} has no effect with {need.key}={chosen[need.key]}")
-        for parameter in row["parameters"]
-        if (name := parameter["name"]) in given and chosen[name] != parameter["default"]
-        for need in _needs(parameter, chosen[name])
-        if need.key in chosen and not need.holds(chosen[need.key])
-    ]
+def idle(spec: str) -> list[tuple[str, str]]:
+    """The values of a configuration that have no effect with its others: the key of each, and the key of the other.
 
-
-def _needs(parameter: Mapping[str, Any], value: Any) -> list[Need]:
-    """The conditions under which a value of a parameter of the registry has an effect."""
-    return [Need.of(row) for row in (*parameter.get("needs", ()), *parameter.get("option_needs", {}).get(value, ()))]
+    Empty for a configuration that the native module does not understand, which `prove` reports.
+    """
+    module = native.load()
+    try:
+        return module.idle(spec)
+    except module.SpecError:
+        return []
 
 
 def without(spec: str, keys: Collection[str]) -> str:
@@ -247,7 +238,7 @@ def tiny(native: Native, spec: str) -> Structure:
 
 def _families(row: Mapping[str, Any]) -> list[str]:
     """The names that select a structure together with others."""
-    sweep = [SWEEP] * row["id"].startswith(SWEEP_IDS)
+    sweep = [SWEEP] if row.get("sweep") else []
     return [row["family"], f"family:{row['family']}", "all", *sweep]
 
 

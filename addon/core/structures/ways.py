@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import specs
+from . import catalogue, specs
 
 if TYPE_CHECKING:
     from ..base.interface import Native
@@ -40,6 +40,11 @@ def own_nodes(structure: Structure) -> str:
         return str(parameter.default)
     singles = [way.nodes for way in structure.ways if way.rays == "single"]
     return singles[0] if singles else structure.ways[0].nodes if structure.ways else "none"
+
+
+def nodes_of(spec: str) -> str:
+    """The kind of nodes that a configuration's structure is made of; "none" for brute force."""
+    return own_nodes(catalogue.load()[specs.structure_of(spec)])
 
 
 def way_of(structure: Structure, spec: str) -> Way | None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32
+from ..structures.ways import nodes_of
 from . import regions
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ def read(structure: Structure, vertices: F32, triangles: I32) -> Table:
     found = structure.export()
     if not len(found["node_kind"]):
         raise TreeError("the structure has no tree")
-    is_grid = structure.spec.partition(":")[0] == "grid"
+    is_grid = nodes_of(structure.spec) == "cells"
     kind, planes = found["node_kind"], found["plane_kind"]
     used = vertices[np.unique(triangles)].astype(np.float64) if len(triangles) else np.zeros((1, 3))
     used = used[np.isfinite(used).all(axis=1)]

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.base import command, native
 from ...core.report import results
 from ...core.scene import grid, workload
-from ...core.structures import specs
+from ...core.structures import specs, ways
 from ..base.usage import Parser, UsageError, output
 from ..stability import agreement, leaks, slowdown, slowdown_page, stability, trials
 
@@ -161,7 +161,7 @@ def check(asked: argparse.Namespace) -> None:
 
 def is_brute(spec: str) -> bool:
     """Whether the configuration is brute force itself."""
-    return specs.structure_of(spec) == "brute"
+    return ways.nodes_of(spec) == "none"
 
 
 def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:

@@ -108,11 +108,11 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
         walks = [spec]
         if not ways.is_spelled(spec):
             others = (ways.spelled(known[row["id"]], spec, way) for way in known[row["id"]].ways[1:])
-            walks += [other for other in others if not specs.idle(other, row)]
+            walks += [other for other in others if not specs.idle(other)]
         made += walks
         if "shadow" in keys and "shadow=" not in spec:
             shadows = (specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:])
-            made += [other for other in shadows if not specs.idle(other, row)]
+            made += [other for other in shadows if not specs.idle(other)]
         if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
             made += [specs.joined(walk, "robust=none") for walk in walks]
     return list(dict.fromkeys(made))

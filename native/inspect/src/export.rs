@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A whole tree as flat arrays, for programs that do not depend on its layout.
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::region::Region;
 use halfspace_geom::vec3::{Vec3, dot, widen};
-use halfspace_nodes::cells::{BOX, NodeCell, SLAB, each_node};
+use halfspace_nodes::cells::{BOX, NodeCell, SLAB, try_each_node};
 use halfspace_ray::frame::Frame;
 use halfspace_structure::Structure;
 
@@ -90,7 +92,10 @@ impl ToScene {
 }
 
 /// Exports the tree of a structure, not its derived layouts. Without a tree, the scene's box is the only node, a leaf.
-pub fn export(structure: &Structure) -> Export {
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn export(structure: &Structure, monitor: &Monitor) -> Result<Export> {
     let built = structure.built();
     let (frame, bounds) = (&built.frame, built.frame.bounds());
     let to_scene = ToScene::new(frame);
@@ -98,10 +103,11 @@ pub fn export(structure: &Structure) -> Export {
     let ids = |first, count| built.leaves.ids(first, count);
     let cells = built.tree.as_ref().and_then(|tree| tree.cells());
     match cells.filter(|_| !bounds.is_empty()) {
-        Some(cells) => each_node(cells, bounds, |node| {
+        Some(cells) => try_each_node(cells, bounds, |node| {
             let triangles = node.view.leaf.map(|(first, count)| ids(first, count));
             out.node(&node, triangles.unwrap_or_default(), &to_scene);
-        }),
+            monitor.check()
+        })?,
         None => {
             out.head(LEAF, None, 0);
             out.planes.push([]);
@@ -110,7 +116,8 @@ pub fn export(structure: &Structure) -> Export {
         }
     }
     out.link();
-    out
+    monitor.check()?;
+    Ok(out)
 }
 
 impl Export {

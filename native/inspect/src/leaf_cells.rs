@@ -2,9 +2,11 @@
 //! The cells of leaves as polyhedra, those with the most triangles first. They show where a tree fails to separate
 //! triangles.
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
 use halfspace_geom::region::{Face, Region};
-use halfspace_nodes::cells::{Cells, each_leaf};
+use halfspace_nodes::cells::{Cells, try_each_leaf};
 use halfspace_ray::frame::Frame;
 use halfspace_structure::Structure;
 
@@ -61,12 +63,20 @@ impl Faces {
 
 /// Returns the cells of the leaves with at least `least` triangles, at most `max_count` of them, by descending
 /// number of triangles, then in the order of the tree.
-pub fn leaf_cells(structure: &Structure, least: usize, max_count: usize) -> LeafCells {
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn leaf_cells(
+    structure: &Structure,
+    least: usize,
+    max_count: usize,
+    monitor: &Monitor,
+) -> Result<LeafCells> {
     let built = structure.built();
     let bounds = built.frame.bounds();
     let (chosen, all) = match built.tree.as_ref().and_then(|tree| tree.cells()) {
         Some(_) if bounds.is_empty() => (Vec::new(), 0),
-        Some(cells) => fullest(cells, bounds, least, max_count),
+        Some(cells) => fullest(cells, bounds, [least, max_count], monitor)?,
         None => alone(structure, least, max_count),
     };
     let mut out = LeafCells {
@@ -81,7 +91,7 @@ pub fn leaf_cells(structure: &Structure, least: usize, max_count: usize) -> Leaf
         #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
         out.depths.push(cell.depth as u32);
     }
-    out
+    Ok(out)
 }
 
 /// A leaf whose cell is returned.
@@ -107,16 +117,22 @@ fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>,
 }
 
 /// Returns the leaves with the most triangles, and the number of all leaves with at least `least`.
-fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
+fn fullest(
+    tree: &dyn Cells,
+    bounds: Aabb,
+    [least, max_count]: [usize; 2],
+    monitor: &Monitor,
+) -> Result<(Vec<Chosen>, usize)> {
     // Collect only the numbers of the leaves, because the regions of millions of leaves would need much memory.
     let mut order = Vec::new();
     let mut number = 0_usize;
-    each_leaf(tree, bounds, |leaf| {
+    try_each_leaf(tree, bounds, |leaf| {
         if leaf.count >= least {
             order.push((leaf.count, number));
         }
         number += 1;
-    });
+        monitor.check()
+    })?;
     let all = order.len();
     order.sort_unstable_by_key(|&(count, number)| (std::cmp::Reverse(count), number));
     order.truncate(max_count);
@@ -126,7 +142,7 @@ fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (V
     let mut chosen = Vec::with_capacity(wanted.len());
     let mut next = wanted.into_iter().peekable();
     number = 0;
-    each_leaf(tree, bounds, |leaf| {
+    try_each_leaf(tree, bounds, |leaf| {
         if next.next_if_eq(&number).is_some() {
             chosen.push(Chosen {
                 count: leaf.count,
@@ -135,7 +151,8 @@ fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (V
             });
         }
         number += 1;
-    });
+        monitor.check()
+    })?;
     chosen.sort_by_key(|cell| std::cmp::Reverse(cell.count));
-    (chosen, all)
+    Ok((chosen, all))
 }

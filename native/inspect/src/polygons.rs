@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each clipped to its node's region, for the overlay.
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::region::rectangle;
 use halfspace_geom::vec3::Vec3;
 use halfspace_nodes::cells::BOX;
@@ -23,20 +25,29 @@ pub struct Polygons {
 }
 
 /// Returns the split planes of all nodes down to `max_depth`, breadth first, at most `max_count` of them.
-pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize) -> Polygons {
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn split_polygons(
+    structure: &Structure,
+    max_depth: usize,
+    max_count: usize,
+    monitor: &Monitor,
+) -> Result<Polygons> {
     let mut polygons = Polygons {
         offsets: vec![0],
         ..Polygons::default()
     };
     let built = structure.built();
     let Some(cells) = built.tree.as_ref().and_then(|tree| tree.cells()) else {
-        return polygons;
+        return Ok(polygons);
     };
     let frame = &built.frame;
     let mut level = vec![cells.root(frame.bounds())];
     for depth in 0..=max_depth {
         let mut next = Vec::new();
         for (id, region) in level {
+            monitor.check()?;
             let mut node = cells.node(id, &region);
             // Append the planes that the node stores, each clipped to its region.
             for (plane, kind) in &node.planes {
@@ -63,7 +74,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         }
         level = next;
     }
-    polygons
+    Ok(polygons)
 }
 
 /// Rounds a point to f32.

@@ -5,9 +5,11 @@
 //! passes, empty ones included, and the planes it crosses are computed separately in f64 without error bounds, so that
 //! tests can compare the two.
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
 use halfspace_geom::region::{Face, Line, Region, Span};
-use halfspace_nodes::cells::{Cells, NodeId, each_leaf};
+use halfspace_nodes::cells::{Cells, NodeId, try_each_leaf};
 use halfspace_ray::path::Path;
 use halfspace_ray::{Hit, Ray, RayCounters};
 use halfspace_structure::Structure;
@@ -60,8 +62,12 @@ pub struct RayPath {
 }
 
 /// Returns the path of a ray to its nearest hit, or to the one that ends an any-hit ray, or out of the scene.
-pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
-    let (hit, path) = structure.path(ray, any);
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn ray_path(structure: &Structure, ray: &Ray, any: bool, monitor: &Monitor) -> Result<RayPath> {
+    let (hit, path) = structure.path(ray, any, Some(monitor));
+    monitor.check()?;
     let built = structure.built();
     let scale = f64::from(built.frame.scale());
     let middle = built.frame.map().origin();
@@ -80,10 +86,11 @@ pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
         end: f64::from(ray.t_max.min(hit.t)),
         any,
         path: &path,
+        monitor,
     };
-    match built.tree.as_ref().and_then(|tree| tree.cells()) {
+    Ok(match built.tree.as_ref().and_then(|tree| tree.cells()) {
         Some(cells) => {
-            let (visits, crossings) = follow.run(cells);
+            let (visits, crossings) = follow.run(cells)?;
             RayPath {
                 hit,
                 counters: path.counters,
@@ -92,7 +99,7 @@ pub fn ray_path(structure: &Structure, ray: &Ray, any: bool) -> RayPath {
             }
         }
         None => alone(structure, &line, follow.end, hit, &path),
-    }
+    })
 }
 
 /// Returns an interval that ends where the ray ends, unless it begins beyond.
@@ -145,6 +152,8 @@ struct Follow<'a> {
     any: bool,
     /// The record of the traversal.
     path: &'a Path,
+    /// Cancels the search.
+    monitor: &'a Monitor,
 }
 
 /// A node still to visit.
@@ -158,17 +167,17 @@ struct Entry {
 
 impl Follow<'_> {
     /// Returns the leaves and the planes on the path.
-    fn run(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
-        let (passed, mut crossings) = self.pass(tree);
+    fn run(&self, tree: &dyn Cells) -> Result<(Vec<Visit>, Vec<Crossing>)> {
+        let (passed, mut crossings) = self.pass(tree)?;
         crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
-        (self.merge(tree, passed), crossings)
+        Ok((self.merge(tree, passed)?, crossings))
     }
 
     /// Returns every leaf whose region the line passes within the span, and every plane that it crosses before the hit.
-    fn pass(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
+    fn pass(&self, tree: &dyn Cells) -> Result<(Vec<Visit>, Vec<Crossing>)> {
         let (mut passed, mut crossings) = (Vec::new(), Vec::new());
         if self.bounds.is_empty() {
-            return (passed, crossings);
+            return Ok((passed, crossings));
         }
         let (id, region) = tree.root(self.bounds);
         let mut stack = Vec::new();
@@ -182,6 +191,7 @@ impl Follow<'_> {
         }
         // Visit the nodes whose region the line passes.
         while let Some(entry) = stack.pop() {
+            self.monitor.check()?;
             let found = tree.node(entry.id, &entry.region);
             let Entry {
                 region,
@@ -226,13 +236,13 @@ impl Follow<'_> {
         }
         // Order the leaves along the ray.
         passed.sort_by(|a, b| a.span.enter.total_cmp(&b.span.enter));
-        (passed, crossings)
+        Ok((passed, crossings))
     }
 
     /// Returns the tested leaves in the order of the traversal, and between them the passed leaves that were not
     /// tested. Omits cells beyond the hit, those that the line only touches in a point, and of rays to any hit those
     /// with triangles, unless they were tested.
-    fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
+    fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Result<Vec<Visit>> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
         for mut visit in passed {
@@ -257,7 +267,7 @@ impl Follow<'_> {
             .iter()
             .any(|leaf| !tested.contains_key(&leaf.first));
         if missing {
-            self.find_missing(tree, &mut tested);
+            self.find_missing(tree, &mut tested)?;
         }
         // Merge the two lists: each untested leaf precedes the first tested leaf that the line enters later.
         let mut visits = Vec::new();
@@ -273,12 +283,12 @@ impl Follow<'_> {
             visits.push(visit);
         }
         visits.extend(others);
-        visits
+        Ok(visits)
     }
 
     /// Searches the whole tree for the leaves that the traversal tested although the line misses them.
-    fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
-        each_leaf(tree, self.bounds, |leaf| {
+    fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) -> Result<()> {
+        try_each_leaf(tree, self.bounds, |leaf| {
             let wanted = self.path.leaves.iter().any(|l| l.first == leaf.first);
             if leaf.count > 0 && wanted && !tested.contains_key(&leaf.first) {
                 // The line does not meet the leaf, so it has no interval there.
@@ -295,6 +305,7 @@ impl Follow<'_> {
                 };
                 tested.insert(leaf.first, visit);
             }
-        });
+            self.monitor.check()
+        })
     }
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Checks of the invariants of built structures.
 
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::cell::Direction;
 use halfspace_nodes::tree::Body;
 use halfspace_ray::{Hit, Order, Ray, Tracer};
@@ -12,6 +14,15 @@ const TILE: usize = 64;
 
 /// Checks a structure, and returns its broken invariants, one sentence each; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
+    let found = watched(structure, &Monitor::new());
+    found.expect("nothing cancels it")
+}
+
+/// As [`validate`], until the monitor is cancelled.
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn watched(structure: &Structure, monitor: &Monitor) -> Result<Vec<String>> {
     let (built, live) = (structure.built(), structure.scene().live());
     let mut broken = Vec::new();
     // Check all trees and their derived layouts, and collect the triangles of all leaves.
@@ -26,17 +37,23 @@ pub fn validate(structure: &Structure) -> Vec<String> {
             frame: &built.frame,
             blocks: &built.leaves,
             shape,
+            monitor,
         };
         match &built.tree {
-            None => ids.extend(built.leaves.ids(0, shape.references)),
+            None => insert(&mut ids, built.leaves.ids(0, shape.references), monitor),
             Some(tree) => {
                 tree.validate(&body, &mut broken);
-                tree.leaves(&mut |first, count| ids.extend(built.leaves.ids(first, count)));
+                tree.leaves(&mut |first, count| {
+                    if !monitor.is_cancelled() {
+                        insert(&mut ids, built.leaves.ids(first, count), monitor);
+                    }
+                });
             }
         }
         for derived in &built.derived {
             derived.tree.validate(&body, &mut broken);
         }
+        monitor.check()?;
     }
     if built.plan.tiles.is_some() {
         tiles(structure, &mut broken);
@@ -48,7 +65,17 @@ pub fn validate(structure: &Structure) -> Vec<String> {
             live.len()
         ));
     }
-    broken
+    Ok(broken)
+}
+
+/// Inserts triangles until the monitor is cancelled.
+fn insert(set: &mut BTreeSet<u32>, ids: Vec<u32>, monitor: &Monitor) {
+    for part in ids.chunks(1024) {
+        if monitor.is_cancelled() {
+            return;
+        }
+        set.extend(part);
+    }
 }
 
 /// Returns the point in which the axis-aligned planes of the root meet, in the scene's space; the middle of the scene's

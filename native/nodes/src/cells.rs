@@ -4,6 +4,7 @@
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::Plane;
 use halfspace_geom::region::Region;
+use std::convert::Infallible;
 
 /// Kind of an oblique plane. Kinds 0, 1 and 2 are planes perpendicular to that axis.
 pub const OBLIQUE: u8 = 3;
@@ -113,6 +114,21 @@ pub struct NodeCell<'a> {
 
 /// Calls `visit` for all nodes in preorder, children in the order of the tree.
 pub fn each_node(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(NodeCell<'_>)) {
+    let Ok(()) = try_each_node(tree, bounds, |node| {
+        visit(node);
+        Ok::<_, Infallible>(())
+    });
+}
+
+/// As [`each_node`], until `visit` returns an error.
+///
+/// # Errors
+/// That of `visit`.
+pub fn try_each_node<E>(
+    tree: &dyn Cells,
+    bounds: Aabb,
+    mut visit: impl FnMut(NodeCell<'_>) -> Result<(), E>,
+) -> Result<(), E> {
     let (root, whole) = tree.root(bounds);
     let mut open = vec![(root, whole, None, 0)];
     let mut index = 0;
@@ -124,24 +140,41 @@ pub fn each_node(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(NodeCell<
             depth,
             region: &region,
             view: &view,
-        });
+        })?;
         // Push the children in reverse, so that the first one is visited next.
         let children = view.children.into_iter().rev();
         open.extend(children.map(|(id, region)| (id, region, Some(index), depth + 1)));
         index += 1;
     }
+    Ok(())
 }
 
 /// Calls `visit` for all leaves in the order of the tree.
 pub fn each_leaf(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(LeafCell<'_>)) {
-    each_node(tree, bounds, |node| {
-        if let Some((first, count)) = node.view.leaf {
-            visit(LeafCell {
-                first,
-                count,
-                depth: node.depth,
-                region: node.region,
-            });
-        }
+    let Ok(()) = try_each_leaf(tree, bounds, |leaf| {
+        visit(leaf);
+        Ok::<_, Infallible>(())
     });
+}
+
+/// As [`each_leaf`], until `visit` returns an error.
+///
+/// # Errors
+/// That of `visit`.
+pub fn try_each_leaf<E>(
+    tree: &dyn Cells,
+    bounds: Aabb,
+    mut visit: impl FnMut(LeafCell<'_>) -> Result<(), E>,
+) -> Result<(), E> {
+    try_each_node(tree, bounds, |node| {
+        let Some((first, count)) = node.view.leaf else {
+            return Ok(());
+        };
+        visit(LeafCell {
+            first,
+            count,
+            depth: node.depth,
+            region: node.region,
+        })
+    })
 }

@@ -29,6 +29,6 @@ pub mod tree;
 
 pub use boxes::{box_corners, box_tree, dop_tree, obb_tree, object_tree, plane_boxes};
 pub use octants::octree_nodes;
-pub use planes::{lazy_tree, plane_tree, preorder, projected_tree, ropes, wide_tree};
+pub use planes::{axis_tree, lazy_tree, plane_tree, preorder, projected_tree, ropes, wide_tree};
 pub use slabs::{slab_boxes, slab_node, slab_tree, slab_wide, slant_tree, slanted_tree};
 pub use tree::Tree;

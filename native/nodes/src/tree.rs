@@ -3,6 +3,7 @@
 
 use crate::cells::Cells;
 use crate::shape::Shape;
+use halfspace_base::Monitor;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -20,6 +21,8 @@ pub struct Body<'a> {
     pub blocks: &'a Blocks,
     /// The statistics that the build reported.
     pub shape: &'a Shape,
+    /// Cancels the check, whose result then means nothing.
+    pub monitor: &'a Monitor,
 }
 
 /// A tree in memory, of any layout.

@@ -158,7 +158,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
     ) {
         let mut rest: Vec<u32> = (0..).take(batch.rays.len()).collect();
         for _ in 0..SOURCES {
-            if rest.len() < self.least as usize {
+            if rest.len() < self.least as usize || batch.is_cancelled() {
                 break;
             }
             let Some(seen) = Q::source(self, batch, &rest) else {
@@ -219,6 +219,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
             counters,
             sorted,
             scratch: Scratch::default(),
+            monitor: batch.monitor,
         };
         traversal.run(simd, form);
         left
@@ -237,6 +238,9 @@ impl<Q: Beamed> PolygonBeams<Q> {
         let single = NeighbourTraversal(&self.tree, Links);
         let mut entries = single.scratch();
         for &id in rest {
+            if batch.is_cancelled() {
+                return;
+            }
             let (id, count) = (id as usize, &mut counters[id as usize]);
             let ray = &batch.rays[id];
             count.case(|| SINGLE);

@@ -180,6 +180,7 @@ mod tests {
             level: Level::new(),
             shadow_cache: false,
             placed: None,
+            monitor: None,
         };
         let mut blocked = vec![false; rays.len()];
         kernel.trace(&batch, &mut blocked);

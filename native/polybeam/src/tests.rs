@@ -190,6 +190,7 @@ fn compare(place: &Setup, rays: &[Ray], visits: impl Fn(&Ray) -> u32) -> [u32; 2
         level: Level::new(),
         shadow_cache: false,
         placed: None,
+        monitor: None,
     };
     let answers: Vec<_> = rays.iter().map(|ray| nearest(scene, ray)).collect();
     let right = |hits: &[Hit]| {

@@ -9,6 +9,7 @@ use crate::form::Form;
 use crate::line::{Ahead, Line};
 use crate::rays::{Group, Sorted};
 use fearless_simd::Simd;
+use halfspace_base::Monitor;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Counters, Query};
@@ -56,6 +57,8 @@ pub struct Traversal<'a, F: Form, Q, C> {
     pub sorted: Sorted,
     /// Memory that beams use one after another.
     pub scratch: Scratch<F::Triangle>,
+    /// Cancels the traversal.
+    pub monitor: Option<&'a Monitor>,
 }
 
 /// Memory that beams use one after another.
@@ -150,6 +153,9 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
             let mut octant = Octant::new(self.tree, group.signs, form);
             self.begin(&mut octant, group);
             while let Some(beam) = self.scratch.stack.pop() {
+                if self.monitor.is_some_and(Monitor::is_cancelled) {
+                    return;
+                }
                 self.visit(simd, &octant, group, beam);
             }
         }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Statistics of a tree, and the tree itself, as dictionaries of arrays.
 
+use crate::errors::raise;
+use halfspace_base::Monitor;
 use halfspace_inspect::analysis::{self, Charges};
 use halfspace_inspect::export::{self, Lists};
 use halfspace_structure::Structure;
@@ -44,8 +46,10 @@ pub fn analysis<'py>(
     py: Python<'py>,
     structure: &Structure,
     max_nodes: usize,
+    monitor: &Monitor,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let found = py.detach(|| analysis::analysis(structure, max_nodes));
+    let found = py.detach(|| analysis::analysis(structure, max_nodes, monitor));
+    let found = found.map_err(raise)?;
     let dict = PyDict::new(py);
     // Counts of leaves and nodes.
     let column = |k: usize| -> Vec<u64> { found.leaf_sizes.iter().map(|row| row[k]).collect() };
@@ -87,8 +91,13 @@ fn set_offsets<T>(dict: &Bound<'_, PyDict>, name: &str, lists: &Lists<T>) -> PyR
 }
 
 /// Implements `Structure.export`.
-pub fn export<'py>(py: Python<'py>, structure: &Structure) -> PyResult<Bound<'py, PyDict>> {
-    let tree = py.detach(|| export::export(structure));
+pub fn export<'py>(
+    py: Python<'py>,
+    structure: &Structure,
+    monitor: &Monitor,
+) -> PyResult<Bound<'py, PyDict>> {
+    let tree = py.detach(|| export::export(structure, monitor));
+    let tree = tree.map_err(raise)?;
     let dict = PyDict::new(py);
     dict.set_item("node_kind", tree.kinds.to_pyarray(py))?;
     dict.set_item("node_parent", tree.parents.to_pyarray(py))?;

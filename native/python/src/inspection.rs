@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Visualization of a structure as dictionaries of arrays: split planes and cells of leaves.
 
+use crate::errors::raise;
+use halfspace_base::Monitor;
 use halfspace_inspect::leaf_cells::{Faces, leaf_cells};
 use halfspace_inspect::polygons;
 use halfspace_structure::Structure;
@@ -28,8 +30,10 @@ pub fn planes<'py>(
     structure: &Structure,
     max_depth: usize,
     max_count: usize,
+    monitor: &Monitor,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let polygons = py.detach(|| polygons::split_polygons(structure, max_depth, max_count));
+    let polygons = py.detach(|| polygons::split_polygons(structure, max_depth, max_count, monitor));
+    let polygons = polygons.map_err(raise)?;
     let dict = PyDict::new(py);
     dict.set_item("vertices", points(py, &polygons.vertices)?)?;
     dict.set_item("offsets", polygons.offsets.to_pyarray(py))?;
@@ -45,8 +49,10 @@ pub fn cells<'py>(
     structure: &Structure,
     min_triangles: usize,
     max_count: usize,
+    monitor: &Monitor,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let cells = py.detach(|| leaf_cells(structure, min_triangles, max_count));
+    let cells = py.detach(|| leaf_cells(structure, min_triangles, max_count, monitor));
+    let cells = cells.map_err(raise)?;
     let dict = PyDict::new(py);
     set_faces(&dict, &cells.faces)?;
     dict.set_item("count", cells.counts.to_pyarray(py))?;

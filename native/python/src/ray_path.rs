@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The path of a ray through a structure as a dictionary of arrays.
 
+use crate::errors::raise;
 use crate::hits::COLUMNS;
 use crate::inspection::{points, set_faces};
+use halfspace_base::Monitor;
 use halfspace_inspect::leaf_cells::Faces;
 use halfspace_inspect::ray_path::{RayPath, Visit, ray_path};
 use halfspace_ray::{Ray, RayCounters};
@@ -17,8 +19,10 @@ pub fn path<'py>(
     structure: &Structure,
     ray: &Ray,
     any: bool,
+    monitor: &Monitor,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let path = py.detach(|| ray_path(structure, ray, any));
+    let path = py.detach(|| ray_path(structure, ray, any, monitor));
+    let path = path.map_err(raise)?;
     let dict = PyDict::new(py);
     dict.set_item("t", path.hit.t)?;
     // The triangle index of a miss has all bits set and becomes -1.

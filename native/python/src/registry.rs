@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The registry as dictionaries for Python.
 
+use crate::errors::raise;
 use halfspace_structure::row::{Kind, Need, Only, ParamSpec, StructureSpec};
 use halfspace_structure::spec::Value;
 use halfspace_structure::way::Way;
-use halfspace_trees::registry::{TREES, aliases};
+use halfspace_trees::registry::{TREES, aliases, effective};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -99,7 +100,9 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
     dict.set_item("aliases", PyList::new(py, aliases(spec.id))?)?;
     dict.set_item("code", spec.code)?;
     dict.set_item("label", spec.label)?;
-    dict.set_item("family", spec.family)?;
+    dict.set_item("family", spec.family.name())?;
+    dict.set_item("heading", spec.family.label())?;
+    dict.set_item("menu", spec.menu.title())?;
     dict.set_item("summary", spec.summary)?;
     dict.set_item("paper", spec.paper)?;
     let parameters = PyList::empty(py);
@@ -114,6 +117,13 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
     }
     dict.set_item("ways", ways)?;
     dict.set_item("no_groups", spec.no_groups)?;
+    let named = spec.literature.iter().map(|(name, parameters)| {
+        let separator = if parameters.is_empty() { "" } else { ":" };
+        (*name, format!("{}{separator}{parameters}", spec.id))
+    });
+    dict.set_item("literature", named.collect::<Vec<_>>())?;
+    dict.set_item("sweep", spec.sweep)?;
+    dict.set_item("claims", spec.claims.to_vec())?;
     Ok(dict)
 }
 
@@ -127,7 +137,52 @@ fn structures(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(list)
 }
 
-/// Adds `structures` to the module.
+/// Each parameter of a configuration's structure with its effective value, or None where it has no effect.
+///
+/// The configuration may contradict itself: a value out of its range becomes the nearest, an option that the other
+/// values exclude becomes the default. SpecError for an unknown structure or parameter, or text that is no number.
+#[pyfunction(name = "effective")]
+fn effective_values<'py>(py: Python<'py>, spec: &str) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for one in effective(spec).map_err(raise)? {
+        match one.value {
+            Some(value) => set_value(&dict, one.param.name, &value)?,
+            None => dict.set_item(one.param.name, py.None())?,
+        }
+    }
+    Ok(dict)
+}
+
+/// The options of each choice that are valid with the other values, which may contradict each other. SpecError.
+#[pyfunction]
+fn options<'py>(py: Python<'py>, spec: &str) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let params = effective(spec).map_err(raise)?;
+    for one in params
+        .iter()
+        .filter(|one| one.param.kind.options().is_some())
+    {
+        dict.set_item(one.param.name, &one.options)?;
+    }
+    Ok(dict)
+}
+
+/// The given values that have no effect with the others: name, and name of the parameter that prevents it.
+///
+/// SpecError as for effective().
+#[pyfunction]
+fn idle(spec: &str) -> PyResult<Vec<(&'static str, &'static str)>> {
+    let params = effective(spec).map_err(raise)?;
+    let idle = params
+        .iter()
+        .filter_map(|one| Some((one.param.name, one.unmet?.key)));
+    Ok(idle.collect())
+}
+
+/// Adds the registry to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(effective_values, module)?)?;
+    module.add_function(wrap_pyfunction!(options, module)?)?;
+    module.add_function(wrap_pyfunction!(idle, module)?)?;
     module.add_function(wrap_pyfunction!(structures, module)?)
 }

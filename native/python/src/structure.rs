@@ -265,7 +265,8 @@ impl Structure {
     ///
     /// any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
     /// SpecError for "brute", which has no traversal.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false, monitor=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn record(
         &self,
         py: Python<'_>,
@@ -274,11 +275,14 @@ impl Structure {
         t_min: Option<&Bound<'_, PyAny>>,
         t_max: Option<&Bound<'_, PyAny>>,
         any_hit: bool,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Recording> {
         let _mode = DefaultMode::set(py)?;
         let arguments = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        let monitor = monitor::of(monitor);
         let rays = arguments.rays().all().map_err(raise)?;
-        let recording = py.detach(|| self.0.record(rays, any_hit)).map_err(raise)?;
+        let recording = py.detach(|| self.0.record(rays, any_hit, monitor));
+        let recording = recording.map_err(raise)?;
         Ok(Recording::new(self.0.clone(), recording))
     }
 
@@ -314,61 +318,84 @@ impl Structure {
     }
 
     /// Descriptions of broken invariants; empty for a valid structure. Slow, for tests.
-    fn validate(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+    ///
+    /// monitor: to cancel the check. Raises Cancelled.
+    #[pyo3(signature = (*, monitor=None))]
+    fn validate(&self, py: Python<'_>, monitor: Option<&Monitor>) -> PyResult<Vec<String>> {
         let _mode = DefaultMode::set(py)?;
-        Ok(py.detach(|| validate::validate(&self.0)))
+        let monitor = monitor::given(monitor);
+        py.detach(|| validate::watched(&self.0, &monitor))
+            .map_err(raise)
     }
 
     /// Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
     ///
     /// max_nodes: end-point overlap of a tree of more nodes is estimated from a sample of the triangles,
     /// fewer by the same factor but at least 1024, with a fixed seed. Takes time in proportion to the nodes.
-    /// Raises SpecError for numbers below 0.
-    #[pyo3(signature = (max_nodes=MaxNodes(200_000)), text_signature = "($self, max_nodes=200000)")]
-    fn analysis<'py>(&self, py: Python<'py>, max_nodes: MaxNodes) -> PyResult<Bound<'py, PyDict>> {
+    /// monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
+    #[pyo3(signature = (max_nodes=MaxNodes(200_000), *, monitor=None), text_signature = "($self, max_nodes=200000, *, monitor=None)")]
+    fn analysis<'py>(
+        &self,
+        py: Python<'py>,
+        max_nodes: MaxNodes,
+        monitor: Option<&Monitor>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
-        analysis::analysis(py, &self.0, max_nodes.0)
+        analysis::analysis(py, &self.0, max_nodes.0, &monitor::given(monitor))
     }
 
     /// The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it.
-    fn export<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    ///
+    /// monitor: to cancel it. Raises Cancelled.
+    #[pyo3(signature = (*, monitor=None))]
+    fn export<'py>(
+        &self,
+        py: Python<'py>,
+        monitor: Option<&Monitor>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
-        analysis::export(py, &self.0)
+        analysis::export(py, &self.0, &monitor::given(monitor))
     }
 
     /// The split planes of nodes down to max_depth, at most max_count of them, breadth first.
     ///
-    /// Raises SpecError for numbers below 0.
-    #[pyo3(signature = (max_depth=MaxDepth(60), max_count=MaxCount(20_000)), text_signature = "($self, max_depth=60, max_count=20000)")]
+    /// monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
+    #[pyo3(signature = (max_depth=MaxDepth(60), max_count=MaxCount(20_000), *, monitor=None), text_signature = "($self, max_depth=60, max_count=20000, *, monitor=None)")]
     fn split_polygons<'py>(
         &self,
         py: Python<'py>,
         max_depth: MaxDepth,
         max_count: MaxCount,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
-        inspection::planes(py, &self.0, max_depth.0, max_count.0)
+        let monitor = monitor::given(monitor);
+        inspection::planes(py, &self.0, max_depth.0, max_count.0, &monitor)
     }
 
     /// The cells of leaves with at least min_triangles, the fullest first, at most max_count.
     ///
-    /// Raises SpecError for numbers below 0.
-    #[pyo3(signature = (min_triangles=MinTriangles(1), max_count=MaxCount(20_000)), text_signature = "($self, min_triangles=1, max_count=20000)")]
+    /// monitor: to cancel it. Raises SpecError for numbers below 0, Cancelled.
+    #[pyo3(signature = (min_triangles=MinTriangles(1), max_count=MaxCount(20_000), *, monitor=None), text_signature = "($self, min_triangles=1, max_count=20000, *, monitor=None)")]
     fn leaf_cells<'py>(
         &self,
         py: Python<'py>,
         min_triangles: MinTriangles,
         max_count: MaxCount,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
-        inspection::cells(py, &self.0, min_triangles.0, max_count.0)
+        let monitor = monitor::given(monitor);
+        inspection::cells(py, &self.0, min_triangles.0, max_count.0, &monitor)
     }
 
     /// The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
     ///
     /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
-    /// any_hit: the path of a ray of occluded(), to the hit that ends it. Raises NonFiniteError.
-    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f64::INFINITY, *, any_hit=false), text_signature = "($self, origin, direction, t_min=0.0, t_max=..., *, any_hit=False)")]
+    /// any_hit: the path of a ray of occluded(), to the hit that ends it. monitor: to cancel it. Raises NonFiniteError,
+    /// Cancelled.
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f64::INFINITY, *, any_hit=false, monitor=None), text_signature = "($self, origin, direction, t_min=0.0, t_max=..., *, any_hit=False, monitor=None)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn trace_path<'py>(
         &self,
         py: Python<'py>,
@@ -377,6 +404,7 @@ impl Structure {
         t_min: f64,
         t_max: f64,
         any_hit: bool,
+        monitor: Option<&Monitor>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let _mode = DefaultMode::set(py)?;
         // The arguments are rounded in this mode only from here on.
@@ -397,7 +425,7 @@ impl Structure {
             t_min,
             t_max,
         };
-        ray_path::path(py, &self.0, &ray, any_hit)
+        ray_path::path(py, &self.0, &ray, any_hit, &monitor::given(monitor))
     }
 }
 

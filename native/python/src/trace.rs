@@ -7,16 +7,37 @@ use crate::errors::raise;
 use crate::hits::{Hits, counters};
 use crate::monitor::{self, Monitor};
 use crate::watched::Watched;
+use halfspace_base::Monitor as BaseMonitor;
 use halfspace_ray::Tracer;
+use halfspace_structure::Structure;
+use halfspace_structure::instances::Instances;
 use halfspace_trace::threads;
 use numpy::ToPyArray;
 use pyo3::prelude::*;
+
+/// A tracer that can be cancelled while it counts.
+pub trait Cancellable: Tracer {
+    /// The same tracer, whose kernels read a monitor while they count.
+    fn watched<'a>(&'a self, monitor: Option<&'a BaseMonitor>) -> Box<dyn Tracer + 'a>;
+}
+
+impl Cancellable for Structure {
+    fn watched<'a>(&'a self, monitor: Option<&'a BaseMonitor>) -> Box<dyn Tracer + 'a> {
+        Box::new(Self::watched(self, monitor))
+    }
+}
+
+impl Cancellable for Instances {
+    fn watched<'a>(&'a self, monitor: Option<&'a BaseMonitor>) -> Box<dyn Tracer + 'a> {
+        Box::new(Self::watched(self, monitor))
+    }
+}
 
 /// A tracer, and the names of the counters that are particular to its traversal.
 #[derive(Clone, Copy)]
 pub struct CountedTracer<'a> {
     /// Traces the rays.
-    pub tracer: &'a dyn Tracer,
+    pub tracer: &'a dyn Cancellable,
     /// Names of the counters.
     pub cases: &'static [&'static str],
 }
@@ -31,10 +52,14 @@ pub fn closest(
     monitor: Option<&Monitor>,
 ) -> PyResult<Hits> {
     let monitor = monitor::of(monitor);
-    let watched = Watched::new(tracer, monitor);
     let rays = rays.rays().watched(monitor);
     let (hits, counts) = py
-        .detach(|| threads::closest(&watched, rays, threads.0, counters))
+        .detach(|| {
+            if counters {
+                return threads::closest(&*tracer.watched(monitor), rays, threads.0, true);
+            }
+            threads::closest(&Watched::new(tracer, monitor), rays, threads.0, false)
+        })
         .map_err(raise)?;
     Ok(Hits {
         hits,
@@ -53,10 +78,14 @@ pub fn occluded<'py>(
     monitor: Option<&Monitor>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let monitor = monitor::of(monitor);
-    let watched = Watched::new(tracer, monitor);
     let rays = rays.rays().watched(monitor);
     let (occluded, counts) = py
-        .detach(|| threads::occluded(&watched, rays, threads.0, counting))
+        .detach(|| {
+            if counting {
+                return threads::occluded(&*tracer.watched(monitor), rays, threads.0, true);
+            }
+            threads::occluded(&Watched::new(tracer, monitor), rays, threads.0, false)
+        })
         .map_err(raise)?;
     let occluded = occluded.to_pyarray(py).into_any();
     match counts {

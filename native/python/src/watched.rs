@@ -20,8 +20,8 @@ const MOST: usize = 1024;
 const SHORT: Duration = Duration::from_millis(5);
 
 /// A tracer that reads a monitor, if there is one, between slices of its rays, and leaves rays without an answer once it
-/// is cancelled. Answers do not depend on the slices. Counted rays are not divided: what is counted may depend on the
-/// batch.
+/// is cancelled. Answers do not depend on the slices, but what is counted may: the kernels of counted rays read the monitor
+/// themselves ([`crate::trace::Cancellable`]).
 pub struct Watched<'a, T: ?Sized> {
     tracer: &'a T,
     monitor: Option<&'a Monitor>,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! With error bounds and exact verdicts: the answers are those of all other kernels.
 
+use halfspace_nodes::axis_tree::SharedAxisTree;
 use halfspace_nodes::plane_tree::PlaneTree;
 use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::Ropes;
@@ -23,8 +24,8 @@ single_rays! {
 
 single_rays! {
     /// Single rays by TA-B.
-    fn ta_b(PlaneTree) -> TaBTraversal<'a>, with Scalar {
-        |kernel| TaBTraversal(&kernel.tree)
+    fn ta_b(SharedAxisTree) -> TaBTraversal<'a>, with Scalar {
+        |kernel| TaBTraversal(kernel.tree.borrowed())
     }
 }
 
@@ -37,36 +38,36 @@ single_rays! {
 
 single_rays! {
     /// Single rays by TA-A.
-    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, false>, with Scalar {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn ta_a(SharedAxisTree) -> OriginTraversal<'a, TaA, false>, with Scalar {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by the algorithm of Sung and Shirley.
-    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, false>, with Scalar {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn sung(SharedAxisTree) -> OriginTraversal<'a, Sung, false>, with Scalar {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by Arvo's algorithm.
-    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, false>, with Scalar {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn arvo(SharedAxisTree) -> OriginTraversal<'a, Arvo, false>, with Scalar {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays that find each leaf from the root.
-    fn seq(PlaneTree) -> RestartTraversal<'a>, with Scalar {
-        |kernel| RestartTraversal(&kernel.tree)
+    fn seq(SharedAxisTree) -> RestartTraversal<'a>, with Scalar {
+        |kernel| RestartTraversal(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays from leaf to leaf along ropes.
-    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false>, with Scalar {
-        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    fn rope(SharedAxisTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false>, with Scalar {
+        |kernel| RopeTraversal { tree: kernel.tree.borrowed(), ropes: &kernel.ropes }
     }
 }
 

@@ -2,6 +2,7 @@
 //! As published: without error bounds, and with f32 alone deciding hits. Answers may be wrong, which can be measured.
 
 use halfspace_geom::Aabb;
+use halfspace_nodes::axis_tree::SharedAxisTree;
 use halfspace_nodes::plane_tree::PlaneTree;
 use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::Ropes;
@@ -24,8 +25,8 @@ single_rays! {
 
 single_rays! {
     /// Single rays by TA-B.
-    fn ta_b(PlaneTree) -> PublishedTaB<'a>, with Published {
-        |kernel| PublishedTaB(&kernel.tree)
+    fn ta_b(SharedAxisTree) -> PublishedTaB<'a>, with Published {
+        |kernel| PublishedTaB(kernel.tree.borrowed())
     }
 }
 
@@ -38,36 +39,36 @@ single_rays! {
 
 single_rays! {
     /// Single rays by TA-A.
-    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, true>, with Published {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn ta_a(SharedAxisTree) -> OriginTraversal<'a, TaA, true>, with Published {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by the algorithm of Sung and Shirley.
-    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, true>, with Published {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn sung(SharedAxisTree) -> OriginTraversal<'a, Sung, true>, with Published {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by Arvo's algorithm.
-    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, true>, with Published {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn arvo(SharedAxisTree) -> OriginTraversal<'a, Arvo, true>, with Published {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by point location.
-    fn seq(PlaneTree, bounds: Aabb) -> PointTraversal<'a>, with Published {
-        |kernel| PointTraversal { tree: &kernel.tree, bounds: kernel.bounds }
+    fn seq(SharedAxisTree, bounds: Aabb) -> PointTraversal<'a>, with Published {
+        |kernel| PointTraversal { tree: kernel.tree.borrowed(), bounds: kernel.bounds }
     }
 }
 
 single_rays! {
     /// Single rays from leaf to leaf along ropes.
-    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true>, with Published {
-        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    fn rope(SharedAxisTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true>, with Published {
+        |kernel| RopeTraversal { tree: kernel.tree.borrowed(), ropes: &kernel.ropes }
     }
 }
 

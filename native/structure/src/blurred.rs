@@ -11,7 +11,6 @@ use crate::spec::Value;
 use crate::structure::Structure;
 use crate::tracer::trace;
 use crate::work;
-use fearless_simd::Level;
 use halfspace_base::Monitor;
 use halfspace_ray::{Ray, RayCounters};
 use halfspace_trace::batch::Batch;
@@ -24,17 +23,17 @@ const NEAR: f64 = (1 << 15) as f64;
 const BLUR: f64 = 1.0 / (1 << 20) as f64;
 
 impl Structure {
-    /// Answers rays by one tree, through `ways`, or by all its triangles where the tree does not separate them. `counters`:
-    /// one per ray, or none.
+    /// Answers the rays of a batch by one tree, through `ways`, or by all its triangles where the tree does not separate
+    /// them. `counters`: one per ray, or none.
     pub(crate) fn each_near<Q: Joined>(
         &self,
         part: Part<'_>,
-        rays: &[Ray],
-        level: Level,
+        batch: &Batch<'_>,
         answers: &mut [Q::Answer],
         mut counters: Option<&mut [RayCounters]>,
         ways: impl Fn(&[Ray], &mut [Q::Answer], Option<&mut [RayCounters]>),
     ) {
+        let rays = batch.rays;
         let blurred = self.blurred(part, rays);
         let Some(all) = (!blurred.is_empty())
             .then(|| self.one_leaf(part.number))
@@ -56,9 +55,8 @@ impl Structure {
             scene: &self.scene,
             frame: &all.frame,
             rays: &own,
-            level,
             shadow_cache: false,
-            placed: None,
+            ..*batch
         };
         let counted = counters.is_some().then_some(&mut *counts);
         trace::<Q>(None, Q::single(&all.plan), &batch, &mut found, counted);

@@ -262,6 +262,7 @@ mod tests {
             level: Level::new(),
             shadow_cache: true,
             placed: None,
+            monitor: None,
         })
     }
 

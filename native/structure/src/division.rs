@@ -8,7 +8,7 @@
 //! other; its answer is the best of both, by distance and number, as of one tree.
 
 use crate::plan::Plan;
-use crate::row::{Built, Refit};
+use crate::row::{Built, Family, Refit};
 use crate::spec::{Config, Value};
 use crate::structure::Structure;
 use crate::work::{self, Trees};
@@ -153,11 +153,11 @@ pub fn refit<'t>(
 fn divided(scene: &Triangles, config: &Config) -> Vec<Vec<u32>> {
     // Brute force has no error bounds of nodes, nor has a traversal as published.
     let published = config.find("robust") == Some(&Value::Choice("none"));
-    if config.structure().family == "oracle" || published || scene.live().len() < FEW {
+    if config.structure().family == Family::Oracle || published || scene.live().len() < FEW {
         return Vec::new();
     }
     let row = config.structure();
-    let regular = matches!(row.id, "grid" | "kd-median") || row.family == "octants";
+    let regular = matches!(row.id, "grid" | "kd-median") || row.family == Family::Octants;
     let apart = if regular { APART_CELLS } else { APART };
     let (mut done, mut others) = (Vec::new(), Vec::new());
     let mut open = vec![scene.live().to_vec()];

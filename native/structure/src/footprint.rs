@@ -208,6 +208,7 @@ mod tests {
             level: Level::new(),
             shadow_cache: false,
             placed: None,
+            monitor: None,
         };
         kernel.trace(&batch, &mut vec![Hit::MISS; rays.len()]);
         [tiles, packets].map(|stub| stub.traced.load(Ordering::Relaxed))

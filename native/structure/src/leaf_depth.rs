@@ -34,7 +34,7 @@ impl LeafDepths {
 
     /// Traces a ray and returns the depth of the last leaf whose triangles were tested; 0 if none was.
     pub fn of(&self, structure: &Structure, ray: &Ray) -> u32 {
-        let (_, path) = structure.path(ray, false);
+        let (_, path) = structure.path(ray, false, None);
         let last = path.leaves.last().and_then(|leaf| self.0.get(&leaf.first));
         last.copied().unwrap_or(0)
     }

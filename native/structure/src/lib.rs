@@ -4,6 +4,7 @@
 pub mod blurred;
 pub mod coherence;
 pub mod division;
+pub mod effective;
 pub mod footprint;
 pub mod instances;
 pub mod leaf_depth;

@@ -24,8 +24,8 @@ pub struct StructureSpec {
     pub code: i32,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// What nodes divide: "space", "objects" or "octants"; "oracle" for brute force.
-    pub family: &'static str,
+    /// What nodes divide.
+    pub family: Family,
     /// One sentence.
     pub summary: &'static str,
     /// The publication that it follows.
@@ -36,8 +36,83 @@ pub struct StructureSpec {
     pub ways: &'static [Way],
     /// Why neither packets nor tiles nor streams go through its nodes; empty where all of them do.
     pub no_groups: &'static str,
+    /// Menu of the names in [`Self::literature`].
+    pub menu: Menu,
+    /// Names in the literature, each with the parameters of that configuration, as [`crate::spec::Config::read`] takes
+    /// them.
+    pub literature: &'static [(&'static str, &'static str)],
+    /// Whether split directions are selected anew at every node: the trees of the thesis, `bsp-sweep` in lists.
+    pub sweep: bool,
+    /// Ids of the published claims about it; a `*` at the end includes all ids that begin so.
+    pub claims: &'static [&'static str],
     /// Builds it over the live triangles, in the current rayon pool.
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
+}
+
+/// What the nodes of a structure divide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Space.
+    Space,
+    /// The triangles.
+    Objects,
+    /// Space, into eight equal octants.
+    Octants,
+    /// Nothing: brute force, which all others must equal.
+    Oracle,
+}
+
+impl Family {
+    /// Returns the name in registries and lists of configurations.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Space => "space",
+            Self::Objects => "objects",
+            Self::Octants => "octants",
+            Self::Oracle => "oracle",
+        }
+    }
+
+    /// Returns the heading in user interfaces and documents.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Space => "Spatial subdivisions",
+            Self::Objects => "Object hierarchies",
+            Self::Octants => "Octrees",
+            Self::Oracle => "Reference",
+        }
+    }
+}
+
+/// Menus of names in the literature.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Menu {
+    /// Kd-trees.
+    Kd,
+    /// Trees with oblique planes.
+    Bsp,
+    /// Hierarchies of intervals.
+    Intervals,
+    /// Hierarchies of boxes.
+    Boxes,
+    /// Octrees.
+    Octrees,
+    /// All others.
+    Others,
+}
+
+impl Menu {
+    /// Returns the title.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Kd => "Kd-Trees",
+            Self::Bsp => "BSP and RBSP",
+            Self::Intervals => "Interval Hierarchies",
+            Self::Boxes => "Hierarchies of Boxes",
+            Self::Octrees => "Octrees",
+            Self::Others => "Others",
+        }
+    }
 }
 
 /// A tree that rays build where they reach it.
@@ -302,7 +377,7 @@ impl StructureSpec {
     /// Returns its own parameters, then those of all structures that it does not redefine.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let divided = matches!(self.family, "space" | "octants");
+        let divided = matches!(self.family, Family::Space | Family::Octants);
         let common = if own.iter().any(|param| param.name == NODES) {
             COMMON_NODES
         } else if divided {

@@ -44,16 +44,9 @@ impl Config {
     /// exclude each other, or a value that has no effect with the others; the message names the key.
     pub fn read(structure: &'static StructureSpec, rest: &str) -> Result<Self> {
         let mut reader = Reader::new(structure);
-        for pair in rest
-            .split(',')
-            .map(str::trim)
-            .filter(|pair| !pair.is_empty())
-        {
-            let (key, text) = pair.split_once('=').ok_or_else(|| {
-                let id = structure.id;
-                Error::Spec(format!("spec: '{pair}' in '{id}' should read key=value"))
-            })?;
-            reader.give(key.trim(), text.trim())?;
+        for pair in pairs(structure, rest) {
+            let (key, text) = pair?;
+            reader.give(key, text)?;
         }
         reader.finish()
     }
@@ -151,6 +144,27 @@ impl Config {
         }
     }
 
+    /// Returns the meaning of a parameter's option.
+    ///
+    /// # Panics
+    /// When the structure's row declares no such parameter, or its option has no meaning here.
+    pub fn pick<T, const N: usize>(&self, name: &str, meanings: [(&str, T); N]) -> T {
+        let chosen = self.choice(name);
+        let mut meanings = meanings.into_iter();
+        let found = meanings.find(|(option, _)| *option == chosen);
+        found
+            .unwrap_or_else(|| panic!("{name}={chosen} has no meaning"))
+            .1
+    }
+
+    /// Returns whether a switch is on.
+    ///
+    /// # Panics
+    /// When the structure's row declares no such switch.
+    pub fn on(&self, name: &str) -> bool {
+        self.pick(name, [("0", false), ("1", true)])
+    }
+
     /// Returns whether traversals apply error bounds for rounding: all except those configured to run as
     /// published.
     ///
@@ -164,6 +178,21 @@ impl Config {
     pub fn values(&self) -> impl Iterator<Item = (&'static str, &Value)> {
         self.values.iter().map(|(p, v)| (p.name, v))
     }
+}
+
+/// Splits the part of a configuration string after the colon into keys and values; a part without `=` is an error.
+pub fn pairs<'a>(
+    structure: &StructureSpec,
+    rest: &'a str,
+) -> impl Iterator<Item = Result<(&'a str, &'a str)>> {
+    let id = structure.id;
+    let parts = rest.split(',').map(str::trim);
+    parts.filter(|pair| !pair.is_empty()).map(move |pair| {
+        let (key, text) = pair.split_once('=').ok_or_else(|| {
+            Error::Spec(format!("spec: '{pair}' in '{id}' should read key=value"))
+        })?;
+        Ok((key.trim(), text.trim()))
+    })
 }
 
 /// The state of parsing a configuration string.
@@ -333,6 +362,30 @@ impl ParamSpec {
                     None => Err(wrong(format!("one of {}", options.join(", ")))),
                 }
             }
+        }
+    }
+
+    /// Parses one value, and returns the nearest one of this parameter; the default for an unknown option.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] for text that is no number where one is expected.
+    pub fn nearest(&self, text: &str) -> Result<Value> {
+        let wrong = |what: &str| {
+            Err(Error::Spec(format!(
+                "spec: {}={text} is not {what}",
+                self.name
+            )))
+        };
+        match self.kind {
+            Kind::Integer { min, max } => match text.parse::<i64>() {
+                Ok(x) => Ok(Value::Integer(x.clamp(min, max))),
+                Err(_) => wrong("a whole number"),
+            },
+            Kind::Float { min, max } => match text.parse::<f64>() {
+                Ok(x) if !x.is_nan() => Ok(Value::Float(x.clamp(min, max))),
+                _ => wrong("a number"),
+            },
+            Kind::Choice(_) => Ok(self.parse(text).unwrap_or(self.default)),
         }
     }
 }

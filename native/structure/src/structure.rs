@@ -5,7 +5,7 @@ use crate::division::{self, Parts};
 use crate::leaf_depth::LeafDepths;
 use crate::outline::Outline;
 use crate::plan::Route;
-use crate::row::Built;
+use crate::row::{Built, Family};
 use crate::spec::Config;
 use crate::work::Trees;
 use halfspace_base::error::{Error, Result};
@@ -174,9 +174,9 @@ impl Structure {
     fn reason(&self) -> String {
         let row = self.config.structure();
         let why = match row.family {
-            "space" | "octants" => "its nodes divide space, not triangles",
-            "oracle" => "it has no nodes",
-            _ => "no fit exists for its kind of bounds",
+            Family::Space | Family::Octants => "its nodes divide space, not triangles",
+            Family::Oracle => "it has no nodes",
+            Family::Objects => "no fit exists for its kind of bounds",
         };
         format!(
             "{} cannot be fitted to moved triangles: {why}; build it again",

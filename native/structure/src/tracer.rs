@@ -8,7 +8,7 @@ use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_base::error::Result;
-use halfspace_base::simd;
+use halfspace_base::{Monitor, simd};
 use halfspace_geom::Aabb;
 use halfspace_ray::counters::Log;
 use halfspace_ray::path::Path;
@@ -30,14 +30,27 @@ impl Structure {
         AtLevel {
             structure: self,
             level,
+            monitor: None,
+        }
+    }
+
+    /// The same structure, which leaves rays whose work is counted without an answer once the monitor is cancelled.
+    pub fn watched<'a>(&'a self, monitor: Option<&'a Monitor>) -> AtLevel<'a> {
+        AtLevel {
+            monitor,
+            ..self.at_level(simd::level())
         }
     }
 
     /// The nearest hit of one ray, or the hit that ends an any-hit ray, and the leaves on its path.
-    pub fn path(&self, ray: &Ray, any: bool) -> (Hit, Path) {
-        let (known, counters, rest) = self.before(ray, any);
+    /// It means nothing once the monitor is cancelled.
+    pub fn path(&self, ray: &Ray, any: bool, monitor: Option<&Monitor>) -> (Hit, Path) {
+        let (known, counters, rest) = self.before(ray, any, monitor);
         let built = self.built();
-        let batch = self.one_by_one(built, slice::from_ref(&rest));
+        let batch = Batch {
+            monitor,
+            ..self.one_by_one(built, slice::from_ref(&rest))
+        };
         let (mut hit, mut path) = built.plan.single.path(&batch, any);
         Closest::join(&mut hit, known);
         path.counters.add(&counters);
@@ -46,10 +59,13 @@ impl Structure {
 
     /// Traces a ray through the trees apart. Returns the best hit there with its work, and the part of the ray that may
     /// have a better one; it is empty after any hit of an any-hit ray.
-    fn before(&self, ray: &Ray, any: bool) -> (Hit, RayCounters, Ray) {
+    fn before(&self, ray: &Ray, any: bool, monitor: Option<&Monitor>) -> (Hit, RayCounters, Ray) {
         let (mut known, mut counters, mut rest) = (Hit::MISS, RayCounters::default(), *ray);
         for built in &self.apart {
-            let batch = self.one_by_one(built, slice::from_ref(&rest));
+            let batch = Batch {
+                monitor,
+                ..self.one_by_one(built, slice::from_ref(&rest))
+            };
             let (hit, path) = built.plan.single.path(&batch, any);
             counters.add(&path.counters);
             Closest::join(&mut known, hit);
@@ -65,21 +81,34 @@ impl Structure {
     /// Traces rays one by one and records the answer of each leaf, for [`Self::replay`].
     ///
     /// # Errors
-    /// [`halfspace_base::error::Error::Spec`] for brute force, which has no leaves to record.
-    pub fn record(&self, mut rays: Vec<Ray>, any: bool) -> Result<Recording> {
+    /// [`halfspace_base::error::Error::Spec`] for brute force, which has no leaves to record;
+    /// [`halfspace_base::error::Error::Cancelled`] once the monitor is cancelled.
+    pub fn record(
+        &self,
+        mut rays: Vec<Ray>,
+        any: bool,
+        monitor: Option<&Monitor>,
+    ) -> Result<Recording> {
         let built = self.built();
         // Record the part of each ray that the trees apart leave.
+        let check = || monitor.map_or(Ok(()), Monitor::check);
         if !self.apart.is_empty() {
-            rays.iter_mut()
-                .for_each(|ray| *ray = self.before(ray, any).2);
+            for ray in &mut rays {
+                check()?;
+                *ray = self.before(ray, any, monitor).2;
+            }
         }
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut record = Record::default();
-        let batch = self.one_by_one(built, &rays);
+        let batch = Batch {
+            monitor,
+            ..self.one_by_one(built, &rays)
+        };
         built
             .plan
             .single
             .record(&batch, any, &mut counters, &mut record)?;
+        check()?;
         Ok(Recording {
             rays,
             any,
@@ -114,6 +143,7 @@ impl Structure {
             level,
             shadow_cache: false,
             placed: Some(placed),
+            monitor: None,
         };
         self.built.plan.single.cast(&batch, Q::ANY, write, counters);
     }
@@ -135,6 +165,7 @@ impl Structure {
             level: simd::level(),
             shadow_cache: false,
             placed: Some(slice::from_ref(placed)),
+            monitor: None,
         };
         let mut count = Some(count);
         let single = &built.plan.single;
@@ -180,6 +211,7 @@ impl Structure {
             level,
             shadow_cache: built.plan.shadow_cache,
             placed: None,
+            monitor: None,
         }
     }
 
@@ -241,6 +273,17 @@ fn closest(
 pub struct AtLevel<'a> {
     structure: &'a Structure,
     level: Level,
+    monitor: Option<&'a Monitor>,
+}
+
+impl<'a> AtLevel<'a> {
+    /// Rays for one tree.
+    fn batch_of<'b>(&'b self, built: &'b Built, rays: &'b [Ray]) -> Batch<'b> {
+        Batch {
+            monitor: self.monitor,
+            ..self.structure.batch(built, self.level, rays)
+        }
+    }
 }
 
 impl Tracer for AtLevel<'_> {
@@ -274,11 +317,12 @@ impl Tracer for AtLevel<'_> {
             |part, rays, hits, counters| {
                 let built = part.built;
                 let ways = |rays: &[Ray], hits: &mut [Hit], counters: Option<&mut _>| {
-                    let batch = self.structure.batch(built, self.level, rays);
+                    let batch = self.batch_of(built, rays);
                     closest(&batch, &built.plan, hits, counters, order);
                 };
+                let unseparated = self.batch_of(built, rays);
                 self.structure
-                    .each_near::<Closest>(part, rays, self.level, hits, counters, ways);
+                    .each_near::<Closest>(part, &unseparated, hits, counters, ways);
             },
         );
     }
@@ -292,12 +336,13 @@ impl Tracer for AtLevel<'_> {
             |part: Part<'_>, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
                 let built = part.built;
                 let ways = |rays: &[Ray], occluded: &mut [bool], counters: Option<&mut _>| {
-                    let batch = self.structure.batch(built, self.level, rays);
+                    let batch = self.batch_of(built, rays);
                     let shadow = built.plan.shadow.as_ref();
                     trace::<Any>(shadow, &*built.plan.single, &batch, occluded, counters);
                 };
+                let unseparated = self.batch_of(built, rays);
                 self.structure
-                    .each_near::<Any>(part, rays, self.level, occluded, counters, ways);
+                    .each_near::<Any>(part, &unseparated, occluded, counters, ways);
             };
         (self.structure).each_part::<Any>(rays, occluded, counters, ways);
     }

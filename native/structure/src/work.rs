@@ -118,6 +118,7 @@ fn work(scene: &Triangles, built: &Built, scalar: bool) -> (f64, f64) {
         level: simd::level(),
         shadow_cache: false,
         placed: None,
+        monitor: None,
     };
     let single: &dyn Kernel<Closest> = &*built.plan.single;
     let counted = single.count(&batch, &mut hits, &mut counters);

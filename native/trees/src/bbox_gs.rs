@@ -16,7 +16,9 @@ use halfspace_nodes::nested;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
+};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
@@ -31,13 +33,20 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "bbox-gs",
     code: 50,
     label: "Boxes by insertion",
-    family: "objects",
+    family: Family::Objects,
     summary: "Boxes that grow triangle by triangle, each put where it costs least; a heap yields the nearest node.",
     paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; Kay and \
             Kajiya 1986, Ray tracing complex scenes",
     params: PARAMS,
     ways: &WAYS,
     no_groups: "a heap yields the nearest node of one ray, and each ray of a group would need its own",
+    menu: Menu::Boxes,
+    literature: &[
+        ("B.Box (OORT)", ""),
+        ("B.Box, as published", "fanout=any,leaf_size=1"),
+    ],
+    sweep: false,
+    claims: &["octrees-beat-boxes", "boxes-beat-octrees", "teapot-*"],
     build: |scene, config, monitor| build(scene, config, monitor, Search::Greedy),
 };
 
@@ -49,6 +58,7 @@ pub const BRANCH_AND_BOUND: StructureSpec = StructureSpec {
     summary: "As bbox-gs, but each triangle's best place of all is found, by branch and bound.",
     paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; \
             Bittner, Hapala and Havran 2015, Incremental BVH construction for ray tracing",
+    literature: &[("B.Box, branch and bound", "")],
     build: |scene, config, monitor| build(scene, config, monitor, Search::BranchAndBound),
     ..SPEC
 };
@@ -155,14 +165,17 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
     let objects = object::gather(scene, &frame);
     let growth = Growth {
         search,
-        children: match config.choice("fanout") {
-            "any" => usize::MAX,
-            _ => config.integer("children"),
-        },
-        order: match config.choice("order") {
-            "given" => Order::Given,
-            _ => Order::Shuffled(config.integer("seed") as u64),
-        },
+        children: config.pick(
+            "fanout",
+            [("any", usize::MAX), ("limited", config.integer("children"))],
+        ),
+        order: config.pick(
+            "order",
+            [
+                ("given", Order::Given),
+                ("shuffled", Order::Shuffled(config.integer("seed") as u64)),
+            ],
+        ),
     };
     let grown = insertion::grow(&objects, &growth, monitor)?;
     let ids: Vec<_> = objects.iter().map(|object| object.id).collect();

@@ -15,7 +15,7 @@ use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Family, Group, Kind, Menu, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
@@ -54,7 +54,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "bih-obl",
     code: 49,
     label: "Interval hierarchy, oblique",
-    family: "objects",
+    family: Family::Objects,
     summary: "Two parallel planes a node, along an axis or a diagonal, where the surface area heuristic is lowest.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy, who advise against it; \
             Klosowski et al. 1998, for the directions",
@@ -72,6 +72,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     ],
     ways: &bih::WAYS,
     no_groups: "",
+    menu: Menu::Intervals,
+    literature: &[("BIH, oblique", "")],
+    sweep: false,
+    claims: &["intervals-*"],
     build,
 };
 

@@ -3,6 +3,7 @@
 //! All other structures are compared with it.
 
 use crate::boxes::{self, Boxes};
+use crate::list::List;
 use crate::refit::{Layers, MakePlan};
 use crate::ways::{all, chosen, distinct, together, traversal};
 use crate::{objects, params, refit};
@@ -19,7 +20,9 @@ use halfspace_nodes::plane_boxes::PlaneBoxTree;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec, named,
+};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
@@ -33,7 +36,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "bvh-sah",
     code: 30,
     label: "Bounding volume hierarchy",
-    family: "objects",
+    family: Family::Objects,
     summary: "Boxes around boxes by the surface area heuristic: what most renderers use today.",
     paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
             Boulos 2008, Getting rid of packets; for splits, Stich, Friedrich and Dietrich 2009",
@@ -48,16 +51,29 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_MAX,
         params::SPLITS,
     ],
-    ways: &WAYS,
+    ways: WAYS.slice(),
     no_groups: "",
+    menu: Menu::Boxes,
+    literature: &[
+        ("BVH", ""),
+        ("BVH, two boxes a node", "width=2"),
+        ("SBVH (Stich, Friedrich and Dietrich)", "splits=0.3"),
+    ],
+    sweep: false,
+    claims: &[
+        "moving-*",
+        "any-hits-*",
+        "mirrored-beams",
+        "refracted-beams",
+    ],
     build,
 };
 
-const WAYS: [Way; boxes::TRAVERSALS.len()] = all(&boxes::TRAVERSALS);
+const WAYS: List<Way> = all(&boxes::TRAVERSALS);
 
-const OPTIONS: [Named; WAYS.len()] = distinct(&WAYS);
+const OPTIONS: List<Named> = distinct(WAYS.slice());
 
-const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
+const TRAVERSAL: ParamSpec = traversal(OPTIONS.slice());
 
 const WIDTH: ParamSpec = ParamSpec {
     name: "width",
@@ -100,11 +116,14 @@ const ANY_ORDER: ParamSpec = ParamSpec {
 };
 
 fn any_order(config: &Config) -> Rule {
-    match config.choice("any_order") {
-        "area" => Rule::Area,
-        "near" => Rule::Near,
-        _ => Rule::Cost,
-    }
+    config.pick(
+        "any_order",
+        [
+            ("cost", Rule::Cost),
+            ("area", Rule::Area),
+            ("near", Rule::Near),
+        ],
+    )
 }
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The uniform grid: equal cells, each with the triangles that reach into it, and no tree at all.
 
+use crate::list::List;
 use crate::params;
 use crate::ways::{distinct, every_way, together, traversal};
 use halfspace_base::Monitor;
@@ -13,7 +14,9 @@ use halfspace_nodes::shape::{Measure, Shape};
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, Named, ParamSpec, SHADOW, StructureSpec};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Named, ParamSpec, SHADOW, StructureSpec,
+};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
@@ -26,16 +29,16 @@ const WAYS: [Way; 5] = {
     ways
 };
 
-const OPTIONS: [Named; 5] = distinct(&WAYS);
+const OPTIONS: List<Named> = distinct(&WAYS);
 
-const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
+const TRAVERSAL: ParamSpec = traversal(OPTIONS.slice());
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
     id: "grid",
     code: 70,
     label: "Uniform grid",
-    family: "space",
+    family: Family::Space,
     summary: "Equal cells in rows and columns, traversed from wall to wall.",
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
@@ -43,6 +46,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     params: &[DENSITY, TRAVERSAL, params::ROBUST, SHADOW],
     ways: &WAYS,
     no_groups: "",
+    menu: Menu::Others,
+    literature: &[("Uniform grid (Amanatides and Woo)", "")],
+    sweep: false,
+    claims: &["voxel-step"],
     build,
 };
 

@@ -18,7 +18,7 @@ use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::StructureSpec;
+use halfspace_structure::row::{Family, Menu, StructureSpec};
 use halfspace_structure::spec::Config;
 use std::marker::PhantomData;
 
@@ -27,7 +27,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "kd",
     code: 1,
     label: "kd-tree",
-    family: "space",
+    family: Family::Space,
     summary: "Axis-aligned split planes by the surface area heuristic, triangles cut to their cells.",
     paper: "Wald and Havran 2006, On building fast kd-trees for ray tracing, and on doing that in O(N log N)",
     params: &[
@@ -45,6 +45,23 @@ pub const SPEC: StructureSpec = StructureSpec {
     ],
     ways: AXIS_WAYS,
     no_groups: "",
+    menu: Menu::Kd,
+    literature: &[
+        ("Kd", ""),
+        ("Kd, TA-B", "traversal=ta-b"),
+        ("Kd, TA-A", "traversal=ta-a"),
+        ("Kd, Sung", "traversal=sung"),
+        ("Kd, Arvo", "traversal=arvo"),
+        ("Kd, by distances", "traversal=dir"),
+    ],
+    sweep: false,
+    claims: &[
+        "ta-b-*",
+        "moving-*",
+        "shadow-cache",
+        "mirrored-beams",
+        "refracted-beams",
+    ],
     build,
 };
 

@@ -16,7 +16,7 @@ use halfspace_nodes::preorder::{Item, Preorder};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::StructureSpec;
+use halfspace_structure::row::{Family, Menu, StructureSpec};
 use halfspace_structure::spec::Config;
 
 /// The row of the tree of halved cells.
@@ -24,7 +24,7 @@ pub const SPACE: StructureSpec = StructureSpec {
     id: "kd-median",
     code: 3,
     label: "kd-tree (halved cells)",
-    family: "space",
+    family: Family::Space,
     summary: "Each cell is halved, along one axis after the other: a regular tree, without a cost model.",
     paper: "Kaplan 1985, Space-tracing: a constant time ray-tracer; Jansen 1986, Data structures for ray tracing",
     params: &[
@@ -37,6 +37,10 @@ pub const SPACE: StructureSpec = StructureSpec {
     ],
     ways: AXIS_WAYS,
     no_groups: "",
+    menu: Menu::Kd,
+    literature: &[("Kaplan: regular kd-tree, space median", "")],
+    sweep: false,
+    claims: &["halved-cells-constant", "medians-*"],
     build: |scene, config, monitor| build(scene, config, monitor, Halves::Space),
 };
 
@@ -47,6 +51,8 @@ pub const OBJECTS: StructureSpec = StructureSpec {
     label: "kd-tree (halved lists)",
     summary: "Each cell is split at the middle one of its triangles, across its longest side.",
     paper: "MacDonald and Booth 1990, Heuristics for ray tracing using space subdivision, which compares the two",
+    literature: &[("MacDonald and Booth: kd-tree, object median", "")],
+    claims: &["medians-*"],
     build: |scene, config, monitor| build(scene, config, monitor, Halves::Objects),
     ..SPACE
 };

@@ -15,7 +15,7 @@ use halfspace_builders::sweep::Ties;
 use halfspace_nodes::cost::Costs;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::StructureSpec;
+use halfspace_structure::row::{Family, Menu, StructureSpec};
 use halfspace_structure::spec::Config;
 use std::marker::PhantomData;
 
@@ -24,7 +24,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "kd-sah",
     code: 2,
     label: "kd-tree (thesis)",
-    family: "space",
+    family: Family::Space,
     summary: "That of the thesis on BSP trees, pbrt's without its bonus for empty sides: whole triangles, one per leaf.",
     paper: "Pharr, Jakob and Humphreys, Physically Based Rendering, 3rd ed., section 4.4; Hoobergs 2019",
     params: &[
@@ -40,6 +40,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     ],
     ways: AXIS_WAYS,
     no_groups: "",
+    menu: Menu::Kd,
+    literature: &[("Kd, as in the thesis", "")],
+    sweep: false,
+    claims: &["ta-b-*", "medians-*"],
     build,
 };
 

@@ -14,6 +14,7 @@ pub mod kd;
 pub mod kd_median;
 pub mod kd_sah;
 pub mod lazy;
+pub mod list;
 pub mod obb;
 pub mod objects;
 pub mod octree;

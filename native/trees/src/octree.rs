@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way in which rays find the next cell.
 
+use crate::list::List;
 use crate::params::{BEAM_LEAST, least};
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
 use halfspace_base::Monitor;
@@ -12,7 +13,9 @@ use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec,
+};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
@@ -105,9 +108,9 @@ const POLYGON_LEAST: ParamSpec = ParamSpec {
 /// Ways from the root down.
 const FROM_ROOT: [Way; 5] = every_way("octants", "param");
 
-const FROM_ROOT_OPTIONS: [Named; 5] = distinct(&FROM_ROOT);
+const FROM_ROOT_OPTIONS: List<Named> = distinct(&FROM_ROOT);
 
-const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(&FROM_ROOT_OPTIONS);
+const FROM_ROOT_TRAVERSAL: ParamSpec = traversal(FROM_ROOT_OPTIONS.slice());
 
 const SINGLY: [Way; 1] = only_singly("octants");
 
@@ -137,21 +140,25 @@ const BEAM_WAYS: [Way; 3] = [
     ),
 ];
 
-const BEAM_OPTIONS: [Named; 3] = distinct(&BEAM_WAYS);
+const BEAM_OPTIONS: List<Named> = distinct(&BEAM_WAYS);
 
-const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);
+const BEAM_TRAVERSAL: ParamSpec = traversal(BEAM_OPTIONS.slice());
 
 /// The registry's row: from the root down.
 pub const PARAM: StructureSpec = StructureSpec {
     id: "octree-param",
     code: 60,
     label: "Octree, from the top",
-    family: "octants",
+    family: Family::Octants,
     summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
     params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
     ways: &FROM_ROOT,
     no_groups: "",
+    menu: Menu::Octrees,
+    literature: &[("Octree, parametric", "")],
+    sweep: false,
+    claims: &["octrees-beat-boxes"],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::FromRoot),
 };
 
@@ -162,6 +169,7 @@ pub const ARVO: StructureSpec = StructureSpec {
     label: "Octree, linear time",
     summary: "Another name of octree-param: that of the note that first described the traversal.",
     paper: "Arvo 1988, Linear-time voxel walking for octrees (Ray Tracing News 1)",
+    literature: &[("Octree, Arvo", "")],
     ..PARAM
 };
 
@@ -175,6 +183,14 @@ pub const NET: StructureSpec = StructureSpec {
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
+    literature: &[("Samet-Net", "")],
+    claims: &[
+        "shadow-cache",
+        "octrees-beat-boxes",
+        "boxes-beat-octrees",
+        "links-gain",
+        "teapot-*",
+    ],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Links),
     ..PARAM
 };
@@ -196,6 +212,15 @@ pub const BEAM: StructureSpec = StructureSpec {
     ],
     ways: &BEAM_WAYS,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
+    literature: &[("T.Haces", "")],
+    claims: &[
+        "beams-*",
+        "shadow-beams",
+        "shadow-polygons",
+        "mirrored-beams",
+        "refracted-beams",
+        "octrees-beat-boxes",
+    ],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Beams),
     ..PARAM
 };
@@ -210,6 +235,13 @@ pub const SAMET: StructureSpec = StructureSpec {
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
+    literature: &[("Samet-Standard", "")],
+    claims: &[
+        "octrees-beat-boxes",
+        "boxes-beat-octrees",
+        "neighbour-search",
+        "teapot-*",
+    ],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Ascent),
     ..PARAM
 };
@@ -224,6 +256,7 @@ pub const GLASSNER: StructureSpec = StructureSpec {
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
+    literature: &[("Octree, Glassner", "")],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::Location),
     ..PARAM
 };

@@ -251,8 +251,8 @@ pub fn least(config: &Config, param: &ParamSpec) -> u32 {
 /// # Panics
 /// When the structure's row lacks this parameter.
 pub fn keep(config: &Config) -> Keep {
-    match config.choice("leaves") {
-        "indices" => Keep::Indices,
-        _ => Keep::Corners,
-    }
+    config.pick(
+        "leaves",
+        [("indices", Keep::Indices), ("corners", Keep::Corners)],
+    )
 }

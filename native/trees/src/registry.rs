@@ -4,6 +4,7 @@
 
 use crate::{bbox_gs, bih, bih_obl, brute, bsp, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree};
 use halfspace_base::error::{Error, Result};
+use halfspace_structure::effective::Effective;
 use halfspace_structure::row::StructureSpec;
 use halfspace_structure::spec::Config;
 
@@ -75,6 +76,21 @@ pub fn find(name: &str) -> Option<&'static StructureSpec> {
 /// # Errors
 /// [`Error::Spec`] that names an unknown structure or key, a key given twice, or a value out of its range.
 pub fn parse(text: &str) -> Result<Config> {
+    let (structure, rest) = split(text)?;
+    Config::read(structure, rest)
+}
+
+/// Reads a configuration that may contradict itself: each parameter of its structure with its effective value.
+///
+/// # Errors
+/// [`Error::Spec`] that names an unknown structure or key, or text that is no number where one is expected.
+pub fn effective(text: &str) -> Result<Vec<Effective>> {
+    let (structure, rest) = split(text)?;
+    halfspace_structure::effective::effective(structure, rest)
+}
+
+/// Splits a configuration into the row of its structure and its parameters.
+fn split(text: &str) -> Result<(&'static StructureSpec, &str)> {
     let (id, rest) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
     let structure = find(id).ok_or_else(|| {
         let known: Vec<_> = TREES.iter().map(|tree| tree.id).collect();
@@ -83,7 +99,7 @@ pub fn parse(text: &str) -> Result<Config> {
             known.join(", ")
         ))
     })?;
-    Config::read(structure, rest)
+    Ok((structure, rest))
 }
 
 #[cfg(test)]
@@ -211,6 +227,106 @@ mod tests {
                 assert!(known, "{}: {need}", tree.id);
             }
         }
+    }
+
+    fn value_of(text: &str, name: &str) -> Option<Value> {
+        let params = effective(text).unwrap();
+        params
+            .iter()
+            .find(|one| one.param.name == name)
+            .unwrap()
+            .value
+    }
+
+    /// The values in effect are those of the configuration that is built, where it can be built.
+    #[test]
+    fn effective_values_are_those_of_a_configuration() {
+        for spelled in TREES.iter().flat_map(StructureSpec::spelled_ways) {
+            let config = parse(&spelled).unwrap();
+            for one in effective(&spelled).unwrap() {
+                let value = one.value.unwrap_or(*config.find(one.param.name).unwrap());
+                assert_eq!(config.find(one.param.name), Some(&value), "{spelled}");
+                if let Value::Choice(option) = value {
+                    assert!(one.options.contains(&option), "{spelled}: {option}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn effective_values_replace_and_ignore_what_a_configuration_must_not_have() {
+        for (text, name, value) in [
+            ("kd", "step_cost", Some(Value::Float(20.0))),
+            ("kd:max_depth=9000", "max_depth", Some(Value::Integer(60))),
+            (
+                "kd:traversal=never",
+                "traversal",
+                Some(Value::Choice("auto")),
+            ),
+            (
+                "kd:nodes=wide,traversal=sung",
+                "traversal",
+                Some(Value::Choice("auto")),
+            ),
+            ("kd:traversal=boxes", "nodes", Some(Value::Choice("boxes"))),
+            (
+                "kd:nodes=boxes,shadow=beam",
+                "shadow",
+                Some(Value::Choice("none")),
+            ),
+            (
+                "kd:nodes=planes,shadow=beam",
+                "shadow",
+                Some(Value::Choice("beam")),
+            ),
+            ("kd:nodes=boxes,lazy=1", "lazy", None),
+            ("bsp-wn-plus-kd:costs=thesis,step_cost=3", "step_cost", None),
+            ("bsp-wn-plus-kd:k=3,alpha=2", "alpha", None),
+            (
+                "bvh-sah:width=4,traversal=packet8",
+                "traversal",
+                Some(Value::Choice("auto")),
+            ),
+        ] {
+            assert_eq!(value_of(text, name), value, "{text}: {name}");
+        }
+        for (text, name, other) in [
+            (
+                "bsp-wn-plus-kd:costs=thesis,step_cost=3",
+                "step_cost",
+                "costs",
+            ),
+            ("kd:nodes=boxes,shadow=beam", "shadow", "nodes"),
+            ("rbsp:seed=3", "seed", "set"),
+        ] {
+            let params = effective(text).unwrap();
+            let idle = params
+                .iter()
+                .filter_map(|one| Some((one.param.name, one.unmet?.key)));
+            assert_eq!(idle.collect::<Vec<_>>(), [(name, other)], "{text}");
+        }
+        for (text, part) in [
+            ("tree", "unknown structure 'tree'"),
+            ("kd:colour=red", "'kd' has no key 'colour'"),
+            ("kd:step_cost=x", "step_cost=x is not a number"),
+        ] {
+            let message = effective(text).unwrap_err().to_string();
+            assert!(message.contains(part), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn names_in_the_literature_are_configurations() {
+        for tree in TREES {
+            assert!(!tree.literature.is_empty(), "{}", tree.id);
+            for (name, parameters) in tree.literature {
+                let config = Config::read(tree, parameters);
+                assert!(config.is_ok() && !name.is_empty(), "{}: {name}", tree.id);
+            }
+        }
+        let swept = TREES.iter().filter(|tree| tree.sweep);
+        assert!(swept.clone().all(|tree| tree.id.starts_with("bsp-")));
+        assert_eq!(swept.count(), 12);
     }
 
     #[test]

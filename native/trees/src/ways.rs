@@ -3,6 +3,7 @@
 //! parameters `nodes` and `traversal`, their documentation and the contract tests read the rows, so a traversal that is
 //! not in a table does not exist.
 
+use crate::list::{List, equal};
 use halfspace_ray::query::{Any, Closest};
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
@@ -164,106 +165,72 @@ impl Together {
     }
 }
 
-/// The ways of the rows with the traversals `names`, in their order.
-///
-/// # Panics
-/// At compile time, for a name that the table does not have.
-pub const fn offer<F, const N: usize, const M: usize>(
-    table: &[Traversal<F>; M],
-    names: [&str; N],
-) -> [Way; N] {
-    let mut ways = [table[0].way; N];
-    let mut i = 0;
-    while i < N {
-        let mut k = 0;
-        while !equal(table[k].way.traversal, names[i]) {
-            k += 1;
-        }
-        ways[i] = table[k].way;
-        i += 1;
-    }
-    ways
-}
-
 /// The way of the row with this traversal.
 ///
 /// # Panics
 /// At compile time, for a name that the table does not have.
-pub const fn named<F, const M: usize>(table: &[Traversal<F>; M], name: &str) -> Way {
-    offer(table, [name])[0]
+pub const fn named<F>(table: &[Traversal<F>], name: &str) -> Way {
+    let mut i = 0;
+    while i < table.len() {
+        if equal(table[i].way.traversal, name) {
+            return table[i].way;
+        }
+        i += 1;
+    }
+    panic!("the table has no traversal of this name")
 }
 
-/// The ways of all rows of a table.
-pub const fn all<F, const M: usize>(table: &[Traversal<F>; M]) -> [Way; M] {
-    let mut ways = [table[0].way; M];
-    let mut i = 0;
-    while i < M {
-        ways[i] = table[i].way;
+/// The ways of the rows with the traversals `names`, in their order.
+///
+/// # Panics
+/// At compile time, for a name that the table does not have.
+pub const fn offer<F>(table: &[Traversal<F>], names: &[&str]) -> List<Way> {
+    let mut ways = List::of(&[named(table, names[0])]);
+    let mut i = 1;
+    while i < names.len() {
+        ways = ways.and(&[named(table, names[i])]);
         i += 1;
     }
     ways
 }
 
-/// Both lists, one after the other.
-pub const fn join<const A: usize, const B: usize, const N: usize>(
-    first: [Way; A],
-    second: [Way; B],
-) -> [Way; N] {
-    assert!(A + B == N);
-    let mut ways = [if A > 0 { first[0] } else { second[0] }; N];
-    let mut i = 0;
-    while i < N {
-        ways[i] = if i < A { first[i] } else { second[i - A] };
+/// The ways of all rows of a table.
+pub const fn all<F>(table: &[Traversal<F>]) -> List<Way> {
+    let mut ways = List::of(&[table[0].way]);
+    let mut i = 1;
+    while i < table.len() {
+        ways = ways.and(&[table[i].way]);
         i += 1;
     }
     ways
 }
 
 /// Each traversal of these ways once, in their order.
-///
-/// # Panics
-/// At compile time, where their number is not `N`.
-pub const fn distinct<const N: usize>(ways: &[Way]) -> [Named; N] {
-    let mut options = [Named {
-        name: "",
-        label: "",
-        doc: "",
-        needs: &[],
-    }; N];
-    let (mut i, mut count) = (0, 0);
+pub const fn distinct(ways: &[Way]) -> List<Named> {
+    let mut options = List::of(&[option(&ways[0])]);
+    let mut i = 1;
     while i < ways.len() {
         let mut k = 0;
-        while k < count && !equal(options[k].name, ways[i].traversal) {
+        let known = options.slice();
+        while k < known.len() && !equal(known[k].name, ways[i].traversal) {
             k += 1;
         }
-        if k == count {
-            options[count] = Named {
-                name: ways[i].traversal,
-                label: ways[i].label,
-                doc: ways[i].doc,
-                needs: &[],
-            };
-            count += 1;
+        if k == known.len() {
+            options = options.and(&[option(&ways[i])]);
         }
         i += 1;
     }
-    assert!(count == N, "N is the number of traversals");
     options
 }
 
-const fn equal(a: &str, b: &str) -> bool {
-    let (a, b) = (a.as_bytes(), b.as_bytes());
-    if a.len() != b.len() {
-        return false;
+/// The option of the parameter `traversal` that chooses a way.
+const fn option(way: &Way) -> Named {
+    Named {
+        name: way.traversal,
+        label: way.label,
+        doc: way.doc,
+        needs: &[],
     }
-    let mut i = 0;
-    while i < a.len() {
-        if a[i] != b[i] {
-            return false;
-        }
-        i += 1;
-    }
-    true
 }
 
 /// The parameter `traversal` of a structure that offers these, the default first.

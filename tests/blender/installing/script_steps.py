@@ -35,8 +35,12 @@ def run(archive: str, root: str, script: str, *arguments: str) -> dict[str, Any]
             runpy.run_path(str(Path(root) / "scripts" / f"{script}.py"), run_name="__main__")
         except SystemExit as end:
             found["status"] = end.code
-    package = sys.modules.get("addon")
-    found |= {"out": out.getvalue(), "errors": errors.getvalue(), "package": package and list(package.core.__path__)}
+    package = "addon.core" in sys.modules
+    found |= {
+        "out": out.getvalue(),
+        "errors": errors.getvalue(),
+        "package": package and list(sys.modules["addon.core"].__path__),
+    }
     return found
 
 

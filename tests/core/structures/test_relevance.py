@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import itertools
-from types import SimpleNamespace
 from typing import Any
 
 import halfspace_native as native
@@ -189,44 +188,30 @@ def test_every_parameter_has_its_place() -> None:
         assert len(names) <= 6, structure.id
 
 
-def choice(name: str, default: str, *options: str) -> Parameter:
-    return Parameter(name, name, "", "", "choice", default, None, None, options, tuple(map(str.upper, options)))
-
-
-def with_nodes() -> Any:
-    """A structure with three kinds of nodes, of which not all have every traversal."""
-    pairs = {"planes": ("auto", "dir", "sung"), "wide": ("auto", "flight"), "boxes": ("ordered",)}
-    ways = [SimpleNamespace(nodes=nodes, traversal=name) for nodes, names in pairs.items() for name in names]
-    parameters = (
-        choice("nodes", "planes", *pairs),
-        choice("traversal", "auto", "auto", "dir", "sung", "flight", "ordered", "never"),
-    )
-    found = {one.name: one for one in parameters}
-    return SimpleNamespace(id="new", parameters=parameters, ways=ways, parameter=found.get)
-
-
 def test_only_traversals_of_the_chosen_nodes_are_offered() -> None:
-    one = with_nodes()
-    for nodes, names in (("planes", ("auto", "dir", "sung")), ("wide", ("auto", "flight")), ("boxes", ("ordered",))):
-        assert relevance.traversals(one, {"nodes": nodes}) == names
+    one = KNOWN["kd"]
+    for nodes in ("planes", "wide", "boxes"):
+        able = {way.traversal for way in one.ways if way.nodes == nodes}
+        assert set(relevance.options(one, {"nodes": nodes})["traversal"]) == able
     # A stored traversal that the nodes do not have is replaced, and comes back with its nodes.
     stored = {"nodes": "wide", "traversal": "sung"}
-    assert relevance.effective(one, stored) == {"nodes": "wide", "traversal": "auto"}
-    assert settings.spec(one, stored) == "new:nodes=wide"
-    assert settings.spec(one, {**stored, "nodes": "boxes"}) == "new:nodes=boxes,traversal=ordered"
-    assert settings.spec(one, {**stored, "nodes": "planes"}) == "new:traversal=sung"
+    found = relevance.effective(one, stored)
+    assert (found["nodes"], found["traversal"]) == ("wide", "auto")
+    assert settings.spec(one, stored) == "kd:nodes=wide"
+    assert settings.spec(one, {**stored, "nodes": "planes"}) == "kd:traversal=sung"
+    # A width of nodes that is not the default keeps the traversals that have it.
+    narrow = {"width": "4", "traversal": "packet8"}
+    assert settings.spec(KNOWN["bvh-sah"], narrow) == "bvh-sah:width=4"
 
 
 def test_shadow_beams_are_offered_where_the_tree_has_them() -> None:
     kd = KNOWN["kd"]
-    shadow = kd.parameter("shadow")
-    assert shadow is not None
     for nodes, names in (
-        ("planes", ("none", "cache", "beam")),
-        ("wide", ("none", "cache")),
-        ("boxes", ("none", "cache")),
+        ("planes", ["none", "cache", "beam"]),
+        ("wide", ["none", "cache"]),
+        ("boxes", ["none", "cache"]),
     ):
-        assert relevance.options(kd, shadow, {"nodes": nodes}) == names
+        assert relevance.options(kd, {"nodes": nodes})["shadow"] == names
     stored = {"nodes": "boxes", "shadow": "beam"}
     assert settings.spec(kd, stored) == "kd:nodes=boxes"
     assert settings.spec(kd, {**stored, "nodes": "planes"}) == "kd:shadow=beam", "the choice comes back with the nodes"
@@ -239,7 +224,7 @@ def test_what_is_offered_is_understood(structure: Structure) -> None:
     nodes = structure.parameter(relevance.NODES)
     for kind in nodes.options if nodes is not None else ("",):
         values = {"nodes": kind} if kind else {}
-        offered = relevance.traversals(structure, values)
+        offered = relevance.options(structure, values).get(relevance.TRAVERSAL, [])
         assert bool(offered) == (parameter is not None)
         for traversal in parameter.options if parameter is not None else ():
             given = text(structure, {**values, "traversal": traversal})
@@ -273,7 +258,7 @@ def test_choices_have_names() -> None:
             assert len(set(labels)) == len(labels)
             assert all(label[0].isupper() or label[0].isdecimal() for label in labels), labels
     row = {"name": "a", "label": "A", "doc": "", "unit": "", "kind": "choice", "default": "x", "min": None, "max": None}
-    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs", "needs": [], "option_needs": {}}
+    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs"}
     parameter = catalogue._parameter(row)
     assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
     assert parameter.group == "costs"

@@ -4,12 +4,10 @@
 import pytest
 
 from addon.core.base.notes import NAMES_SHOWN, Notes
-from addon.core.structures.catalogue import Catalogue, Parameter, Structure
+from addon.core.structures.catalogue import Catalogue, Parameter, Structure, load
 from addon.core.structures.settings import RenderSettings, SettingsError, spec
 
 K = Parameter("k", "Directions", "How many", "", "integer", 6, 2, 64)
-ALPHA = Parameter("alpha", "Alpha", "Price", "", "float", 0.1, 0.0, 10.0)
-WALK = Parameter("traversal", "Traversal", "How", "", "choice", "dir", None, None, ("dir", "ta-b"))
 
 
 def structure(name: str, *parameters: Parameter, code: int = 1) -> Structure:
@@ -17,21 +15,22 @@ def structure(name: str, *parameters: Parameter, code: int = 1) -> Structure:
 
 
 def test_a_spec_names_only_what_differs_from_the_defaults() -> None:
-    tree = structure("tree", K, ALPHA, WALK)
-    assert spec(tree, {}) == "tree"
-    assert spec(tree, {"k": 6, "alpha": 0.1, "traversal": "dir"}) == "tree"
-    assert spec(tree, {"k": 8, "alpha": 0.25, "traversal": "ta-b"}) == "tree:k=8,alpha=0.25,traversal=ta-b"
+    tree = load()["bsp-wn-plus-kd"]
+    assert spec(tree, {}) == "bsp-wn-plus-kd"
+    assert spec(tree, {"k": 6, "alpha": 0.1, "traversal": "auto"}) == "bsp-wn-plus-kd"
+    values = {"k": 8, "alpha": 0.25, "traversal": "dir"}
+    assert spec(tree, values) == "bsp-wn-plus-kd:k=8,alpha=0.25,traversal=dir"
 
 
 def test_a_spec_brings_values_into_range_and_forgets_foreign_keys() -> None:
-    tree = structure("tree", K, WALK)
-    assert spec(tree, {"k": 1_000_000, "alpha": 3.0, "traversal": "nonsense"}) == "tree:k=64"
-    assert spec(structure("plain"), {"k": 3}) == "plain"
+    values = {"k": 1_000_000, "colour": 3.0, "traversal": "nonsense"}
+    assert spec(load()["bsp-wn"], values) == "bsp-wn:k=32"
+    assert spec(load()["brute"], {"k": 3}) == "brute"
 
 
 def test_a_default_that_went_through_f32_is_still_the_default() -> None:
     as_blender_stores_it = 0.10000000149011612
-    assert spec(structure("tree", ALPHA), {"alpha": as_blender_stores_it}) == "tree"
+    assert spec(load()["bsp-wn-plus-kd"], {"alpha": as_blender_stores_it}) == "bsp-wn-plus-kd"
 
 
 def test_parameters_of_one_name_are_merged_wide_enough_for_all() -> None:

@@ -11,7 +11,9 @@ pub use census::{Beta, Charges, Levels};
 pub use overlap::Overlap;
 
 use census::Census;
-use halfspace_nodes::cells::each_node;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_nodes::cells::try_each_node;
 use halfspace_structure::Structure;
 use overlap::{Owners, Sample};
 
@@ -38,7 +40,10 @@ pub struct Analysis {
 
 /// Computes the statistics of the tree of a structure, not of its derived layouts. In a tree of more than `max_nodes`
 /// nodes, end-point overlap is estimated from a sample of the triangles.
-pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
+pub fn analysis(structure: &Structure, max_nodes: usize, monitor: &Monitor) -> Result<Analysis> {
     let built = structure.built();
     let bounds = built.frame.bounds();
     let (mut census, mut sizes) = (Census::default(), Vec::new());
@@ -51,12 +56,12 @@ pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
             if bounds.area() > 0.0 { 1.0 } else { 0.0 },
         );
         let triangles = structure.scene().live().len();
-        return census.finish(Overlap::none(triangles));
+        return Ok(census.finish(Overlap::none(triangles)));
     };
     // Count the nodes, and collect the leaves that contain each triangle of the sample.
     let sample = Sample::new(structure, max_nodes);
     let mut owners = Owners::new(&sample);
-    each_node(cells, bounds, |node| {
+    try_each_node(cells, bounds, |node| {
         let share = census::share(node.region, &bounds);
         match node.view.leaf {
             Some((first, count)) => {
@@ -70,15 +75,16 @@ pub fn analysis(structure: &Structure, max_nodes: usize) -> Analysis {
             parent: node.parent,
             nodes: 1,
         });
-    });
+        monitor.check()
+    })?;
     // Add up the nodes of all subtrees: parents come before their children.
     for index in (1..sizes.len()).rev() {
         let Subtree { parent, nodes } = sizes[index];
         sizes[parent.expect("only the root has no parent") as usize].nodes += nodes;
     }
     let sizes: Vec<u32> = sizes.iter().map(|subtree| subtree.nodes).collect();
-    let overlap = overlap::measure(cells, bounds, &sample, &owners.finish(), &sizes);
-    census.finish(overlap)
+    let overlap = overlap::measure(cells, bounds, &sample, &owners.finish(), &sizes, monitor)?;
+    Ok(census.finish(overlap))
 }
 
 /// A subtree.

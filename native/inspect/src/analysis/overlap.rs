@@ -10,6 +10,8 @@
 //! at most the triangle's perimeter multiplied by that distance.
 
 use super::Charges;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
 use halfspace_geom::Aabb;
 use halfspace_geom::clip_area::{Clipper, HalfSpace, triangle_area};
 use halfspace_geom::region::Region;
@@ -195,13 +197,17 @@ struct Open {
 }
 
 /// Measures the overlap of all nodes. `sizes` has the number of nodes of each subtree, in preorder.
+///
+/// # Errors
+/// [`Error::Cancelled`](halfspace_base::error::Error::Cancelled) once the monitor is cancelled.
 pub fn measure(
     tree: &dyn Cells,
     bounds: Aabb,
     sample: &Sample,
     owners: &Owners,
     sizes: &[u32],
-) -> Overlap {
+    monitor: &Monitor,
+) -> Result<Overlap> {
     let magnitude = f64::from(bounds.magnitude());
     let slack = magnitude
         * if tree.partitions() {
@@ -214,6 +220,7 @@ pub fn measure(
         slack,
         walls: Vec::new(),
         clipper: Clipper::default(),
+        monitor,
     };
     // Per triangle, the needless operations multiplied by the area where they occur.
     let mut needless = vec![Charges::default(); sample.triangles.len()];
@@ -227,6 +234,7 @@ pub fn measure(
         pieces,
     }];
     while let Some(node) = open.pop() {
+        monitor.check()?;
         // Charge the node to the triangles inside its region that no leaf below it contains.
         let view = tree.node(node.id, &node.region);
         let (steps, tests) = (tree.steps(&view), view.leaf.map_or(0, |(_, count)| count));
@@ -257,7 +265,7 @@ pub fn measure(
             index += size;
         }
     }
-    summed(sample, &needless)
+    Ok(summed(sample, &needless))
 }
 
 /// Clips triangles of a sample to regions.
@@ -266,6 +274,8 @@ struct Clip<'a> {
     slack: f64,
     walls: Vec<HalfSpace>,
     clipper: Clipper,
+    /// Cancels the measurement: no further triangle has a part.
+    monitor: &'a Monitor,
 }
 
 impl Clip<'_> {
@@ -273,6 +283,7 @@ impl Clip<'_> {
     fn pieces(&mut self, region: &Region, triangles: impl Iterator<Item = u32>) -> Vec<Piece> {
         region.half_spaces(&mut self.walls);
         triangles
+            .take_while(|_| !self.monitor.is_cancelled())
             .map(|triangle| {
                 let corners = self.sample.triangles[triangle as usize].corners;
                 let area = self.clipper.area(corners, &self.walls, self.slack);

@@ -286,6 +286,9 @@ impl Tree for ObbTree {
         let (mut axis, mut oblique, mut leaves) = (0, 0, 0);
         let mut open = vec![((0, self.root), Vec::new())];
         while let Some(((link, count), path)) = open.pop() {
+            if body.monitor.is_cancelled() {
+                return;
+            }
             if path.len() > MAX_DEPTH || axis + oblique > self.nodes.len() {
                 broken.push(format!(
                     "node {link} lies too deep, or the links form a circle"

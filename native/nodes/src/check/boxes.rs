@@ -23,6 +23,9 @@ pub fn boxes(body: &Body<'_>, boxes: &BoxTree<8>, broken: &mut Vec<String>) {
              children,
              ..
          }| {
+            if body.monitor.is_cancelled() {
+                return;
+            }
             if depth > MAX_DEPTH {
                 broken.push(format!("a box lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
@@ -48,6 +51,9 @@ pub fn boxes(body: &Body<'_>, boxes: &BoxTree<8>, broken: &mut Vec<String>) {
             }
         },
     );
+    if body.monitor.is_cancelled() {
+        return;
+    }
     // All three vertices of each triangle must have been found.
     for &id in scene.live() {
         if found[id as usize] != 0b111 {

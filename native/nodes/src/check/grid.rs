@@ -25,6 +25,9 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     let (mut cells, mut references) = (0, 0);
     // Each cell must hold each triangle once, in ascending order, and only triangles whose box touches it.
     grid.visit(|cell, Leaf { first, count }| {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         cells += 1;
         references += count;
         let ids = body.blocks.ids(first, count);
@@ -42,6 +45,9 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     });
     // Each triangle must be in every cell that contains one of its vertices.
     for &id in scene.live() {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         for corner in corners(id) {
             // A vertex on a wall is in the cells on both sides.
             let around = [0, 1, 2].map(|k| around(grid.walls(k), corner[k]));

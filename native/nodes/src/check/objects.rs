@@ -23,6 +23,9 @@ pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>)
              content,
              children,
          }| {
+            if body.monitor.is_cancelled() {
+                return;
+            }
             if depth > MAX_DEPTH {
                 broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
             }

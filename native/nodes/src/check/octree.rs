@@ -13,6 +13,9 @@ pub fn octree(body: &Body<'_>, tree: &Octree, broken: &mut Vec<String>) {
     let cube = tree.cube();
     let (mut inner, mut leaves, mut references, mut linked) = (0, 0, 0, 0);
     tree.visit(|index, node, corner| {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         let visited = Visited {
             index,
             node,

@@ -26,6 +26,9 @@ pub fn planes(body: &Body<'_>, tree: &PlaneTree, broken: &mut Vec<String>) {
     )];
     let mut path: Vec<PlaneSide> = Vec::new();
     tree.visit(|index, node, depth| {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         let (cell, side) = cells.pop().expect("one cell per node");
         path.truncate(depth.saturating_sub(1));
         path.extend(side);

@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Checks ropes: the leaves behind each link touch the face, cover it, and link back.
 
-use crate::plane_tree::{Node, PlaneTree};
+use crate::axis_tree::{AxisNode, AxisTree};
 use crate::ropes::{Face, OUTSIDE, Ropes, Step};
 use crate::tree::Body;
 use halfspace_geom::Aabb;
 use std::collections::HashMap;
 
 /// Appends a description of each broken invariant.
-pub fn ropes(body: &Body<'_>, tree: &PlaneTree, ropes: &Ropes, broken: &mut Vec<String>) {
+pub fn ropes(body: &Body<'_>, tree: AxisTree<'_>, ropes: &Ropes, broken: &mut Vec<String>) {
     let bounds = body.frame.bounds();
     // Compute the boxes of the leaves from the split planes alone.
     let mut cells = HashMap::new();
     let mut stack = vec![(tree.root(), bounds)];
     while let Some((node, cell)) = stack.pop() {
-        if let Node::Axis {
+        if body.monitor.is_cancelled() {
+            return;
+        }
+        if let AxisNode::Axis {
             axis,
             split,
             children,
@@ -32,6 +35,9 @@ pub fn ropes(body: &Body<'_>, tree: &PlaneTree, ropes: &Ropes, broken: &mut Vec<
     // Check the links of each leaf.
     let mut links = 0;
     for (&leaf, cell) in &cells {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         for axis in 0..3 {
             for side in 0..2 {
                 let link = ropes.links(leaf)[axis][side];
@@ -90,7 +96,7 @@ pub fn ropes(body: &Body<'_>, tree: &PlaneTree, ropes: &Ropes, broken: &mut Vec<
 }
 
 /// Returns the leaves behind a link that touch a face of a leaf, at least along an edge.
-fn behind(tree: &PlaneTree, ropes: &Ropes, face: Face<'_>, link: u32) -> Vec<u32> {
+fn behind(tree: AxisTree<'_>, ropes: &Ropes, face: Face<'_>, link: u32) -> Vec<u32> {
     let cell = face.cell;
     let mut leaves = Vec::new();
     let mut stack = vec![link];

@@ -15,6 +15,9 @@ pub fn slanted(body: &Body<'_>, tree: &SlantTree, broken: &mut Vec<String>) {
     // Nodes still to visit, and the planes on the path to each.
     let mut stack = vec![(0, Vec::new())];
     while let Some((index, path)) = stack.pop() {
+        if body.monitor.is_cancelled() {
+            return;
+        }
         // Stop if the links form a cycle.
         if path.len() > 2 * MAX_DEPTH || axis + oblique + leaves > tree.node_count() {
             broken.push(format!(

@@ -2,6 +2,7 @@
 //! Access to plane trees for their traversals: to trees in one piece, and to trees whose parts the first ray that
 //! reaches them builds.
 
+pub mod axis_tree;
 pub mod lazy_tree;
 pub mod plane_tree;
 pub mod preorder;

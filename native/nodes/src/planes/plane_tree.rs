@@ -8,6 +8,7 @@
 //! four pairs, only oblique nodes need the 16 bytes of an oblique plane, and a ray can skip an empty child without
 //! reading it.
 
+use crate::axis_tree::AxisNode;
 use crate::preorder::{Item, Preorder};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::cell::Direction;
@@ -232,6 +233,30 @@ impl PlaneTree {
                 }
             }
             _ => Node::Leaf {
+                first: word,
+                count: (link >> LOW_BITS) as usize,
+            },
+        }
+    }
+
+    /// Returns whether each plane is perpendicular to an axis.
+    pub fn is_axis_aligned(&self) -> bool {
+        self.planes.is_empty()
+    }
+
+    /// Decodes a node of a tree without oblique planes.
+    #[inline(always)]
+    pub(crate) fn axis_node(&self, index: u32) -> AxisNode {
+        let Words([word, link]) = self.words(index);
+        match link & KIND {
+            axis @ 0..=2 => AxisNode::Axis {
+                axis: axis as usize,
+                split: f32::from_bits(word),
+                children: link >> LOW_BITS,
+                empty: (link / EMPTY) & 3,
+                link,
+            },
+            _ => AxisNode::Leaf {
                 first: word,
                 count: (link >> LOW_BITS) as usize,
             },

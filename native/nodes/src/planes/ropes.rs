@@ -6,7 +6,7 @@
 //! Žára 1998): of the nodes below the rope's it keeps those whose planes cut the face, and of their leaves those
 //! that touch it, so that a ray evaluates only the planes that matter.
 
-use crate::plane_tree::{Node, PlaneTree};
+use crate::axis_tree::{AxisNode, AxisTree};
 use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
@@ -125,13 +125,18 @@ impl Face<'_> {
 }
 
 impl Ropes {
-    /// Links the leaves of a tree with axis-aligned planes over a scene with this box.
+    /// Links the leaves of a tree over a scene with this box.
     ///
     /// # Errors
     /// [`Error::Cancelled`] and [`Error::Memory`] as the monitor returns them; [`Error::Memory`] also for rope
     /// trees with more nodes than links can address.
-    pub fn new(tree: &PlaneTree, bounds: Aabb, kind: LinkKind, monitor: &Monitor) -> Result<Self> {
-        let nodes = tree.slots();
+    pub fn new(
+        tree: AxisTree<'_>,
+        bounds: Aabb,
+        kind: LinkKind,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let nodes = tree.tree().slots();
         let leaves = nodes / 2;
         monitor.take(nodes * size_of::<u32>() + leaves * 2 * size_of::<[[f32; 2]; 3]>())?;
         let mut ropes = Self {
@@ -149,14 +154,13 @@ impl Ropes {
         // Visit the tree with the box of each node and the nodes across its faces.
         while let Some(open) = stack.pop() {
             match tree.node(open.node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     children,
                     ..
                 } => stack.extend([1, 0].map(|side| open.child(axis, split, children, side))),
-                Node::Oblique { .. } => unreachable!("ropes are for axis-aligned trees"),
-                Node::Leaf { .. } => {
+                AxisNode::Leaf { .. } => {
                     monitor.check()?;
                     let before = ropes.nodes.len();
                     ropes.leaf(tree, open, kind)?;
@@ -172,7 +176,7 @@ impl Ropes {
     }
 
     /// Appends the walls and the links of a leaf.
-    fn leaf(&mut self, tree: &PlaneTree, leaf: OpenNode, kind: LinkKind) -> Result<()> {
+    fn leaf(&mut self, tree: AxisTree<'_>, leaf: OpenNode, kind: LinkKind) -> Result<()> {
         let OpenNode {
             node,
             mut cell,
@@ -213,8 +217,8 @@ impl Ropes {
     }
 
     /// Appends the rope tree of the part of a face that `node` covers, and returns the link to it.
-    fn rope_tree(&mut self, tree: &PlaneTree, face: Face<'_>, node: u32) -> Result<u32> {
-        let Node::Axis {
+    fn rope_tree(&mut self, tree: AxisTree<'_>, face: Face<'_>, node: u32) -> Result<u32> {
+        let AxisNode::Axis {
             axis,
             split,
             children,
@@ -252,7 +256,7 @@ impl Ropes {
 
     /// Returns the target of a link.
     #[inline(always)]
-    pub fn step(&self, tree: &PlaneTree, link: u32) -> Step {
+    pub fn step(&self, tree: AxisTree<'_>, link: u32) -> Step {
         // A node of a rope tree.
         if link & ROPE_NODE != 0 {
             let node = self.nodes[(link & !ROPE_NODE) as usize];
@@ -264,7 +268,7 @@ impl Ropes {
         }
         // A node of the tree itself: the face may be smaller than the node.
         match tree.node(link) {
-            Node::Axis {
+            AxisNode::Axis {
                 axis,
                 split,
                 children,
@@ -274,8 +278,7 @@ impl Ropes {
                 split,
                 children: [children, children + 1],
             },
-            Node::Oblique { .. } => unreachable!("ropes are for axis-aligned trees"),
-            Node::Leaf { first, count } => Step::Leaf { first, count },
+            AxisNode::Leaf { first, count } => Step::Leaf { first, count },
         }
     }
 
@@ -309,8 +312,8 @@ impl Ropes {
 }
 
 /// Returns the smallest node at or below `node` that covers the face.
-fn covering(tree: &PlaneTree, face: Face<'_>, mut node: u32) -> u32 {
-    while let Node::Axis {
+fn covering(tree: AxisTree<'_>, face: Face<'_>, mut node: u32) -> u32 {
+    while let AxisNode::Axis {
         axis,
         split,
         children,

@@ -5,6 +5,7 @@ use super::plane_tree::{Node, PlaneTree};
 use super::projected_tree::ProjectedTree;
 use super::ropes::Ropes;
 use super::wide_tree::WideTree;
+use crate::axis_tree::SharedAxisTree;
 use crate::cells::{Cells, NodeId, NodeView, OBLIQUE, axis_kind};
 use crate::check;
 use crate::tree::{Body, Tree, same};
@@ -119,8 +120,11 @@ impl Tree for Numbered {
 
     fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
 
-    fn validate(&self, _: &Body<'_>, broken: &mut Vec<String>) {
+    fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
         self.tree.visit(|index, node, _| {
+            if body.monitor.is_cancelled() {
+                return;
+            }
             if !self.nodes.equals(index, node) {
                 broken.push(format!(
                     "node {index} differs between the layouts: {node:?}, {:?}",
@@ -139,7 +143,7 @@ impl Tree for Numbered {
 #[derive(Debug)]
 pub struct Linked {
     /// The tree.
-    pub tree: Arc<PlaneTree>,
+    pub tree: Arc<SharedAxisTree>,
     /// Its links.
     pub ropes: Arc<Ropes>,
 }
@@ -157,7 +161,7 @@ impl Tree for Linked {
     fn leaves(&self, _: &mut dyn FnMut(u32, usize)) {}
 
     fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
-        check::ropes::ropes(body, &self.tree, &self.ropes, broken);
+        check::ropes::ropes(body, self.tree.borrowed(), &self.ropes, broken);
     }
 
     fn same(&self, other: &dyn Tree) -> bool {

@@ -2,8 +2,9 @@
 //! Two-level scenes as tracers.
 
 use crate::instances::Instances;
+use crate::instances::tracing::Run;
 use fearless_simd::Level;
-use halfspace_base::simd;
+use halfspace_base::{Monitor, simd};
 use halfspace_ray::counters::Log;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_ray::{Hit, Ray, RayCounters, SelectiveTracer, Tracer};
@@ -14,6 +15,15 @@ impl Instances {
         AtLevel {
             instances: self,
             level,
+            monitor: None,
+        }
+    }
+
+    /// Returns the same scene, which leaves rays without an answer once the monitor is cancelled.
+    pub fn watched<'a>(&'a self, monitor: Option<&'a Monitor>) -> AtLevel<'a> {
+        AtLevel {
+            monitor,
+            ..self.at_level(simd::level())
         }
     }
 }
@@ -22,6 +32,17 @@ impl Instances {
 pub struct AtLevel<'a> {
     instances: &'a Instances,
     level: Level,
+    monitor: Option<&'a Monitor>,
+}
+
+impl AtLevel<'_> {
+    /// How rays are traced.
+    fn run(&self) -> Run<'_> {
+        Run {
+            level: self.level,
+            monitor: self.monitor,
+        }
+    }
 }
 
 impl Tracer for AtLevel<'_> {
@@ -38,7 +59,7 @@ impl Tracer for AtLevel<'_> {
         let write = &mut |i: usize, hit: Hit| hits[i] = hit;
         let log = &mut |_| Log::Nothing;
         self.instances
-            .trace::<Closest>(self.level, rays, write, log, counters);
+            .trace::<Closest>(self.run(), rays, write, log, counters);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
@@ -46,7 +67,7 @@ impl Tracer for AtLevel<'_> {
         let write = &mut |i: usize, hit: Hit| occluded[i] = hit.is_hit();
         let log = &mut |_| Log::Nothing;
         self.instances
-            .trace::<Any>(self.level, rays, write, log, counters);
+            .trace::<Any>(self.run(), rays, write, log, counters);
     }
 }
 
@@ -84,10 +105,11 @@ impl SelectiveTracer for Instances {
         write: &mut dyn FnMut(usize, Hit),
         log: &mut dyn FnMut(usize) -> Log<'l>,
     ) {
+        let run = self.watched(None);
         if any {
-            self.trace::<Any>(simd::level(), rays, write, log, None);
+            self.trace::<Any>(run.run(), rays, write, log, None);
         } else {
-            self.trace::<Closest>(simd::level(), rays, write, log, None);
+            self.trace::<Closest>(run.run(), rays, write, log, None);
         }
     }
 }

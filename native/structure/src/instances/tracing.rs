@@ -67,6 +67,15 @@ struct Call<'a> {
     ray: FrameRay<'a>,
 }
 
+/// How rays are traced.
+#[derive(Clone, Copy)]
+pub(super) struct Run<'a> {
+    /// The instruction set.
+    pub(super) level: Level,
+    /// Cancels the rays.
+    pub(super) monitor: Option<&'a Monitor>,
+}
+
 /// The calls of a round, and reused buffers for the batch of a mesh.
 #[derive(Default)]
 struct Calls<'a> {
@@ -81,7 +90,7 @@ impl Instances {
     /// what is recorded or hidden for a ray.
     pub(super) fn trace<'l, Q: Query>(
         &self,
-        level: Level,
+        run: Run<'_>,
         rays: &[Ray],
         write: &mut dyn FnMut(usize, Hit),
         log: &mut dyn FnMut(usize) -> Log<'l>,
@@ -123,6 +132,9 @@ impl Instances {
             active.extend(0..states.len());
             // Advance all unfinished rays by one instance each round.
             while !active.is_empty() {
+                if run.monitor.is_some_and(Monitor::is_cancelled) {
+                    return;
+                }
                 let counters = counters.as_deref_mut();
                 let counters = counters.map(|all| &mut all[first..first + rays.len()]);
                 let group = Group {
@@ -130,7 +142,7 @@ impl Instances {
                     stacks: &mut stacks,
                     active: &active,
                 };
-                self.round::<Q>(level, group, counters, &mut calls);
+                self.round::<Q>(run.level, group, counters, &mut calls);
                 active.retain(|&i| {
                     let state: &RayState<'_> = &states[i];
                     let found = state.best.hit();

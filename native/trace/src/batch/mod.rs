@@ -9,6 +9,7 @@ pub use tiles::TileTraversal;
 
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::Level;
+use halfspace_base::Monitor;
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::Frame;
@@ -51,9 +52,18 @@ pub struct Batch<'a> {
     /// The rays in the space of the instance that the structure is visited for; `None` for rays of the structure's own
     /// scene.
     pub placed: Option<&'a [FrameRay<'a>]>,
+    /// Cancels the batch, whose answers then mean nothing. Kernels read it where they count; batches that are not counted
+    /// are small.
+    pub monitor: Option<&'a Monitor>,
 }
 
 impl<'a> Batch<'a> {
+    /// Returns whether the monitor was cancelled.
+    #[inline(always)]
+    pub fn is_cancelled(&self) -> bool {
+        self.monitor.is_some_and(Monitor::is_cancelled)
+    }
+
     /// The batch on the leaves of one tree.
     #[inline(always)]
     pub fn on(&self, blocks: &'a Blocks) -> Launch<'a> {
@@ -65,6 +75,7 @@ impl<'a> Batch<'a> {
             level: self.level,
             shadow_cache: self.shadow_cache,
             placed: self.placed,
+            monitor: self.monitor,
         }
     }
 }
@@ -85,6 +96,8 @@ pub struct Launch<'a> {
     pub shadow_cache: bool,
     /// As [`Batch::placed`].
     pub placed: Option<&'a [FrameRay<'a>]>,
+    /// As [`Batch::monitor`].
+    pub monitor: Option<&'a Monitor>,
 }
 
 /// Receives the hit of the ray with this index in the batch. It is not a generic parameter, so a traversal is compiled
@@ -92,6 +105,12 @@ pub struct Launch<'a> {
 pub type Write<'a> = &'a mut dyn FnMut(usize, Hit);
 
 impl<'a> Launch<'a> {
+    /// As [`Batch::is_cancelled`].
+    #[inline(always)]
+    pub fn is_cancelled(&self) -> bool {
+        self.monitor.is_some_and(Monitor::is_cancelled)
+    }
+
     /// The triangles that the rays are tested against.
     #[inline(always)]
     pub fn job(&self) -> Job<'a> {

@@ -94,6 +94,9 @@ impl<'a> Launch<'a> {
     ) {
         // Launch each ray separately, because the counters of all rays share the record.
         for (ray, counters) in self.rays.iter().zip(counters) {
+            if self.is_cancelled() {
+                return;
+            }
             record.begin();
             let mut count = Some(Count::with(counters, Log::Answers(record)));
             let one = Launch {
@@ -189,6 +192,9 @@ impl<'a> Launch<'a> {
         let mut cache = self.cache::<Q>();
         let mut frames = [None; AHEAD];
         for (chunk, rays) in self.rays.chunks(AHEAD).enumerate() {
+            if C::COUNTS && self.is_cancelled() {
+                return;
+            }
             let first = chunk * AHEAD;
             self.frame_ahead(first, &mut frames);
             for (i, (ray, framed)) in (first..).zip(rays.iter().zip(&frames)) {

@@ -88,6 +88,9 @@ impl Launch<'_> {
         let mut counters = Vec::with_capacity(T::RAYS);
         let mut scratch = traversal.scratch();
         for (tile, rays) in self.rays.chunks(T::RAYS).enumerate() {
+            if C::COUNTS && self.is_cancelled() {
+                return;
+            }
             let first = tile * T::RAYS;
             counters.clear();
             counters.extend((first..first + rays.len()).map(&mut counter));

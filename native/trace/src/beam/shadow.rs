@@ -93,6 +93,9 @@ impl Launch<'_> {
         let mut cache = ShadowCache::new(self.frame);
         for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
             for keys in run.chunks(RAYS) {
+                if C::COUNTS && self.is_cancelled() {
+                    return;
+                }
                 beam.fill(self, keys, write);
                 let Some(&first) = beam.ids.first() else {
                     continue;

@@ -143,6 +143,9 @@ impl Launch<'_> {
     ) {
         let mut cache = self.cache::<Q>();
         for (group, rays) in self.rays.chunks(RAYS).enumerate() {
+            if self.is_cancelled() {
+                return;
+            }
             // Test the blockers that the previous group left in the cache.
             let mut states: Vec<_> = (rays.iter().enumerate())
                 .map(|(i, ray)| {
@@ -185,6 +188,9 @@ impl Launch<'_> {
         states: &mut [Option<RayState<'_, '_>>],
     ) {
         for first in (0..count).step_by(TRIANGLES) {
+            if self.is_cancelled() {
+                return;
+            }
             let part = Leaf {
                 first: Blocks::offset(first),
                 count: TRIANGLES.min(count - first),

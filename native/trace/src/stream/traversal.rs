@@ -96,6 +96,9 @@ impl Launch<'_> {
             }
             // Let the streams take turns until all stacks are empty.
             while open > 0 {
+                if C::COUNTS && self.is_cancelled() {
+                    return;
+                }
                 for stream in &mut streams {
                     let Some(mut next) = stream.pop() else {
                         continue;

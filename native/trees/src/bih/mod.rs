@@ -7,6 +7,7 @@ pub mod params;
 use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT};
 pub use params::{EMPTY, LEAVES};
 
+use crate::list::List;
 use crate::params as shared;
 use crate::refit::{self, Layers, MakePlan};
 use crate::ways::{distinct, every_way, together, traversal};
@@ -30,7 +31,7 @@ use halfspace_nodes::slab_tree::{Gaps, SlabTree};
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Named, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Family, Menu, Named, ParamSpec, StructureSpec};
 use halfspace_structure::spec::Config;
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
@@ -52,17 +53,17 @@ const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the boundi
 /// Ways through the nodes of interval hierarchies.
 pub const WAYS: [Way; 5] = every_way("intervals", "ordered");
 
-const OPTIONS: [Named; 5] = distinct(&WAYS);
+const OPTIONS: List<Named> = distinct(&WAYS);
 
 /// The parameter `traversal` with these ways.
-pub const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
+pub const TRAVERSAL: ParamSpec = traversal(OPTIONS.slice());
 
 /// The registry's row: two planes a node.
 pub const PLAIN: StructureSpec = StructureSpec {
     id: "bih",
     code: 40,
     label: "Bounding interval hierarchy",
-    family: "objects",
+    family: Family::Objects,
     summary: "Two planes a node, triangles divided by a regular grid or otherwise: for scenes that change in each frame.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Ooi, \
             McDonell and Sacks-Davis 1987, Spatial kd-tree; Zachmann 2002, Minimal hierarchical \
@@ -70,6 +71,10 @@ pub const PLAIN: StructureSpec = StructureSpec {
     params: &[SPLIT, TRAVERSAL, LEAF_SIZE, EMPTY, LEAVES, shared::ROBUST],
     ways: &WAYS,
     no_groups: "",
+    menu: Menu::Intervals,
+    literature: &[("BIH", ""), ("SKD-tree", ""), ("BoxTree", "")],
+    sweep: false,
+    claims: &["intervals-*", "moving-*"],
     build: |scene, config, monitor| {
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
@@ -99,6 +104,8 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
         shared::triangle_cost(Costs::BLOCKS),
         shared::LEAF_MAX,
     ],
+    literature: &[("BIH by SAH", "")],
+    claims: &["intervals-*", "moving-*"],
     build: |scene, config, monitor| {
         let frame = Frame::new(scene.bounds());
         let policy = shared::surface_area(config, Costs::BLOCKS);
@@ -136,11 +143,13 @@ pub const FIFTH_CASE: StructureSpec = StructureSpec {
         LEAVES,
         shared::ROBUST,
     ],
+    literature: &[("BIH, five cases", "")],
+    claims: &["intervals-*"],
     build: |scene, config, monitor| {
-        let gaps = match config.choice("cut") {
-            "split" => Gaps::SplitAxis,
-            _ => Gaps::OneChild,
-        };
+        let gaps = config.pick(
+            "cut",
+            [("surface", Gaps::OneChild), ("split", Gaps::SplitAxis)],
+        );
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
             |binary, bounds, leaves| SlabTree::new(binary, bounds, tighten(config), gaps, leaves),
@@ -157,6 +166,8 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
     label: "Interval hierarchy, one plane",
     summary: "One plane a node, which bounds one of the two children: the smallest nodes of all hierarchies.",
     paper: WACHTER_KELLER,
+    literature: &[("BIH, one plane", "")],
+    claims: &["intervals-*"],
     build: |scene, config, monitor| {
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(
@@ -182,6 +193,8 @@ pub const FOUR_PLANES: StructureSpec = StructureSpec {
     label: "Interval hierarchy, four planes",
     summary: "Four planes a node: both children are bounded on both sides. Another name of bih-n with n=2.",
     paper: WACHTER,
+    literature: &[("BIH, four planes", "")],
+    claims: &["intervals-*"],
     build: |scene, config, monitor| wide(scene, config, monitor, 2),
     ..PLAIN
 };
@@ -202,6 +215,8 @@ pub const WIDE: StructureSpec = StructureSpec {
         LEAVES,
         shared::ROBUST,
     ],
+    literature: &[("BIH, n-ary", "n=4")],
+    claims: &["intervals-*"],
     build: |scene, config, monitor| {
         let children = config.choice("n").parse().expect("a choice of numbers");
         wide(scene, config, monitor, children)
@@ -218,6 +233,8 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
               box a node.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald, Boulos and \
             Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",
+    literature: &[("BIH traversed as BVH", "")],
+    claims: &["intervals-*"],
     build: |scene, config, monitor| {
         let order = ordered(scene, config, monitor, 2)?;
         order.lay_out(

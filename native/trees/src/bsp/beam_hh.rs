@@ -4,14 +4,15 @@
 //! through every polygon as those of Fuchs, Kedem and Naylor 1980: its fragments would outgrow memory on real scenes.
 
 use crate::bsp::normals::{Arbitrary, Draw};
-use crate::bsp::{Variant, build as build_bsp, params};
+use crate::bsp::{Settings, Variant, build as build_bsp, params};
+use crate::list::List;
 use crate::params::BEAM_LEAST;
 use crate::planes::rows::{BEAM_TRAVERSAL, BEAM_WAYS};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{ParamSpec, StructureSpec};
+use halfspace_structure::row::{Family, Menu, ParamSpec, StructureSpec};
 use halfspace_structure::spec::Config;
 
 /// The registry's row.
@@ -19,39 +20,33 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "beam-hh",
     code: 80,
     label: "BSP with beams",
-    family: "space",
+    family: Family::Space,
     summary: "A tree of swept planes, through which 64 camera rays go as one beam that each polygon cuts.",
     paper: "Heckbert and Hanrahan 1984, Beam tracing polygonal objects; Fuchs, Kedem and Naylor 1980, for the order; \
             Weiler and Atherton 1977, for the cuts",
-    params: &PARAMS,
+    params: PARAMS.slice(),
     ways: BEAM_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("Beams of Heckbert and Hanrahan", "")],
+    sweep: false,
+    claims: &["mirrored-beams", "refracted-beams"],
     build,
 };
 
-const PARAMS: [ParamSpec; params::KD - 2] = params();
-
 /// The parameters of [`params::kd`], without the choice of nodes, which are always planes, that of leaf tests, which are
 /// those of beams, and that of a lazy build; with the threshold of beams.
-const fn params() -> [ParamSpec; params::KD - 2] {
-    let usual = params::kd(params::k(3, 6));
-    let mut all = [BEAM_LEAST; params::KD - 2];
-    let mut i = 0;
-    while i < all.len() {
-        all[i] = usual[i + 2 * (i >= params::PLACE_LEAVES_KD) as usize];
-        i += 1;
-    }
-    let [nodes, traversal, _] = params::PLACES_KD;
-    all[nodes] = BEAM_TRAVERSAL;
-    all[traversal] = BEAM_LEAST;
-    all
-}
+const PARAMS: List<ParamSpec> = params::kd(params::k(3, 6))
+    .without("nodes")
+    .without("leaves")
+    .without("lazy")
+    .replace("traversal", BEAM_TRAVERSAL)
+    .insert_after("traversal", BEAM_LEAST);
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    let source = |normals| Arbitrary {
+    let source = |settings: &Settings, normals| Arbitrary {
         normals,
-        seed,
+        seed: settings.seed,
         draw: Draw::Distinct,
     };
     build_bsp(scene, config, monitor, Variant::PlusKd, source)

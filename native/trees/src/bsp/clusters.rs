@@ -203,7 +203,8 @@ fn means(members: &[Member], k: usize, geometry: Geometry, random: &mut impl Rng
 }
 
 sweep_rows!(
-    "bsp-cn", [16, 17, 18], "clusters", along "the centres of clusters of the normals of each node", k 6, grow,
+    "bsp-cn", [16, 17, 18], "clusters", named "BSP_cn", along "the centres of clusters of the normals of each node", k 6, grow,
+    claims &["sweep-trees-*", "three-directions-are-kd", "long-builds"],
     params: draws::clusters_usual, draws::clusters_plus, draws::clusters_kd
 );
 
@@ -215,21 +216,26 @@ pub const AXIAL: StructureSpec = StructureSpec {
     label: "BSP, axial clusters + Kd",
     summary: "Planes along the axes and the centres of clusters of normals, taken as lines and weighted by area.",
     paper: "Our own, after Hoobergs 2019",
-    params: &const { params::kd(params::k(3, 6)) },
+    params: const { &params::kd(params::k(3, 6)) }.slice(),
+    literature: &[("BSP_cn+^Kd, axial", "")],
+    claims: &["three-directions-are-kd", "long-builds"],
     build: |scene, config, monitor| grow_axial(scene, config, monitor, Variant::PlusKd),
     ..PLUS_KD
 };
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |normals| Clusters {
-        normals,
-        seed,
-        geometry: Geometry::Sphere,
-        published: (config.choice("draw") == "thesis").then(|| match config.choice("rule") {
-            "code" => Empty::Restarted,
-            _ => Empty::Replaced,
-        }),
+    build(scene, config, monitor, variant, |settings, normals| {
+        Clusters {
+            normals,
+            seed: settings.seed,
+            geometry: Geometry::Sphere,
+            published: (config.pick("draw", [("distinct", false), ("thesis", true)])).then(|| {
+                config.pick(
+                    "rule",
+                    [("text", Empty::Replaced), ("code", Empty::Restarted)],
+                )
+            }),
+        }
     })
 }
 
@@ -239,12 +245,13 @@ fn grow_axial(
     monitor: &Monitor,
     variant: Variant,
 ) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |normals| Clusters {
-        normals,
-        seed,
-        geometry: Geometry::Lines,
-        published: None,
+    build(scene, config, monitor, variant, |settings, normals| {
+        Clusters {
+            normals,
+            seed: settings.seed,
+            geometry: Geometry::Lines,
+            published: None,
+        }
     })
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of the trees whose directions are normals or clusters of normals: which normals are drawn.
 
-use crate::bsp::params::{
-    self, KD, LINEAR_MORE, MORE_THAN_AXES, PLACE_RULE_KD, PLUS, RULE, USUAL, kd, plus, usual,
-};
+use crate::bsp::params::{LINEAR_MORE, MORE_THAN_AXES, RULE, kd, plus, usual};
+use crate::list::List;
 use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, named};
 use halfspace_structure::spec::Value;
 
@@ -56,34 +55,34 @@ const PUBLISHED: &[Need] = &[Need {
 const PUBLISHED_MORE: &[Need] = &[MORE_THAN_AXES[0], PUBLISHED[0]];
 
 /// [`usual`] for directions from normals.
-pub const fn normals_usual(k: ParamSpec) -> [ParamSpec; USUAL + 1] {
-    params::join(usual(k), [DRAW])
+pub const fn normals_usual(k: ParamSpec) -> List<ParamSpec> {
+    usual(k).and(&[DRAW])
 }
 
 /// [`plus`] for directions from normals.
-pub const fn normals_plus(k: ParamSpec) -> [ParamSpec; PLUS + 1] {
-    params::join(plus(k), [DRAW.needing(MORE_THAN_AXES)])
+pub const fn normals_plus(k: ParamSpec) -> List<ParamSpec> {
+    plus(k).and(&[DRAW.needing(MORE_THAN_AXES)])
 }
 
 /// [`kd`] for directions from normals.
-pub const fn normals_kd(k: ParamSpec) -> [ParamSpec; KD + 1] {
-    params::join(kd(k), [DRAW.needing(MORE_THAN_AXES)])
+pub const fn normals_kd(k: ParamSpec) -> List<ParamSpec> {
+    kd(k).and(&[DRAW.needing(MORE_THAN_AXES)])
 }
 
 /// [`usual`] for directions from clusters.
-pub const fn clusters_usual(k: ParamSpec) -> [ParamSpec; USUAL + 2] {
-    params::join(usual(k), [DRAW_CLUSTERS, CLUSTER_RULE.needing(PUBLISHED)])
+pub const fn clusters_usual(k: ParamSpec) -> List<ParamSpec> {
+    usual(k).and(&[DRAW_CLUSTERS, CLUSTER_RULE.needing(PUBLISHED)])
 }
 
 /// [`plus`] for directions from clusters.
-pub const fn clusters_plus(k: ParamSpec) -> [ParamSpec; PLUS + 2] {
+pub const fn clusters_plus(k: ParamSpec) -> List<ParamSpec> {
     let draw = DRAW_CLUSTERS.needing(MORE_THAN_AXES);
-    params::join(plus(k), [draw, CLUSTER_RULE.needing(PUBLISHED_MORE)])
+    plus(k).and(&[draw, CLUSTER_RULE.needing(PUBLISHED_MORE)])
 }
 
 /// [`kd`] for directions from clusters.
-pub const fn clusters_kd(k: ParamSpec) -> [ParamSpec; KD + 1] {
-    let mut all = kd(k);
-    all[PLACE_RULE_KD] = RULE_OF_CLUSTERS.needing(LINEAR_MORE);
-    params::join(all, [DRAW_CLUSTERS.needing(MORE_THAN_AXES)])
+pub const fn clusters_kd(k: ParamSpec) -> List<ParamSpec> {
+    kd(k)
+        .replace("rule", RULE_OF_CLUSTERS.needing(LINEAR_MORE))
+        .and(&[DRAW_CLUSTERS.needing(MORE_THAN_AXES)])
 }

@@ -2,14 +2,17 @@
 //! Sets of directions that are the same at every node.
 
 use crate::bsp::random::{direction, generator};
-use crate::bsp::{AXES, Source, Triangulated, Variant, add_distinct, build, params};
+use crate::bsp::{AXES, Settings, Source, Triangulated, Variant, add_distinct, build, params};
+use crate::list::List;
 use crate::planes::rows::{FIXED_TRAVERSAL, FIXED_WAYS};
 use crate::planes::scalar::FIXED_LEAVES;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
+};
 use halfspace_structure::spec::{Config, Value};
 
 /// The same directions at every node.
@@ -62,12 +65,16 @@ pub const PLAIN: StructureSpec = StructureSpec {
     id: "rbsp",
     code: 22,
     label: "RBSP",
-    family: "space",
+    family: Family::Space,
     summary: "Planes along K directions that are the same at every node.",
     paper: PAPER,
-    params: &PLAIN_PARAMS,
+    params: PLAIN_PARAMS.slice(),
     ways: FIXED_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("RBSP", "k=13")],
+    sweep: false,
+    claims: &["rbsp-*", "fixed-directions"],
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plain),
 };
 
@@ -76,12 +83,16 @@ pub const KD: StructureSpec = StructureSpec {
     id: "rbsp-kd",
     code: 23,
     label: "RBSP + Kd",
-    family: "space",
+    family: Family::Space,
     summary: "Planes along K directions that are the same at every node; the axes among them make cheap nodes.",
     paper: "Kammaje and Mora 2007; Budge et al. 2008; Hoobergs 2019",
-    params: &KD_PARAMS,
+    params: KD_PARAMS.slice(),
     ways: FIXED_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("RBSP^Kd", "k=13")],
+    sweep: false,
+    claims: &["other-trees-time", "rbsp-*", "fixed-directions"],
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
@@ -116,51 +127,23 @@ const RANDOM: &[Need] = &[Need {
 /// The same where axes make cheap nodes: further directions are tried.
 const RANDOM_MORE: &[Need] = &[RANDOM[0], params::MORE_THAN_AXES[0]];
 
-const PLAIN_PARAMS: [ParamSpec; params::USUAL + 1] = with_seed(plain_params(), RANDOM);
-const KD_PARAMS: [ParamSpec; params::KD + 1] = with_seed(kd_params(), RANDOM_MORE);
+/// The parameters of [`params::usual`] with the set of directions in place of the seed, and the seed of random sets last.
+const PLAIN_PARAMS: List<ParamSpec> = with_set(params::usual(K))
+    .with_needs("axes_depth", params::MORE_THAN_AXES)
+    .and(&[params::SEED.needing(RANDOM)]);
 
-/// Appends the seed of random directions, with its conditions.
-const fn with_seed<const A: usize, const N: usize>(
-    first: [ParamSpec; A],
-    needs: &'static [Need],
-) -> [ParamSpec; N] {
-    assert!(A + 1 == N);
-    let mut all = [params::SEED.needing(needs); N];
-    let mut i = 0;
-    while i < A {
-        all[i] = first[i];
-        i += 1;
-    }
-    all
-}
+/// The parameters of [`params::kd`], likewise.
+const KD_PARAMS: List<ParamSpec> = with_set(params::kd(K))
+    .with_needs("set", params::MORE_THAN_AXES)
+    .and(&[params::SEED.needing(RANDOM_MORE)]);
 
-/// K at small nodes, which is K by default.
-const K_SMALL: ParamSpec = ParamSpec {
-    default: Value::Float(1.0),
-    ..params::K_SMALL
-};
-
-/// The parameters of [`params::usual`] with the set of directions in place of the seed.
-const fn plain_params() -> [ParamSpec; params::USUAL] {
-    let mut all = params::usual(K);
-    let [seed, axes_depth, leaves] = params::PLACES_USUAL;
-    all[seed - 1] = FIXED_TRAVERSAL;
-    all[seed] = SET;
-    all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
-    all[axes_depth] = all[axes_depth].needing(params::MORE_THAN_AXES);
-    all[leaves] = FIXED_LEAVES;
-    all
-}
-
-/// The parameters of [`params::kd`] with the set of directions in place of the seed.
-const fn kd_params() -> [ParamSpec; params::KD] {
-    let mut all = params::kd(K);
-    let [_, traversal, seed] = params::PLACES_KD;
-    all[traversal] = FIXED_TRAVERSAL;
-    all[seed] = SET.needing(params::MORE_THAN_AXES);
-    all[params::PLACE_LEAVES_KD] = FIXED_LEAVES;
-    all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
-    all
+/// Replaces the seed by the set of directions, and by default tries K at small nodes too.
+const fn with_set(params: List<ParamSpec>) -> List<ParamSpec> {
+    params
+        .replace("traversal", FIXED_TRAVERSAL)
+        .replace("seed", SET)
+        .with_default("k_small", Value::Float(1.0))
+        .replace("leaves", FIXED_LEAVES)
 }
 
 /// Returns `k` random directions, after the axes in the variant where these make cheap nodes.
@@ -180,7 +163,7 @@ fn random(k: usize, seed: u64, variant: Variant) -> Vec<[f32; 3]> {
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
     let (k, kind) = (config.integer("k"), config.choice("set"));
     let set = if kind == "random" {
-        random(k, config.integer("seed") as u64, variant)
+        random(k, Settings::of(config).seed, variant)
     } else if kind == "cube" && k <= cube().len() {
         cube()
     } else if variant == Variant::PlusKd {
@@ -191,7 +174,7 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
     } else {
         spiral(k)
     };
-    build(scene, config, monitor, variant, |_| Fixed(set))
+    build(scene, config, monitor, variant, |_, _| Fixed(set))
 }
 
 #[cfg(test)]

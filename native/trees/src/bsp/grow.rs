@@ -3,22 +3,20 @@
 
 use super::normals::Normals;
 use super::policy::Policy;
+use super::settings::Settings;
 use super::{Source, Variant, params};
-use crate::kd::{Axes, default_depth};
-use crate::kd_sah::thesis_depth;
+use crate::kd::Axes;
 use crate::lazy::{self, Grown};
 use crate::planes;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
-use halfspace_builders::space::{ObliqueStep, Params, Stop};
-use halfspace_builders::sweep::Ties;
-use halfspace_nodes::cost::Costs;
+use halfspace_builders::space::Params;
 use halfspace_ray::FramedScene;
-use halfspace_ray::frame::{Frame, U};
+use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::spec::Config;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -31,51 +29,29 @@ pub fn build<S: Source + 'static>(
     config: &Config,
     monitor: &Monitor,
     variant: Variant,
-    source: impl FnOnce(Arc<Normals>) -> S,
+    source: impl FnOnce(&Settings, Arc<Normals>) -> S,
 ) -> Result<Built> {
-    let params = loop_params(scene, config, variant);
+    let settings = &Settings::of(config);
+    let params = settings.params(scene.live().len(), variant);
     // Choose K, and build with whole or clipped triangles.
-    build_with(
-        scene,
-        config,
-        monitor,
-        variant,
-        &params,
-        |frame, normals, needed| {
-            let k = if needed { config.integer("k") } else { 3 };
-            let small = at_small_nodes(config, variant, k);
-            let task = Task {
-                source: Arc::new(source(normals)),
-                variant,
-                k: [k, small],
-                axes_depth: config.integer("axes_depth"),
-            };
-            let framed = FramedScene { scene, frame };
-            let grown = if config.choice("clip") == "1" {
-                oblique::<Clipped>(framed, config, &params, task, monitor)?
-            } else {
-                oblique::<Whole>(framed, config, &params, task, monitor)?
-            };
-            Ok((grown, (small < k).then_some([k, small])))
-        },
-    )
-}
-
-/// Returns K at small nodes: a share of K, but at least one direction in addition to the axes. With the costs of the
-/// thesis it is K.
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "at most 32"
-)]
-fn at_small_nodes(config: &Config, variant: Variant, k: usize) -> usize {
-    if config.choice("costs") != "fitted" {
-        return k;
-    }
-    let axes = if variant == Variant::Plain { 0 } else { 3 };
-    let share = (k as f32 * config.float("k_small")).ceil() as usize;
-    share.max(axes + 1).min(k)
+    let task = (settings, &params, variant);
+    build_with(scene, config, monitor, task, |frame, normals, needed| {
+        let k = if needed { settings.k } else { 3 };
+        let small = settings.at_small_nodes(variant, k);
+        let task = Task {
+            source: Arc::new(source(settings, normals)),
+            variant,
+            k: [k, small],
+            axes_depth: settings.axes_depth,
+        };
+        let framed = FramedScene { scene, frame };
+        let grown = if settings.clip {
+            oblique::<Clipped>(framed, config, &params, task, monitor)?
+        } else {
+            oblique::<Whole>(framed, config, &params, task, monitor)?
+        };
+        Ok((grown, (small < k).then_some([k, small])))
+    })
 }
 
 /// A tree, and K at large and at small nodes if small nodes tried fewer directions.
@@ -90,20 +66,16 @@ pub fn build_with(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
-    variant: Variant,
-    params: &Params,
+    (settings, params, variant): (&Settings, &Params, Variant),
     grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Tried>,
 ) -> Result<Built> {
     // Compute the normals of all triangles in the structure's frame.
     let frame = Frame::new(scene.bounds());
     let normals = Arc::new(Normals::new(scene, &frame));
     // Determine whether oblique planes are of any use.
-    let few = config
-        .values()
-        .any(|(name, k)| name == "k" && *k == Value::Integer(3));
     let needless = if variant == Variant::Plain {
         None
-    } else if few {
+    } else if settings.k == 3 {
         Some("K = 3 leaves only the axes")
     } else if normals.all_parallel_to_axes() {
         Some("every triangle is parallel to two axes")
@@ -117,7 +89,7 @@ pub fn build_with(
                 scene,
                 frame: &frame,
             };
-            axes_only(framed, config, params, monitor).map(|grown| (grown, None))
+            axes_only(framed, config, settings, params, monitor).map(|grown| (grown, None))
         }
         Some(_) => grow(&frame, normals, false),
     })?;
@@ -195,6 +167,7 @@ fn oblique<P: Piece + 'static>(
 fn axes_only(
     framed: FramedScene<'_>,
     config: &Config,
+    settings: &Settings,
     params: &Params,
     monitor: &Monitor,
 ) -> Result<Grown> {
@@ -207,77 +180,11 @@ fn axes_only(
         ..*params
     };
     let FramedScene { scene, frame } = framed;
-    if config.choice("clip") == "1" {
+    if settings.clip {
         let axes = Axes::<ClippedBox>(PhantomData);
         lazy::grow(scene, config, frame, axes, params, monitor)
     } else {
         let axes = Axes::<Boxed>(PhantomData);
         lazy::grow(scene, config, frame, axes, params, monitor)
-    }
-}
-
-/// Returns the costs and rules that the configuration selects.
-pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Params {
-    let thesis = config.choice("costs") == "thesis";
-    // Costs of the thesis, or those of the configuration.
-    let costs = if thesis {
-        Costs::THESIS
-    } else {
-        crate::params::costs(config)
-    };
-    let fixed = if thesis {
-        Costs::THESIS_OBLIQUE
-    } else {
-        config.float("oblique_cost")
-    };
-    // Only the variant with cheap axis nodes has the linear cost.
-    let oblique = match variant {
-        Variant::PlusKd => ObliqueStep::Linear {
-            alpha: config.float("alpha"),
-            fixed,
-            as_code: config.choice("rule") == "code",
-        },
-        _ => ObliqueStep::Fixed(fixed),
-    };
-    // Set the stopping rules and the treatment of triangles at planes.
-    let triangles = scene.live().len();
-    Params {
-        costs,
-        oblique,
-        ties: match config.choice("ties") {
-            "pbrt" => Ties::StartsFirst,
-            _ => Ties::Clean,
-        },
-        slab: if config.choice("slab") == "1" {
-            20.0 * U
-        } else {
-            0.0
-        },
-        leaf_size: usize::from(thesis),
-        leaf_most: params::LEAF_MOST,
-        area_stop: if thesis {
-            0.0
-        } else {
-            config.float("area_stop")
-        },
-        max_depth: match config.integer("max_depth") {
-            0 if thesis => thesis_depth(triangles),
-            0 => default_depth(triangles),
-            depth => depth,
-        },
-        stop: if thesis {
-            Stop::Tolerant(3)
-        } else {
-            Stop::Cheapest
-        },
-        sorted: false,
-        early: config
-            .values()
-            .any(|(name, v)| name == "early" && *v == Value::Choice("1")),
-        enough: if !thesis && config.values().any(|(name, _)| name == "enough") {
-            config.float("enough")
-        } else {
-            0.0
-        },
     }
 }

@@ -10,7 +10,7 @@ use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::StructureSpec;
+use halfspace_structure::row::{Family, Menu, StructureSpec};
 use halfspace_structure::spec::Config;
 
 /// Number of random directions of the second attempt.
@@ -42,21 +42,24 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "bsp-hybrid-plus-kd",
     code: 21,
     label: "BSP, hybrid + Kd",
-    family: "space",
+    family: Family::Space,
     summary: "Planes along the axes and few normals; random directions only where those found no good plane.",
     paper: "Our own, after Hoobergs 2019",
-    params: &const { params::kd(params::k(3, 5)) },
+    params: const { &params::kd(params::k(3, 5)) }.slice(),
     ways: ANY_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("BSP_hybrid+^Kd", "")],
+    sweep: true,
+    claims: &["three-directions-are-kd"],
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |normals| {
+    build(scene, config, monitor, variant, |settings, normals| {
         Hybrid(Arbitrary {
             normals,
-            seed,
+            seed: settings.seed,
             draw: Draw::Distinct,
         })
     })

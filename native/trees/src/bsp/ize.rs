@@ -3,8 +3,9 @@
 //! plane and, perpendicular to it, one plane through each edge.
 
 use crate::bsp::normals::{Normals, oriented};
-use crate::bsp::{AXES, Variant, anything, build_with, loop_params, params};
+use crate::bsp::{AXES, Settings, Variant, anything, build_with, params};
 use crate::lazy::Grown;
+use crate::list::List;
 use crate::planes::rows::ANY_WAYS;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -18,7 +19,7 @@ use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Family, Group, Kind, Menu, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use std::marker::PhantomData;
 
@@ -29,12 +30,16 @@ pub const PLAIN: StructureSpec = StructureSpec {
     id: "bsp-ize",
     code: 24,
     label: "BSP, Ize",
-    family: "space",
+    family: Family::Space,
     summary: "Planes along the axes, in the triangles and through their edges.",
     paper: PAPER,
-    params: &PLAIN_PARAMS,
+    params: PLAIN_PARAMS.slice(),
     ways: ANY_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("BSP_IZE", "")],
+    sweep: false,
+    claims: &["long-builds"],
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
 };
 
@@ -43,12 +48,16 @@ pub const KD: StructureSpec = StructureSpec {
     id: "bsp-ize-kd",
     code: 25,
     label: "BSP, Ize + Kd",
-    family: "space",
+    family: Family::Space,
     summary: "Planes along the axes, at cheap nodes, in the triangles and through their edges.",
     paper: PAPER,
-    params: &KD_PARAMS,
+    params: KD_PARAMS.slice(),
     ways: ANY_WAYS,
     no_groups: "",
+    menu: Menu::Bsp,
+    literature: &[("BSP_IZE^Kd", "")],
+    sweep: false,
+    claims: &["other-trees-time", "long-builds"],
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
@@ -70,8 +79,8 @@ const TRIED: ParamSpec = ParamSpec {
     needs: &[],
 };
 
-const PLAIN_PARAMS: [ParamSpec; params::SINGLE] = params::single(TRIED);
-const KD_PARAMS: [ParamSpec; params::SINGLE_KD] = params::single_kd(TRIED);
+const PLAIN_PARAMS: List<ParamSpec> = params::single(TRIED);
+const KD_PARAMS: List<ParamSpec> = params::single_kd(TRIED);
 
 struct Policy<'a, P> {
     scene: &'a Triangles,
@@ -159,27 +168,22 @@ impl<P: Piece> Policy<'_, P> {
 }
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
+    let settings = &Settings::of(config);
     let params = Params {
         sorted: true,
-        ..loop_params(scene, config, variant)
+        ..settings.params(scene.live().len(), variant)
     };
-    build_with(
-        scene,
-        config,
-        monitor,
-        variant,
-        &params,
-        |frame, normals, oblique| {
-            let tried = if oblique { config.integer("tried") } else { 0 };
-            let framed = FramedScene { scene, frame };
-            let preorder = if config.choice("clip") == "1" {
-                tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)?
-            } else {
-                tree::<Whole>(framed, &params, variant, tried, &normals, monitor)?
-            };
-            Ok((Grown::Whole(preorder), None))
-        },
-    )
+    let task = (settings, &params, variant);
+    build_with(scene, config, monitor, task, |frame, normals, oblique| {
+        let tried = if oblique { settings.tried } else { 0 };
+        let framed = FramedScene { scene, frame };
+        let preorder = if settings.clip {
+            tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)?
+        } else {
+            tree::<Whole>(framed, &params, variant, tried, &normals, monitor)?
+        };
+        Ok((Grown::Whole(preorder), None))
+    })
 }
 
 fn tree<P: Piece>(

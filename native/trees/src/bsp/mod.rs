@@ -15,29 +15,34 @@ pub mod normals;
 pub mod params;
 mod policy;
 pub mod random;
+pub mod settings;
 
 use halfspace_base::Monitor;
 use halfspace_builders::piece::Piece;
 
-pub use grow::{build, build_with, loop_params};
+pub use grow::{build, build_with};
 pub use policy::anything;
+pub use settings::Settings;
 
 /// The paper of the sweeps.
 pub const HOOBERGS: &str =
     "Hoobergs 2019, Bomen voor binaire ruimtepartitie (master thesis, KU Leuven)";
 
-/// Defines the three rows of a family of sweeps: plain, with the axes, and with the axes as cheap nodes. `grow` builds a
-/// variant.
+/// Defines the three rows of a family of sweeps: plain, with the axes, and with the axes as cheap nodes. `named` is
+/// the name of the plain row in the literature; `grow` builds a variant; `claims` are those about the last row.
 macro_rules! sweep_rows {
     (
-        $id:literal, $codes:expr, $label:literal, along $along:literal, k $k:literal, $grow:path
+        $id:literal, $codes:expr, $label:literal, named $name:literal, along $along:literal, k $k:literal, $grow:path,
+        claims $claims:expr
     ) => {
         $crate::bsp::sweep_rows!(
-            $id, $codes, $label, along $along, k $k, $grow, params: params::usual, params::plus, params::kd
+            $id, $codes, $label, named $name, along $along, k $k, $grow, claims $claims,
+            params: params::usual, params::plus, params::kd
         );
     };
     (
-        $id:literal, $codes:expr, $label:literal, along $along:literal, k $k:literal, $grow:path,
+        $id:literal, $codes:expr, $label:literal, named $name:literal, along $along:literal, k $k:literal, $grow:path,
+        claims $claims:expr,
         params: $usual:path, $plus:path, $kd:path
     ) => {
         /// The registry's row: plain.
@@ -45,12 +50,16 @@ macro_rules! sweep_rows {
             id: $id,
             code: $codes[0],
             label: concat!("BSP, ", $label),
-            family: "space",
+            family: halfspace_structure::row::Family::Space,
             summary: concat!("Planes along ", $along, "."),
             paper: $crate::bsp::HOOBERGS,
-            params: &const { $usual(params::k(1, $k)) },
+            params: const { &$usual(params::k(1, $k)) }.slice(),
             ways: $crate::planes::rows::ANY_WAYS,
             no_groups: "",
+            menu: halfspace_structure::row::Menu::Bsp,
+            literature: &[($name, concat!("k=", $k))],
+            sweep: true,
+            claims: &["without-axes", "long-builds"],
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plain),
         };
 
@@ -60,7 +69,9 @@ macro_rules! sweep_rows {
             code: $codes[1],
             label: concat!("BSP, ", $label, " +"),
             summary: concat!("Planes along the axes and ", $along, "."),
-            params: &const { $plus(params::k(3, $k)) },
+            params: const { &$plus(params::k(3, $k)) }.slice(),
+            literature: &[(concat!($name, "+"), concat!("k=", $k))],
+            claims: &["three-directions-are-kd", "long-builds"],
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plus),
             ..PLAIN
         };
@@ -71,7 +82,9 @@ macro_rules! sweep_rows {
             code: $codes[2],
             label: concat!("BSP, ", $label, " + Kd"),
             summary: concat!("Planes along the axes, at cheap nodes, and ", $along, "."),
-            params: &const { $kd(params::k(3, $k)) },
+            params: const { &$kd(params::k(3, $k)) }.slice(),
+            literature: &[(concat!($name, "+^Kd"), concat!("k=", $k))],
+            claims: $claims,
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::PlusKd),
             ..PLAIN
         };

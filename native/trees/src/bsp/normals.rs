@@ -109,10 +109,10 @@ pub enum Draw {
 impl Draw {
     /// Reads the draw of a row that has the parameter.
     pub fn of(config: &Config) -> Self {
-        match config.choice("draw") {
-            "thesis" => Self::Thesis,
-            _ => Self::Distinct,
-        }
+        config.pick(
+            "draw",
+            [("distinct", Self::Distinct), ("thesis", Self::Thesis)],
+        )
     }
 }
 
@@ -194,7 +194,8 @@ impl Arbitrary {
 }
 
 sweep_rows!(
-    "bsp-wn", [13, 14, 15], "normals", along "the normals of some triangles of each node", k 6, grow,
+    "bsp-wn", [13, 14, 15], "normals", named "BSP_wn", along "the normals of some triangles of each node", k 6, grow,
+    claims &["sweep-trees-*", "three-directions-are-kd", "one-normal", "long-builds"],
     params: draws::normals_usual, draws::normals_plus, draws::normals_kd
 );
 
@@ -205,17 +206,20 @@ pub const AREA: StructureSpec = StructureSpec {
     label: "BSP, area normals + Kd",
     summary: "Planes along the axes and the normals of some triangles of each node, large ones likelier.",
     paper: "Our own, after Hoobergs 2019",
-    params: &const { params::kd(params::k(3, 6)) },
+    params: const { &params::kd(params::k(3, 6)) }.slice(),
+    literature: &[("BSP_wn+^Kd, by area", "")],
+    claims: &["three-directions-are-kd", "long-builds"],
     build: |scene, config, monitor| grow_by_area(scene, config, monitor, Variant::PlusKd),
     ..PLUS_KD
 };
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |normals| Arbitrary {
-        normals,
-        seed,
-        draw: Draw::of(config),
+    build(scene, config, monitor, variant, |settings, normals| {
+        Arbitrary {
+            normals,
+            seed: settings.seed,
+            draw: Draw::of(config),
+        }
     })
 }
 
@@ -225,11 +229,12 @@ fn grow_by_area(
     monitor: &Monitor,
     variant: Variant,
 ) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |normals| Arbitrary {
-        normals,
-        seed,
-        draw: Draw::ByArea,
+    build(scene, config, monitor, variant, |settings, normals| {
+        Arbitrary {
+            normals,
+            seed: settings.seed,
+            draw: Draw::ByArea,
+        }
     })
 }
 

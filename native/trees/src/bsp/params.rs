@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of the trees with oblique planes.
 
+use crate::list::List;
 use crate::params::{
     AREA_STOP, LAZY, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
 };
@@ -224,163 +225,59 @@ const PRICES: [ParamSpec; 5] = [
     AREA_STOP.needing(FITTED),
 ];
 
-/// The same where steps along an axis have a cost of their own.
-const PRICES_KD: [ParamSpec; 6] = [
-    step_cost(Costs::PLANES).needing(FITTED),
-    PRICES[0],
-    PRICES[1],
-    PRICES[2],
-    PRICES[3],
-    PRICES[4],
-];
-
-/// Concatenates two lists.
-pub const fn join<const A: usize, const B: usize, const N: usize>(
-    first: [ParamSpec; A],
-    second: [ParamSpec; B],
-) -> [ParamSpec; N] {
-    assert!(A + B == N);
-    let mut all = [TRAVERSAL; N];
-    let mut i = 0;
-    while i < N {
-        all[i] = if i < A { first[i] } else { second[i - A] };
-        i += 1;
-    }
-    all
-}
-
-/// Number of parameters of a variant without special axes.
-pub const USUAL: usize = 20;
-
-/// Number of parameters of a variant with the axes.
-pub const PLUS: usize = USUAL + 1;
-
-/// Number of parameters of a variant with cheap axis nodes.
-pub const KD: usize = PLUS + 3;
-
 /// Returns the parameters of a variant without special axes.
-pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
-    join(
-        [
-            k,
-            NODES,
-            TRAVERSAL,
-            SEED,
-            K_SMALL.needing(FITTED),
-            COSTS,
-            TIES,
-            SLAB,
-            CLIP,
-            EARLY,
-            AXES_DEPTH,
-            ROBUST,
-            LEAVES,
-            LAZY,
-            MAX_DEPTH,
-        ],
-        PRICES,
-    )
+pub const fn usual(k: ParamSpec) -> List<ParamSpec> {
+    List::of(&[
+        k,
+        NODES,
+        TRAVERSAL,
+        SEED,
+        K_SMALL.needing(FITTED),
+        COSTS,
+        TIES,
+        SLAB,
+        CLIP,
+        EARLY,
+        AXES_DEPTH,
+        ROBUST,
+        LEAVES,
+        LAZY,
+        MAX_DEPTH,
+    ])
+    .and(&PRICES)
 }
 
 /// Returns the parameters of a variant with the axes.
-pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
-    join(
-        [
-            k,
-            NODES,
-            TRAVERSAL,
-            SEED.needing(MORE_THAN_AXES),
-            K_SMALL.needing(FITTED_MORE),
-            COSTS,
-            TIES,
-            SLAB,
-            CLIP,
-            EARLY,
-            ENOUGH.needing(FITTED_MORE),
-            AXES_DEPTH.needing(MORE_THAN_AXES),
-            ROBUST,
-            LEAVES,
-            LAZY,
-            MAX_DEPTH,
-        ],
-        PRICES,
-    )
+pub const fn plus(k: ParamSpec) -> List<ParamSpec> {
+    usual(k)
+        .with_needs("seed", MORE_THAN_AXES)
+        .with_needs("k_small", FITTED_MORE)
+        .insert_after("early", ENOUGH.needing(FITTED_MORE))
+        .with_needs("axes_depth", MORE_THAN_AXES)
 }
 
 /// Returns the parameters of a variant with cheap axis nodes.
-pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
-    let mut prices = PRICES_KD;
-    prices[1] = OBLIQUE.needing(FITTED_MORE);
-    join(
-        [
-            k,
-            ALPHA.needing(MORE_THAN_AXES),
-            NODES,
-            TRAVERSAL,
-            SEED.needing(MORE_THAN_AXES),
-            K_SMALL.needing(FITTED_MORE),
-            COSTS,
-            RULE.needing(LINEAR_MORE),
-            TIES,
-            SLAB.needing(MORE_THAN_AXES),
-            CLIP,
-            EARLY,
-            ENOUGH.needing(FITTED_MORE),
-            AXES_DEPTH.needing(MORE_THAN_AXES),
-            ROBUST,
-            LEAVES,
-            LAZY,
-            MAX_DEPTH,
-        ],
-        prices,
-    )
+pub const fn kd(k: ParamSpec) -> List<ParamSpec> {
+    plus(k)
+        .insert_after("k", ALPHA.needing(MORE_THAN_AXES))
+        .insert_after("costs", RULE.needing(LINEAR_MORE))
+        .with_needs("slab", MORE_THAN_AXES)
+        .insert_after("max_depth", step_cost(Costs::PLANES).needing(FITTED))
+        .with_needs("oblique_cost", FITTED_MORE)
 }
 
-/// Index in [`kd`] of the rule.
-pub const PLACE_RULE_KD: usize = 7;
-
-/// Number of parameters of a tree that sweeps only the axes.
-pub const SINGLE: usize = 15;
-
-/// Number of parameters of such a tree with cheap axis nodes.
-pub const SINGLE_KD: usize = SINGLE + 3;
-
 /// Returns the parameters of a tree that sweeps only the axes.
-pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
-    join(
-        [
-            own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, LEAVES, MAX_DEPTH,
-        ],
-        PRICES,
-    )
+pub const fn single(own: ParamSpec) -> List<ParamSpec> {
+    List::of(&[
+        own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, LEAVES, MAX_DEPTH,
+    ])
+    .and(&PRICES)
 }
 
 /// Returns the parameters of such a tree with cheap axis nodes.
-pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
-    join(
-        [
-            ALPHA,
-            own,
-            NODES,
-            TRAVERSAL,
-            COSTS,
-            RULE.needing(LINEAR),
-            TIES,
-            SLAB,
-            CLIP,
-            ROBUST,
-            LEAVES,
-            MAX_DEPTH,
-        ],
-        PRICES_KD,
-    )
+pub const fn single_kd(own: ParamSpec) -> List<ParamSpec> {
+    List::of(&[ALPHA])
+        .and(single(own).slice())
+        .insert_after("costs", RULE.needing(LINEAR))
+        .insert_after("max_depth", step_cost(Costs::PLANES).needing(FITTED))
 }
-
-/// Indices in [`kd`] of the nodes, the traversal and the seed.
-pub const PLACES_KD: [usize; 3] = [2, 3, 4];
-
-/// Index in [`kd`] of the leaves; that of the lazy build follows.
-pub const PLACE_LEAVES_KD: usize = 15;
-
-/// Indices in [`usual`] of the seed, of the depth above which only the axes are tried, and of the leaves.
-pub const PLACES_USUAL: [usize; 3] = [3, 10, 12];

@@ -46,9 +46,12 @@ impl Source for Uniform {
     }
 }
 
-sweep_rows!("bsp-random", [10, 11, 12], "random", along "random directions, new at every node", k 10, grow);
+sweep_rows!("bsp-random", [10, 11, 12], "random", named "BSP_random", along "random directions, new at every node", k 10, grow,
+    claims &["sweep-trees-*", "three-directions-are-kd", "long-builds"]);
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
-    let seed = config.integer("seed") as u64;
-    build(scene, config, monitor, variant, |_| Uniform { seed })
+    build(scene, config, monitor, variant, |settings, _| {
+        let seed = settings.seed;
+        Uniform { seed }
+    })
 }

@@ -29,7 +29,9 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::obb_tree::{ObbTree, WIDTH};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::triangles::Triangles;
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
+use halfspace_structure::row::{
+    Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
+};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
@@ -47,7 +49,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     id: "obb",
     code: 31,
     label: "Oriented boxes",
-    family: "objects",
+    family: Family::Objects,
     summary: "The boxes of bvh-sah, those of each node's children turned together to fit their triangles.",
     paper: "Vitsas, Evangelou, Papaioannou and Gkaravelis 2023, Parallel transformation of bounding volume hierarchies \
             into oriented bounding box trees; DOBB-BVH 2025, arXiv 2506.22849, for one rotation per node",
@@ -63,6 +65,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     ],
     ways: &WAYS,
     no_groups: "each box lies along axes of its own, into which every ray is turned: a group shares the node, but none of the arithmetic",
+    menu: Menu::Boxes,
+    literature: &[("Oriented boxes (Vitsas et al.)", "")],
+    sweep: false,
+    claims: &["oriented-boxes-fit"],
     build,
 };
 

@@ -10,6 +10,7 @@ use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::plane_boxes::PlaneBoxes;
 use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::axis_tree::SharedAxisTree;
 use halfspace_nodes::nested;
 use halfspace_nodes::plane_boxes::PlaneBoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
@@ -53,6 +54,9 @@ const BOXES: f64 = 0.35;
 /// Makes the kernel of single rays over a tree of planes.
 type Single = fn(&Arc<PlaneTree>, &Arc<Blocks>) -> Arc<dyn SingleRays>;
 
+/// Makes the kernel of single rays over a tree without oblique planes.
+type AlongAxes = fn(&Arc<SharedAxisTree>, &Arc<Blocks>) -> Arc<dyn SingleRays>;
+
 impl Planes<'_> {
     /// Single rays by plane distances.
     fn by_distances(&self) -> Plan {
@@ -72,6 +76,27 @@ impl Planes<'_> {
             published(&self.tree, &self.leaves)
         };
         Plan::single("planes", name, kernel)
+    }
+
+    /// The tree, for traversals of trees without oblique planes.
+    fn axis_tree(&self) -> Result<Arc<SharedAxisTree>> {
+        SharedAxisTree::new(&self.tree).map(Arc::new)
+    }
+
+    /// As [`Self::as_chosen`], by a traversal of trees without oblique planes.
+    fn along_axes(
+        &self,
+        name: &'static str,
+        bounded: AlongAxes,
+        published: impl FnOnce(&Arc<SharedAxisTree>, &Arc<Blocks>) -> Arc<dyn SingleRays>,
+    ) -> Result<Plan> {
+        let tree = self.axis_tree()?;
+        let kernel = if self.robust {
+            bounded(&tree, &self.leaves)
+        } else {
+            published(&tree, &self.leaves)
+        };
+        Ok(Plan::single("planes", name, kernel))
     }
 
     /// Nearest hits in packets of this number of rays; shadow rays too in those of 16.
@@ -168,12 +193,13 @@ impl Planes<'_> {
 
     /// Derives links of this kind from the tree.
     fn links(&mut self, kind: ropes::LinkKind) -> Result<Arc<Ropes>> {
-        let ropes = Ropes::new(&self.tree, self.frame.bounds(), kind, self.monitor)?;
+        let tree = self.axis_tree()?;
+        let ropes = Ropes::new(tree.borrowed(), self.frame.bounds(), kind, self.monitor)?;
         self.shape.links = ropes.count();
         let ropes = Arc::new(ropes);
         self.derived.push(Derived {
             tree: Arc::new(Linked {
-                tree: self.tree.clone(),
+                tree,
                 ropes: ropes.clone(),
             }),
         });
@@ -188,7 +214,7 @@ impl Planes<'_> {
         } else {
             rope::rope_published
         };
-        let kernel = make(&self.tree, &self.leaves, ropes);
+        let kernel = make(&self.axis_tree()?, &self.leaves, ropes);
         Ok(Plan::single("planes", name, kernel))
     }
 }

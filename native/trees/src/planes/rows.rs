@@ -3,9 +3,10 @@
 
 use super::Planes;
 use crate::boxes;
+use crate::list::List;
 use crate::params;
 use crate::ways::{
-    Traversal, all, distinct, in_packets, in_streams, in_tiles, join, offer, traversal, way,
+    Traversal, all, distinct, in_packets, in_streams, in_tiles, offer, traversal, way,
 };
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
@@ -128,7 +129,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         ),
         plan: |planes| {
             let (bounded, published) = (ta_b::ta_b, ta_b_1997::ta_b_published);
-            let mut plan = planes.as_chosen("ta-b", bounded, published);
+            let mut plan = planes.along_axes("ta-b", bounded, published)?;
             plan.cases = &halfspace_ray::cases::NAMES;
             Ok(plan)
         },
@@ -154,7 +155,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Havran et al. 1997)",
         ),
-        plan: |planes| Ok(planes.as_chosen("ta-a", ta_a::ta_a, ta_a::ta_a_published)),
+        plan: |planes| planes.along_axes("ta-a", ta_a::ta_a, ta_a::ta_a_published),
     },
     Traversal {
         way: way(
@@ -164,7 +165,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Sung and Shirley 1992)",
         ),
-        plan: |planes| Ok(planes.as_chosen("sung", sung::sung, sung::sung_published)),
+        plan: |planes| planes.along_axes("sung", sung::sung, sung::sung_published),
     },
     Traversal {
         way: way(
@@ -174,7 +175,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Rays::Single,
             "one by one, by the side of the origin and distances (Arvo 1988)",
         ),
-        plan: |planes| Ok(planes.as_chosen("arvo", arvo::arvo, arvo::arvo_published)),
+        plan: |planes| planes.along_axes("arvo", arvo::arvo, arvo::arvo_published),
     },
     Traversal {
         way: way(
@@ -186,9 +187,9 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         ),
         plan: |planes| {
             let bounds = planes.frame.bounds();
-            Ok(planes.as_chosen("seq", seq::seq, |tree, leaves| {
+            planes.along_axes("seq", seq::seq, |tree, leaves| {
                 seq_1985::seq_published(tree, leaves, bounds)
-            }))
+            })
         },
     },
     Traversal {
@@ -279,92 +280,82 @@ pub const BEAMS: [Traversal<MakePlan>; 1] = [Traversal {
     },
 }];
 
-/// Number of ways through wide nodes and boxes.
-const OTHERS: usize = WIDE.len() + boxes::TRAVERSALS.len();
+/// Adds the ways through wide nodes and boxes.
+const fn with_others(ways: List<Way>) -> List<Way> {
+    ways.and(all(&WIDE).slice())
+        .and(all(&boxes::TRAVERSALS).slice())
+}
 
-const OTHER_WAYS: [Way; OTHERS] = join(all(&WIDE), all(&boxes::TRAVERSALS));
-
-const AXIS: [Way; 15 + OTHERS] = join(
-    offer(
-        &BINARY,
-        [
-            "auto", "dir", "tile", "tile16", "packet", "packet8", "packet4", "stream", "ta-b",
-            "ta-a", "sung", "arvo", "seq", "rope", "ropetree",
-        ],
-    ),
-    OTHER_WAYS,
-);
+const AXIS: List<Way> = with_others(offer(
+    &BINARY,
+    &[
+        "auto", "dir", "tile", "tile16", "packet", "packet8", "packet4", "stream", "ta-b", "ta-a",
+        "sung", "arvo", "seq", "rope", "ropetree",
+    ],
+));
 
 /// Ways through axis-aligned trees.
-pub const AXIS_WAYS: &[Way] = &AXIS;
+pub const AXIS_WAYS: &[Way] = AXIS.slice();
 
-const AXIS_OPTIONS: [Named; 17] = distinct(&AXIS);
+const AXIS_OPTIONS: List<Named> = distinct(AXIS_WAYS);
 
 /// Traversals of axis-aligned trees.
-pub const AXIS_TRAVERSAL: ParamSpec = traversal(&AXIS_OPTIONS);
+pub const AXIS_TRAVERSAL: ParamSpec = traversal(AXIS_OPTIONS.slice());
 
-const ANY: [Way; 9 + OTHERS] = join(
-    offer(
-        &BINARY,
-        [
-            "auto",
-            "dir",
-            "tile",
-            "tile16",
-            "packet",
-            "packet8",
-            "packet4",
-            "stream",
-            "ta-b-poly",
-        ],
-    ),
-    OTHER_WAYS,
-);
+const ANY: List<Way> = with_others(offer(
+    &BINARY,
+    &[
+        "auto",
+        "dir",
+        "tile",
+        "tile16",
+        "packet",
+        "packet8",
+        "packet4",
+        "stream",
+        "ta-b-poly",
+    ],
+));
 
 /// Ways through trees with oblique planes.
-pub const ANY_WAYS: &[Way] = &ANY;
+pub const ANY_WAYS: &[Way] = ANY.slice();
 
-const ANY_OPTIONS: [Named; 11] = distinct(&ANY);
+const ANY_OPTIONS: List<Named> = distinct(ANY_WAYS);
 
 /// Traversals of trees with oblique planes.
-pub const ANY_TRAVERSAL: ParamSpec = traversal(&ANY_OPTIONS);
+pub const ANY_TRAVERSAL: ParamSpec = traversal(ANY_OPTIONS.slice());
 
-const FIXED: [Way; 10 + OTHERS] = join(
-    offer(
-        &BINARY,
-        [
-            "auto",
-            "dir",
-            "projected",
-            "tile",
-            "tile16",
-            "packet",
-            "packet8",
-            "packet4",
-            "stream",
-            "ta-b-poly",
-        ],
-    ),
-    OTHER_WAYS,
-);
+const FIXED: List<Way> = with_others(offer(
+    &BINARY,
+    &[
+        "auto",
+        "dir",
+        "projected",
+        "tile",
+        "tile16",
+        "packet",
+        "packet8",
+        "packet4",
+        "stream",
+        "ta-b-poly",
+    ],
+));
 
 /// Ways through trees whose planes have few directions.
-pub const FIXED_WAYS: &[Way] = &FIXED;
+pub const FIXED_WAYS: &[Way] = FIXED.slice();
 
-const FIXED_OPTIONS: [Named; 12] = distinct(&FIXED);
+const FIXED_OPTIONS: List<Named> = distinct(FIXED_WAYS);
 
 /// Traversals of trees whose planes have few directions.
-pub const FIXED_TRAVERSAL: ParamSpec = traversal(&FIXED_OPTIONS);
+pub const FIXED_TRAVERSAL: ParamSpec = traversal(FIXED_OPTIONS.slice());
 
-const BEAM: [Way; 5] = join(
-    all(&BEAMS),
-    offer(&BINARY, ["dir", "tile", "packet", "stream"]),
-);
+const BEAM: List<Way> =
+    all(&BEAMS).and(offer(&BINARY, &["dir", "tile", "packet", "stream"]).slice());
 
 /// Ways through the tree of beams.
-pub const BEAM_WAYS: &[Way] = &BEAM;
+pub const BEAM_WAYS: &[Way] = BEAM.slice();
 
-const BEAM_OPTIONS: [Named; 5] = distinct(&BEAM);
+const BEAM_OPTIONS: List<Named> = distinct(BEAM_WAYS);
 
 /// Traversals of the tree of beams.
-pub const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);
+pub const BEAM_TRAVERSAL: ParamSpec = traversal(BEAM_OPTIONS.slice());

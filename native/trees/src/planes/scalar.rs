@@ -128,7 +128,7 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
     Traversal {
         way: binary("ta-b"),
         plan: |planes| {
-            let mut plan = planes.as_chosen("ta-b", bounded::ta_b, published::ta_b);
+            let mut plan = planes.along_axes("ta-b", bounded::ta_b, published::ta_b)?;
             plan.cases = &halfspace_ray::cases::NAMES;
             Ok(plan)
         },
@@ -139,23 +139,23 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
     },
     Traversal {
         way: binary("ta-a"),
-        plan: |planes| Ok(planes.as_chosen("ta-a", bounded::ta_a, published::ta_a)),
+        plan: |planes| planes.along_axes("ta-a", bounded::ta_a, published::ta_a),
     },
     Traversal {
         way: binary("sung"),
-        plan: |planes| Ok(planes.as_chosen("sung", bounded::sung, published::sung)),
+        plan: |planes| planes.along_axes("sung", bounded::sung, published::sung),
     },
     Traversal {
         way: binary("arvo"),
-        plan: |planes| Ok(planes.as_chosen("arvo", bounded::arvo, published::arvo)),
+        plan: |planes| planes.along_axes("arvo", bounded::arvo, published::arvo),
     },
     Traversal {
         way: binary("seq"),
         plan: |planes| {
             let bounds = planes.frame.bounds();
-            Ok(planes.as_chosen("seq", bounded::seq, |tree, leaves| {
+            planes.along_axes("seq", bounded::seq, |tree, leaves| {
                 published::seq(tree, leaves, bounds)
-            }))
+            })
         },
     },
     Traversal {
@@ -189,6 +189,6 @@ fn roped(planes: &mut Planes<'_>, name: &'static str, kind: ropes::LinkKind) -> 
     } else {
         published::rope
     };
-    let kernel = make(&planes.tree, &planes.leaves, links);
+    let kernel = make(&planes.axis_tree()?, &planes.leaves, links);
     Ok(Plan::single("planes", name, kernel))
 }

@@ -16,7 +16,8 @@ use crate::stack::{self, Entry, NodeEntry};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
+use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 use std::marker::PhantomData;
@@ -249,17 +250,14 @@ fn pop<const PUBLISHED: bool>(stack: &mut Stack<'_>, reach: f32) -> Option<NodeE
 }
 
 /// The traversal of one tree by one rule, as published or with error bounds.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
 pub struct OriginTraversal<'a, R, const PUBLISHED: bool> {
-    tree: &'a PlaneTree,
+    tree: AxisTree<'a>,
     rule: PhantomData<R>,
 }
 
 impl<'a, R, const PUBLISHED: bool> OriginTraversal<'a, R, PUBLISHED> {
     /// The traversal of this tree.
-    pub fn new(tree: &'a PlaneTree) -> Self {
+    pub fn new(tree: AxisTree<'a>) -> Self {
         Self {
             tree,
             rule: PhantomData,
@@ -293,7 +291,7 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
         };
         loop {
             match tree.node(next.node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     children,
@@ -316,8 +314,7 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
                     }
                     stack.push(next);
                 }
-                Node::Oblique { .. } => unreachable!("these traversals are for axis-aligned trees"),
-                Node::Leaf { first, count } => {
+                AxisNode::Leaf { first, count } => {
                     counters.leaf(count);
                     let (leaf, leave) = (Leaf { first, count }, next.interval.leave);
                     if first_hit::test::<PUBLISHED, S, Q, C>(
@@ -337,42 +334,42 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
 
 single_rays! {
     /// Single rays by the algorithm of Sung and Shirley, with error bounds.
-    fn sung(PlaneTree) -> OriginTraversal<'a, Sung, false> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn sung(SharedAxisTree) -> OriginTraversal<'a, Sung, false> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// The same as published, without error bounds.
-    fn sung_published(PlaneTree) -> OriginTraversal<'a, Sung, true> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn sung_published(SharedAxisTree) -> OriginTraversal<'a, Sung, true> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by TA-A, with error bounds.
-    fn ta_a(PlaneTree) -> OriginTraversal<'a, TaA, false> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn ta_a(SharedAxisTree) -> OriginTraversal<'a, TaA, false> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// The same as published, without error bounds.
-    fn ta_a_published(PlaneTree) -> OriginTraversal<'a, TaA, true> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn ta_a_published(SharedAxisTree) -> OriginTraversal<'a, TaA, true> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// Single rays by Arvo's algorithm, with error bounds.
-    fn arvo(PlaneTree) -> OriginTraversal<'a, Arvo, false> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn arvo(SharedAxisTree) -> OriginTraversal<'a, Arvo, false> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }
 
 single_rays! {
     /// The same as published, without error bounds.
-    fn arvo_published(PlaneTree) -> OriginTraversal<'a, Arvo, true> {
-        |kernel| OriginTraversal::new(&kernel.tree)
+    fn arvo_published(SharedAxisTree) -> OriginTraversal<'a, Arvo, true> {
+        |kernel| OriginTraversal::new(kernel.tree.borrowed())
     }
 }

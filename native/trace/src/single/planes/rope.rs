@@ -20,19 +20,16 @@ use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::axis_tree::{AxisTree, SharedAxisTree};
 use halfspace_nodes::ropes::{OUTSIDE, Ropes, Step};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
 use std::sync::Arc;
 
 /// The traversal of one tree, as published or with certain steps only.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
 pub struct RopeTraversal<'a, const PUBLISHED: bool> {
     /// The tree.
-    pub tree: &'a PlaneTree,
+    pub tree: AxisTree<'a>,
     /// Its links.
     pub ropes: &'a Ropes,
 }
@@ -170,7 +167,7 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
     type Scratch = Entries<u32>;
 
     fn scratch(&self) -> Self::Scratch {
-        PlaneTraversal(self.tree).scratch()
+        PlaneTraversal(self.tree.tree()).scratch()
     }
 
     #[inline(always)]
@@ -228,20 +225,20 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
             ray: ray.ray,
             frame: &rest,
         };
-        PlaneTraversal(self.tree).cast::<S, Q, C>(simd, job, rest, entries, counters)
+        PlaneTraversal(self.tree.tree()).cast::<S, Q, C>(simd, job, rest, entries, counters)
     }
 }
 
 single_rays! {
     /// Single rays from leaf to leaf along ropes, with error bounds.
-    fn rope(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false> {
-        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    fn rope(SharedAxisTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, false> {
+        |kernel| RopeTraversal { tree: kernel.tree.borrowed(), ropes: &kernel.ropes }
     }
 }
 
 single_rays! {
     /// The same as published, without error bounds.
-    fn rope_published(PlaneTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true> {
-        |kernel| RopeTraversal { tree: &kernel.tree, ropes: &kernel.ropes }
+    fn rope_published(SharedAxisTree, ropes: Arc<Ropes>) -> RopeTraversal<'a, true> {
+        |kernel| RopeTraversal { tree: kernel.tree.borrowed(), ropes: &kernel.ropes }
     }
 }

@@ -12,17 +12,15 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
+use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
 
 const _: () = assert!(MAX_DEPTH < u64::BITS as usize, "a bit for each level");
 
 /// The traversal of one tree.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct RestartTraversal<'a>(pub &'a PlaneTree);
+pub struct RestartTraversal<'a>(pub AxisTree<'a>);
 
 /// A leaf and the ray's interval in it.
 struct Found {
@@ -49,15 +47,14 @@ impl RestartTraversal<'_> {
         let mut level = 1_u64;
         loop {
             let (axis, split, empty, link) = match self.0.node(node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     empty,
                     link,
                     ..
                 } => (axis, split, empty, link),
-                Node::Oblique { .. } => unreachable!("this traversal is for axis-aligned trees"),
-                Node::Leaf { first, count } => {
+                AxisNode::Leaf { first, count } => {
                     let (leaf, interval) = (Leaf { first, count }, Interval::new(enter, leave));
                     return Found { leaf, interval };
                 }
@@ -124,7 +121,7 @@ impl SingleTraversal for RestartTraversal<'_> {
 
 single_rays! {
     /// Single rays that find each leaf from the root, with error bounds.
-    fn seq(PlaneTree) -> RestartTraversal<'a> {
-        |kernel| RestartTraversal(&kernel.tree)
+    fn seq(SharedAxisTree) -> RestartTraversal<'a> {
+        |kernel| RestartTraversal(kernel.tree.borrowed())
     }
 }

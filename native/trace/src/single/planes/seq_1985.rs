@@ -10,7 +10,7 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::{Node, PlaneTree};
+use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
 
@@ -19,12 +19,9 @@ use halfspace_ray::{FrameRay, Hit, RayRef};
 const STEP: f32 = 1.0 / 1_048_576.0;
 
 /// The traversal of one tree.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
 pub struct PointTraversal<'a> {
     /// The tree.
-    pub tree: &'a PlaneTree,
+    pub tree: AxisTree<'a>,
     /// The scene's box in the frame.
     pub bounds: Aabb,
 }
@@ -37,7 +34,7 @@ impl PointTraversal<'_> {
         let mut node = self.tree.root();
         loop {
             match self.tree.node(node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     children,
@@ -50,8 +47,7 @@ impl PointTraversal<'_> {
                         (node, cell.min[axis]) = (children + 1, split);
                     }
                 }
-                Node::Oblique { .. } => unreachable!("this traversal is for axis-aligned trees"),
-                Node::Leaf { first, count } => return (Leaf { first, count }, cell),
+                AxisNode::Leaf { first, count } => return (Leaf { first, count }, cell),
             }
         }
     }
@@ -108,7 +104,7 @@ impl SingleTraversal for PointTraversal<'_> {
 
 single_rays! {
     /// Single rays by point location as published, without error bounds. `bounds`: the scene's box in the frame.
-    fn seq_published(PlaneTree, bounds: Aabb) -> PointTraversal<'a> {
-        |kernel| PointTraversal { tree: &kernel.tree, bounds: kernel.bounds }
+    fn seq_published(SharedAxisTree, bounds: Aabb) -> PointTraversal<'a> {
+        |kernel| PointTraversal { tree: kernel.tree.borrowed(), bounds: kernel.bounds }
     }
 }

@@ -19,7 +19,8 @@ use crate::stack::{Entry, Stack};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
+use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
@@ -112,10 +113,7 @@ impl Mirrored {
 }
 
 /// The traversal of one tree.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct TaBTraversal<'a>(pub &'a PlaneTree);
+pub struct TaBTraversal<'a>(pub AxisTree<'a>);
 
 impl SingleTraversal for TaBTraversal<'_> {
     type Scratch = [SegmentEntry; MAX_DEPTH + 1];
@@ -147,7 +145,7 @@ impl SingleTraversal for TaBTraversal<'_> {
         };
         loop {
             match tree.node(node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     empty,
@@ -189,8 +187,7 @@ impl SingleTraversal for TaBTraversal<'_> {
                     }
                     continue;
                 }
-                Node::Oblique { .. } => unreachable!("TA-B is for axis-aligned trees"),
-                Node::Leaf { first, count } => {
+                AxisNode::Leaf { first, count } => {
                     counters.leaf(count);
                     let (leaf, leave) = (Leaf { first, count }, segment.leave);
                     if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
@@ -208,7 +205,7 @@ impl SingleTraversal for TaBTraversal<'_> {
 
 single_rays! {
     /// Single rays by TA-B, with error bounds.
-    fn ta_b(PlaneTree) -> TaBTraversal<'a> {
-        |kernel| TaBTraversal(&kernel.tree)
+    fn ta_b(SharedAxisTree) -> TaBTraversal<'a> {
+        |kernel| TaBTraversal(kernel.tree.borrowed())
     }
 }

@@ -13,7 +13,8 @@ use crate::single::single_rays;
 use crate::stack::Stack;
 use fearless_simd::Simd;
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
+use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
@@ -31,10 +32,7 @@ pub struct Crossing {
 }
 
 /// The traversal of one tree.
-///
-/// # Panics
-/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
-pub struct PublishedTaB<'a>(pub &'a PlaneTree);
+pub struct PublishedTaB<'a>(pub AxisTree<'a>);
 
 /// The ray's point at distance `t`.
 #[inline(always)]
@@ -74,7 +72,7 @@ impl SingleTraversal for PublishedTaB<'_> {
         let mut node = tree.root();
         loop {
             match tree.node(node) {
-                Node::Axis {
+                AxisNode::Axis {
                     axis,
                     split,
                     children,
@@ -106,8 +104,7 @@ impl SingleTraversal for PublishedTaB<'_> {
                     exit = crossing(frame, axis, split, far);
                     continue;
                 }
-                Node::Oblique { .. } => unreachable!("TA-B is for axis-aligned trees"),
-                Node::Leaf { first, count } => {
+                AxisNode::Leaf { first, count } => {
                     counters.leaf(count);
                     let leaf = Leaf { first, count };
                     if first_hit::test::<true, S, Q, C>(
@@ -139,7 +136,7 @@ fn crossing(frame: &FrameRay, axis: usize, split: f32, node: u32) -> Crossing {
 
 single_rays! {
     /// Single rays by TA-B as published, without error bounds.
-    fn ta_b_published(PlaneTree) -> PublishedTaB<'a> {
-        |kernel| PublishedTaB(&kernel.tree)
+    fn ta_b_published(SharedAxisTree) -> PublishedTaB<'a> {
+        |kernel| PublishedTaB(kernel.tree.borrowed())
     }
 }
