@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -41,6 +42,9 @@ class SceneState:
 _states: dict[int, SceneState] = {}
 """By `session_uid`."""
 
+_LOCK = threading.Lock()
+"""Held while a value takes the place of those of all scenes."""
+
 
 def of(scene: Any) -> SceneState:
     """The state of a scene, original or evaluated, from any thread."""
@@ -65,6 +69,15 @@ class Slot(Generic[T]):
         """The values of all scenes."""
         found = [one.values.get(self) for one in [*_states.values()]]
         return [value for value in found if value is not None]
+
+    def keep_only(self, scene: Any, value: T) -> None:
+        """Replace the values of all scenes by one of this scene. From any thread."""
+        with _LOCK:
+            mine = of(scene)
+            mine.values[self] = value
+            for one in [*_states.values()]:
+                if one is not mine:
+                    one.values.pop(self, None)
 
     def free(self) -> None:
         """Free the values of all scenes."""

@@ -77,3 +77,35 @@ fn every_traversal_repeats_itself_without_triangles() {
     let brute = build(&scene, "brute").record(rays, false, None);
     assert!(matches!(brute, Err(Error::Spec(_))));
 }
+
+#[test]
+fn rays_that_are_counted_are_left_out_once_a_monitor_is_cancelled() {
+    let scene = soup(grid(4, 0.3));
+    let rays = aimed(&scene, 2048, &mut Random(5));
+    let monitor = Monitor::new();
+    monitor.cancel();
+    for tree in TREES {
+        for spec in tree.ways.iter().map(|way| spelled(tree, way)) {
+            let structure = build(&scene, &spec);
+            let watched = structure.watched(Some(&monitor));
+            for any in [false, true] {
+                let mut counters = vec![RayCounters::default(); rays.len()];
+                if any {
+                    let mut answers = vec![false; rays.len()];
+                    watched.occluded(&rays, &mut answers, Some(&mut counters));
+                } else {
+                    let mut hits = vec![Hit::MISS; rays.len()];
+                    watched.closest(&rays, &mut hits, Some(&mut counters));
+                }
+                let traced = counters
+                    .iter()
+                    .filter(|c| **c != RayCounters::default())
+                    .count();
+                assert!(
+                    traced <= rays.len() / 2,
+                    "{spec}, any: {any}: {traced} rays"
+                );
+            }
+        }
+    }
+}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures of docs/pictures.md: `python scripts/dev/composed_pictures.py [SCENE ...] [--out DIR] [--size WxH]`.
 
-Renders the six composed scenes of lab/pictures with Halfspace and with Cycles at equal settings, several times with
+Renders the six scenes of `composed.py` with Halfspace and with Cycles at equal settings, several times with
 different random numbers. Writes composed-SCENE.jpg, Halfspace left and Cycles right, and prints a row of the page's
 table for each scene: the difference of the means, the largest difference of a square of 16 × 16 pixels in standard
 errors, and the seconds of the processor. Exit status: 0 done; 2 something failed; 130 stopped. Failures are reported in

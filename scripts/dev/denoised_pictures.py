@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """FLIP of denoised pictures beside those of Cycles: `python scripts/dev/denoised_pictures.py [SCENE ...]`.
 
-Renders scenes of lab/pictures/proving.py with both engines at equal settings and few samples, with and without Denoise,
+Renders scenes of `compare --scene` with both engines at equal settings and few samples, with and without Denoise,
 and prints the mean FLIP of each picture against the mean of a converged picture of both. Exit status: 0 done; 2
 something failed; 130 stopped. Failures are reported in one line.
 """

@@ -143,8 +143,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
     kept = Kept(maps, costmap.quantity(group.cost), workload.view, _origin(workload, tree))
     kept.add_ranges(scene)
-    KEPT.free()
-    KEPT.keep(scene, kept)
+    KEPT.keep_only(scene, kept)
     return kept.picture(scene)
 
 

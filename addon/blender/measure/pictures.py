@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.base.arrays import F32
 from ...core.base.native import first_line
-from ...core.base.picture_files import replacing
+from ...core.base.picture_files import JPEG_QUALITY, replacing
 
 
 def render(scene: Any) -> F32:
@@ -53,10 +53,6 @@ def load(path: Path) -> F32:
     finally:
         bpy.data.images.remove(image)
     return values.reshape(height, width, 4)
-
-
-JPEG_QUALITY = 88
-"""Percent, as in Blender."""
 
 
 def save_displayed(path: Path, picture: F32, scene: Any) -> F32:

@@ -106,8 +106,7 @@ def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: st
     """
     origin, arrays = geometry.origin.copy(), (geometry.vertices, geometry.triangles)
     tree = Tree(structure, origin, *arrays, spec, label, state.of(scene), read, geometry.sources)
-    TREE.free()
-    TREE.keep(scene, tree)
+    TREE.keep_only(scene, tree)
     if not bpy.app.background:
         # Renders run on their own thread; timers run where redrawing is allowed.
         bpy.app.timers.register(announce)

@@ -22,9 +22,15 @@ class Signal:
         self._listeners.remove(listener)
 
     def fire(self, scene: Any) -> None:
-        """Call all listeners, in the order in which they were connected."""
+        """Call all listeners, in the order in which they were connected. Raises what one raised, after all ran."""
+        faults = []
         for listener in tuple(self._listeners):
-            listener(scene)
+            try:
+                listener(scene)
+            except Exception as error:
+                faults.append(error)
+        if faults:
+            raise faults[0]
 
 
 structure_changed = Signal()

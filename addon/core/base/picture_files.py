@@ -38,6 +38,8 @@ class Picture:
 
     pixels: F32
     names: tuple[str, ...]
+    is_displayed: bool = False
+    """Whether these are integers for a display: sRGB, and not multiplied by alpha."""
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
     def colour(self) -> F32:
@@ -47,6 +49,13 @@ class Picture:
             if len(found) == len(wanted):
                 return np.ascontiguousarray(self.pixels[..., found])
         raise ValueError(f"no colour among the channels {', '.join(self.names[:8])}")
+
+    def light(self) -> F32:
+        """The (height, width, 3) colour as linear light before black. Raises ValueError."""
+        if not self.is_displayed:
+            return self.colour()
+        alpha = _channel(self.names, "A")
+        return linear(self.colour()) * (self.pixels[..., alpha, None] if alpha is not None else np.float32(1.0))
 
 
 def _channel(names: Sequence[str], last: str) -> int | None:
@@ -82,9 +91,12 @@ def read(path: Path) -> Picture:
     oiio = module()
     if not path.is_file():
         raise OSError(f"{path}: there is no such file")
-    source = oiio.ImageInput.open(str(path))
+    wishes = oiio.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
         raise OSError(f"{path}: cannot be read: {_first(oiio.geterror())}")
+    is_displayed = str(source.spec().format).startswith("uint")
     parts: list[F32] = []
     names: list[str] = []
     attributes: dict[str, Any] = {}
@@ -101,7 +113,7 @@ def read(path: Path) -> Picture:
             attributes = {one.name: one.value for one in spec.extra_attribs} | attributes
     finally:
         source.close()
-    return Picture(np.concatenate(parts, axis=2, dtype=np.float32), tuple(names), attributes)
+    return Picture(np.concatenate(parts, axis=2, dtype=np.float32), tuple(names), is_displayed, attributes)
 
 
 def size(path: Path) -> tuple[int, int]:
@@ -117,7 +129,7 @@ def size(path: Path) -> tuple[int, int]:
 
 def write(path: Path, picture: Picture, compression: str = "zip") -> None:
     """Write a file by its suffix: OpenEXR with float32 channels, PNG or JPEG with the channels as a display shows
-    them (sRGB, 8 bits: above 1 white, not finite black).
+    them (sRGB, 8 bits: above 1 white, not finite black), without attributes.
 
     Raises OSError, which names the file, and then leaves an older picture unchanged.
     """
@@ -136,7 +148,7 @@ def _write(fresh: Path, path: Path, picture: Picture, compression: str) -> None:
     spec.channelnames = picture.names
     spec.attribute("compression", compression if is_linear else f"jpeg:{JPEG_QUALITY}")
     spec.attribute("oiio:ColorSpace", "lin_rec709" if is_linear else "sRGB")
-    for name, value in picture.attributes.items():
+    for name, value in picture.attributes.items() if is_linear else ():
         spec.attribute(PREFIX + name, value)
     out = oiio.ImageOutput.create(str(fresh))
     if out is None:
@@ -207,7 +219,7 @@ def replacing(path: Path) -> Iterator[Path]:
     read whole, because Blender reports no error when the disk fills up while it writes one.
 
     An older picture stays until then. Raises OSError, which names the file; exceptions of the body pass through.
-    Without OpenImageIO only an empty file is refused.
+    Without OpenImageIO only an empty file is refused. libpng prints a line of its own for a PNG that ends too early.
     """
     target = Path(os.path.realpath(path))  # replace a link's target, not the link
     try:

@@ -67,15 +67,12 @@ def _adopted(bpy: Any) -> str:
             f"the native module of the enabled extension ({package}) is of another build than this repository: "
             f"{missing[0]} differs: package the extension again and install it"
         )
-    # Load the extension's files under the repository's name, and the laboratory, which it lacks, from the repository.
-    folder = Path(sys.modules[package].__file__ or "").resolve().parent
-    spec = importlib.util.spec_from_file_location(
-        "addon", folder / "__init__.py", submodule_search_locations=[str(folder), str(ROOT / "addon")]
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    sys.modules["addon"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(sys.modules["addon"])
+    # Give the extension's modules the repository's names too: they hold the states of scenes. The laboratory, which the
+    # extension lacks, is found in the repository.
+    for name, loaded in list(sys.modules.items()):
+        if f"{name}.".startswith(f"{package}."):
+            sys.modules["addon" + name.removeprefix(package)] = loaded
+    sys.modules["addon"].__path__.append(str(ROOT / "addon"))
     return f"Halfspace {native.VERSION} ({package}, {module.__name__}), in {blender}"
 
 

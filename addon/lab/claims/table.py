@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All claims, paper by paper. To add one, write `lab/claims/NAME.py` with a constant `CLAIMS`, and extend PAPERS."""
+"""All claims, paper by paper. To add one, write `NAME.py` here with a constant `CLAIMS`, and extend PAPERS."""
 
 from __future__ import annotations
 

@@ -73,7 +73,10 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--whole", action="store_true", help="time whole renders, one sample per run")
     made.add_argument("--equal-error", action="store_true", help="time to equal error, at the defaults of Cycles")
     made.add_argument(
-        "--most", type=float, metavar="R", help="with --whole and --equal-error: the largest ratio of times that holds"
+        "--most",
+        type=float,
+        metavar="R",
+        help="the largest ratio of times with --whole and --equal-error, the largest RMSE of two pictures",
     )
     made.add_argument(
         "--lights",
@@ -128,7 +131,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         plain = parser().parse_args([])
         for name, value in vars(asked).items():
             if name not in ("file", "reference", "most") and value != getattr(plain, name):
-                raise UsageError(f"--{name.replace('_', '-')}: expected no two pictures, of which nothing is rendered")
+                raise UsageError(f"--{name.replace('_', '-')}: expected a scene to render, got two pictures")
         if asked.most is not None and not asked.most >= 0:
             raise UsageError(f"--most: expected an RMSE of at least 0, got {asked.most:g}")
         return asked
@@ -217,12 +220,10 @@ def compare_pictures(path: Path, reference: Path, most: float | None) -> bool:
 
 def _colours(path: Path) -> F32:
     """The colours of a picture in linear light. Raises OSError, and UsageError without colours."""
-    found = picture_files.read(path)
     try:
-        colour = found.colour()
+        return picture_files.read(path).light()
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
-    return colour if path.suffix.lower() in (".exr", ".hdr") else picture_files.linear(colour)
 
 
 def judge_scenes(asked: argparse.Namespace) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command `halfspace COMMAND [options]`, in a clone `halfspace COMMAND [options]`.
+"""The command `halfspace COMMAND [options]`, in a clone `python scripts/halfspace.py COMMAND`.
 
 Exit status: that of the command; 2 for an unknown one; 0 for --help and --version. Until a command is chosen, imports
 only what Python has loaded by itself and this package, so that an interrupt ends it in one line.

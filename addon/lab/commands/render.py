@@ -77,7 +77,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     is_exr = asked.out.suffix.lower() == ".exr"
     if asked.compression is not None and not is_exr:
         raise UsageError("--compression: expected --out with a name that ends in .exr")
-    if is_exr:
+    if is_exr or importlib.util.find_spec("bpy") is None:
         picture_files.module()
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
@@ -122,7 +122,7 @@ def render(asked: argparse.Namespace) -> int:
             told = _told(spec, scene.halfspace.samples, seconds)
             picture_files.describe(picture, told, asked.compression or "zip")
     # Print the picture's size, structure and checked answers.
-    width, height = picture_files.size(asked.out)
+    width, height = _size(scene, asked.out)
     report = reports.last(scene)
     answers = choice.NOT_COMPARED if report is None else report.answers
     # Print a time only together with the errors of all that it covers; the report covers the last view layer alone.
@@ -147,7 +147,7 @@ def render_bare(asked: argparse.Namespace) -> int:
     start = time.perf_counter()
     found = bare.render(module, scene, spec, settings, bare.PASSES if asked.out.suffix.lower() == ".exr" else ())
     attributes = _told(spec, settings.samples, time.perf_counter() - start)
-    picture = picture_files.Picture(found.pixels, found.names, attributes)
+    picture = picture_files.Picture(found.pixels, found.names, attributes=attributes)
     picture_files.write(asked.out, picture, asked.compression or "zip")
     print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
     return 0
@@ -195,6 +195,15 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
         scene.halfspace.integrator = asked.integrator
     if asked.percentage is not None:
         scene.render.resolution_percentage = asked.percentage
+
+
+def _size(scene: Any, picture: Path) -> tuple[int, int]:
+    """The width and height of a picture, which a render border may have cropped; without OpenImageIO the scene's."""
+    try:
+        return picture_files.size(picture)
+    except ImportError:
+        share = scene.render.resolution_percentage
+        return scene.render.resolution_x * share // 100, scene.render.resolution_y * share // 100
 
 
 def _told(spec: str, samples: int, seconds: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from ...core.base import command, native
 from ...core.report import results
 from ..base.places import ROOT
-from ..base.usage import Parser
+from ..base.usage import Parser, UsageError
 from ..reported import answers, table
 
 PAGE = ROOT / "docs" / "correctness.md"
@@ -33,6 +33,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Print the table, and write it with --write. Returns the exit status."""
+    if asked.write and not PAGE.is_file():
+        raise UsageError(f"--write: there is no page {PAGE}: this is no clone of the repository")
     tracers, missing = answers.others()
     for reason in missing:
         print(f"[reported] not measured: {reason}")

@@ -35,11 +35,13 @@ def run(archive: str, root: str, script: str, *arguments: str) -> dict[str, Any]
             runpy.run_path(str(Path(root) / "scripts" / f"{script}.py"), run_name="__main__")
         except SystemExit as end:
             found["status"] = end.code
-    package = "addon.core" in sys.modules
+    core = sys.modules.get("addon.core")
+    theirs = [module for name, module in sys.modules.items() if name.endswith(f".{REPOSITORY}.halfspace.core")]
     found |= {
         "out": out.getvalue(),
         "errors": errors.getvalue(),
-        "package": package and list(sys.modules["addon.core"].__path__),
+        "package": core and list(core.__path__),
+        "same": core in theirs,
     }
     return found
 

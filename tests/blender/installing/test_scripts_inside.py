@@ -24,9 +24,19 @@ def test_a_script_takes_the_extension_of_any_repository(zips: dict[str, str], tm
     assert found["installed"] == ""
     assert found["status"] == 0, found["log"] + found["errors"]
     assert found["out"].startswith("[export] Halfspace 0.1.0 (bl_ext.laboratory.halfspace, halfspace_native_")
+    assert found["same"], "one module for both names: it may hold the state of scenes"
     (folder,) = found["package"]
     assert Path(folder).resolve().is_relative_to(tmp_path.resolve())
     assert (tmp_path / "tree.npz").is_file()
+
+
+def test_a_picture_is_rendered_by_the_extension(zips: dict[str, str], tmp_path: Path) -> None:
+    words = ("render", "--percentage", "4", "--samples", "1", "--structure", "bvh-sah", "--out", "picture.png")
+    found = session(tmp_path, STEPS, "run", zips["rebuilt"], str(package.ROOT), *words)
+    assert found["status"] == 0, found["log"] + found["errors"]
+    assert found["same"]
+    assert "picture.png: 38 × 21 pixels with bvh-sah" in found["out"]
+    assert (tmp_path / "picture.png").is_file()
 
 
 def test_another_version_is_refused_in_one_line(tmp_path: Path) -> None:

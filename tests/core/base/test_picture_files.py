@@ -80,7 +80,7 @@ def test_channels_of_a_file_are_equal_bit_for_bit(compression: str, tmp_path: Pa
     pixels = bits.view(np.float32)
     names = ("ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B", "ViewLayer.Depth.Z", "Steps")
     path = tmp_path / "a.exr"
-    picture = Picture(pixels, names, {"structure": "kd:nodes=boxes", "samples": 16, "seconds": 1.5})
+    picture = Picture(pixels, names, attributes={"structure": "kd:nodes=boxes", "samples": 16, "seconds": 1.5})
     picture_files.write(path, picture, compression)
     found = picture_files.read(path)
     order = [found.names.index(name) for name in names]
@@ -110,6 +110,25 @@ def test_a_picture_in_memory_is_as_a_display_shows_it(tmp_path: Path) -> None:
     assert int(found.sum()) == 255 + 188 + 255
     shown = np.linspace(0, 1, 1001, dtype=np.float32)
     assert np.abs(picture_files.displayed(picture_files.linear(shown)) - shown).max() < 1e-6
+
+
+def test_light_of_a_transparent_picture_is_multiplied_after_it_was_made_linear(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    oiio = picture_files.module()
+    out = oiio.ImageOutput.create(str(path))
+    spec = oiio.ImageSpec(1, 1, 4, "uint8")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    assert out.open(str(path), spec)
+    assert out.write_image(np.array([[[188, 255, 0, 128]]], np.uint8))
+    assert out.close()
+    found = picture_files.read(path)
+    assert found.is_displayed
+    assert (255 * found.pixels[0, 0]).round().tolist() == [188, 255, 0, 128]
+    assert found.light()[0, 0] == pytest.approx([0.5 * 128 / 255, 128 / 255, 0], abs=0.003)
+    # Floats are light, whatever the file.
+    saved = tmp_path / "a.exr"
+    picture_files.write(saved, Picture(np.full((1, 1, 3), 0.5, np.float32), ("R", "G", "B")))
+    assert picture_files.read(saved).light().tolist() == [[[0.5, 0.5, 0.5]]]
 
 
 def test_the_colour_of_a_file_is_that_of_its_combined_pass() -> None:

@@ -38,7 +38,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
-PLACE = re.compile(r"(addon|docs|native|requirements|scripts|tests)/[\w./-]*")
+PLACE = re.compile(r"(addon|docs|lab|native|requirements|scripts|tests)/[\w./-]*")
 SPEC = re.compile(r"([a-z][a-z0-9-]*):[a-z_]+=[^\s|…]*")
 
 

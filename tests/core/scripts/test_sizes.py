@@ -16,7 +16,7 @@ import environment
 import pytest
 import sizes
 
-FOLDERS = [environment.ROOT / name for name in ("native", "addon", "lab", "scripts")]
+FOLDERS = [environment.ROOT / name for name in ("native", "addon", "scripts")]
 
 FUNCTION_LINES = 80
 PARAMETERS = 7

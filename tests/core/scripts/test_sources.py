@@ -12,9 +12,11 @@ import pytest
 ROOT = environment.ROOT
 
 
-@pytest.mark.parametrize("folder", ["addon", "lab", "scripts", "tests"])
+@pytest.mark.parametrize("folder", ["addon", "distribution", "scripts", "tests"])
 def test_nothing_needs_at_its_start_what_windows_has_not(folder: str) -> None:
-    for path in (ROOT / folder).rglob("*.py"):
+    paths = sorted((ROOT / folder).rglob("*.py"))
+    assert paths
+    for path in paths:
         for line in ast.parse(path.read_text(encoding="utf-8")).body:
             names = [alias.name for alias in line.names] if isinstance(line, ast.Import) else []
             names += [line.module] if isinstance(line, ast.ImportFrom) else []

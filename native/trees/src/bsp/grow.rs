@@ -34,24 +34,31 @@ pub fn build<S: Source + 'static>(
     let settings = &Settings::of(config);
     let params = settings.params(scene.live().len(), variant);
     // Choose K, and build with whole or clipped triangles.
-    let task = (settings, &params, variant);
-    build_with(scene, config, monitor, task, |frame, normals, needed| {
-        let k = if needed { settings.k } else { 3 };
-        let small = settings.at_small_nodes(variant, k);
-        let task = Task {
-            source: Arc::new(source(settings, normals)),
-            variant,
-            k: [k, small],
-            axes_depth: settings.axes_depth,
-        };
-        let framed = FramedScene { scene, frame };
-        let grown = if settings.clip {
-            oblique::<Clipped>(framed, config, &params, task, monitor)?
-        } else {
-            oblique::<Whole>(framed, config, &params, task, monitor)?
-        };
-        Ok((grown, (small < k).then_some([k, small])))
-    })
+    build_with(
+        scene,
+        config,
+        monitor,
+        settings,
+        &params,
+        variant,
+        |frame, normals, needed| {
+            let k = if needed { settings.k } else { 3 };
+            let small = settings.at_small_nodes(variant, k);
+            let task = Task {
+                source: Arc::new(source(settings, normals)),
+                variant,
+                k: [k, small],
+                axes_depth: settings.axes_depth,
+            };
+            let framed = FramedScene { scene, frame };
+            let grown = if settings.clip {
+                oblique::<Clipped>(framed, config, &params, task, monitor)?
+            } else {
+                oblique::<Whole>(framed, config, &params, task, monitor)?
+            };
+            Ok((grown, (small < k).then_some([k, small])))
+        },
+    )
 }
 
 /// A tree, and K at large and at small nodes if small nodes tried fewer directions.
@@ -66,7 +73,9 @@ pub fn build_with(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
-    (settings, params, variant): (&Settings, &Params, Variant),
+    settings: &Settings,
+    params: &Params,
+    variant: Variant,
     grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Tried>,
 ) -> Result<Built> {
     // Compute the normals of all triangles in the structure's frame.

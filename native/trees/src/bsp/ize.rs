@@ -173,17 +173,24 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
         sorted: true,
         ..settings.params(scene.live().len(), variant)
     };
-    let task = (settings, &params, variant);
-    build_with(scene, config, monitor, task, |frame, normals, oblique| {
-        let tried = if oblique { settings.tried } else { 0 };
-        let framed = FramedScene { scene, frame };
-        let preorder = if settings.clip {
-            tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)?
-        } else {
-            tree::<Whole>(framed, &params, variant, tried, &normals, monitor)?
-        };
-        Ok((Grown::Whole(preorder), None))
-    })
+    build_with(
+        scene,
+        config,
+        monitor,
+        settings,
+        &params,
+        variant,
+        |frame, normals, oblique| {
+            let tried = if oblique { settings.tried } else { 0 };
+            let framed = FramedScene { scene, frame };
+            let preorder = if settings.clip {
+                tree::<Clipped>(framed, &params, variant, tried, &normals, monitor)?
+            } else {
+                tree::<Whole>(framed, &params, variant, tried, &normals, monitor)?
+            };
+            Ok((Grown::Whole(preorder), None))
+        },
+    )
 }
 
 fn tree<P: Piece>(
