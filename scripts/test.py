@@ -6,8 +6,9 @@ count; the exit status is 0 only if nothing failed. Arguments choose checks by t
 `test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130.
 
 What a day does not need is left out, and named in the summary; with --all, as before a release, it is run: tests that
-are marked slow, those in Blender LTS of what it shares with the current one, three of four rays of hard scenes, and
-`overflow`, the Rust tests with checks of overflow and debug assertions, which can also be named.
+are marked slow, those in Blender LTS of what it shares with the current one, three of four rays of hard scenes, unit
+tests within the crates of kernels, and `overflow`, the Rust tests with checks of overflow and debug assertions, which
+can also be named.
 """
 
 from __future__ import annotations
@@ -247,7 +248,9 @@ def rust_tests(*profile: str) -> Callable[[], Counts]:
     """The unit, integration and documentation tests of all crates."""
 
     def check() -> Counts:
-        status, said = run(["cargo", "test", "--no-fail-fast", *CRATES, "--exclude", "halfspace_benches", *profile])
+        without = ("halfspace_benches", *(() if CHOSEN.all else HEAVY))
+        excluded = [word for crate in without for word in ("--exclude", crate)]
+        status, said = run(["cargo", "test", "--no-fail-fast", *CRATES, *excluded, *profile])
         # A failed compilation fails no test, and so counts by itself.
         return judged(cargo_counts(said), status, said)
 
@@ -305,6 +308,9 @@ BY_DAY = ("-m", "not slow")
 DIFFERENT = ("installing", "passes", "read", "settings", "ui", "value_nodes")
 LTS_BY_DAY = tuple(f"tests/blender/{name}" for name in DIFFERENT)
 """The folders about what differs between versions of Blender: all that LTS runs without --all."""
+
+HEAVY = ("halfspace_trace", "halfspace_polybeam")
+"""Crates whose own unit tests do not run without --all: kernels, which are compiled again for them, ten minutes each."""
 
 DAY_SHARE = {"HALFSPACE_TEST_SHARE": "4"}
 """Variables of the Rust tests without --all: hard scenes trace one ray of four."""
@@ -434,7 +440,7 @@ def left_out(names: list[str], total: Counts) -> list[str]:
     if "blender-lts" in names:
         lines.append(f"in Blender LTS, all folders but {', '.join(DIFFERENT)}")
     if {"rust", "overflow"} & {*names}:
-        lines.append("three of four rays of the Rust tests' hard scenes")
+        lines += ["three of four rays of the Rust tests' hard scenes", f"unit tests within {' and '.join(HEAVY)}"]
     return lines
 
 
