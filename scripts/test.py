@@ -310,7 +310,7 @@ LTS_BY_DAY = tuple(f"tests/blender/{name}" for name in DIFFERENT)
 """The folders about what differs between versions of Blender: all that LTS runs without --all."""
 
 HEAVY = ("halfspace_trace", "halfspace_polybeam")
-"""Crates whose own unit tests do not run without --all: kernels, which are compiled again for them, ten minutes each."""
+"""Crates whose own unit tests run with --all only: kernels, which are compiled again for them, ten minutes each."""
 
 DAY_SHARE = {"HALFSPACE_TEST_SHARE": "4"}
 """Variables of the Rust tests without --all: hard scenes trace one ray of four."""
