@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes that are judged beside Cycles: understood to the last node, and the same for every structure."""
+"""The scenes that are judged beside Cycles: understood to the last node, and the same for every kind of tree."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from kinds import KINDS
 from shapes import read
 
 from addon.blender.read import camera
 from addon.core.base import native
 from addon.core.base.notes import Notes
 from addon.core.session import session
-from addon.core.structures import catalogue
 from addon.core.structures.settings import RenderSettings
 from addon.lab.pictures import proving
 
@@ -47,10 +47,10 @@ def rendered(scene: Any, moments: Sequence[Any], spec: str, threads: int = 1) ->
 
 
 def assert_alike(scene: Any, moments: Sequence[Any]) -> None:
-    """All structures, and two threads, render the same bits."""
+    """Trees of all kinds, and two threads, render the same bits."""
     reference = rendered(scene, moments, "brute")
-    for structure in catalogue.load().structures:
-        assert rendered(scene, moments, structure.id) == reference, structure.id
+    for spec in KINDS:
+        assert rendered(scene, moments, spec) == reference, spec
     assert rendered(scene, moments, "kd", threads=2) == reference
 
 
