@@ -415,7 +415,8 @@ class Structure:
     """Statistics of the build."""
     counted_as: str
     """Name of the traversal of single rays, which counters count where rays are traced together but not counted
-    together."""
+    together.
+    """
     routes: dict[str, Route]
     """Which kernel answers each kind of batch: "single", "closest", "tiles" (rays with order="tile8"), "shadow".
 
@@ -527,9 +528,8 @@ class Structure:
 
         points: (n, 3). max_distance: one number or (n,), only triangles at most that far away count; None = inf.
         Triangles without area count as segments or points, those that are not finite do not count. The first call
-        copies the nodes.
-        monitor: to cancel the queries.
-        Raises ShapeError, NonFiniteError; SpecError unless the structure is a "bvh-sah"; Cancelled; MemoryError.
+        copies the nodes. monitor: to cancel the queries. Raises ShapeError, NonFiniteError; SpecError unless the
+        structure is a "bvh-sah"; Cancelled; MemoryError.
         """
 
     def points_within(
