@@ -32,12 +32,27 @@
 //! - [`builders`]: the loops that fill nodes;
 //! - [`trace`]: traversal kernels;
 //! - [`scalar`]: kernels that test one triangle at a time;
+//! - [`polybeam`]: beams of polygons through octrees with links;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
 //! - [`nearest`]: closest points and overlaps of triangles;
 //! - [`inspect`]: validation, statistics, polygons, leaf cells, ray paths, export;
 //! - [`oracle`]: exact arithmetic, and the scenes of the tests;
 //! - [`render`]: camera, sampler, materials, lights, integrator, film.
+//!
+//! The files that a configuration meets, in order: `trees/registry.rs` finds its row, `structure/spec.rs` reads its
+//! values, `structure/effective.rs` refuses those without effect, the family's file in `trees` builds the tree with
+//! `builders` and `nodes`, and its table of ways makes the plan (`structure/plan.rs`).
+//!
+//! The files that a ray of `kd:traversal=dir` meets, in order:
+//!
+//! 1. `structure/tracer.rs`: the batch, and the kernel of the plan that takes it;
+//! 2. `trace/threads.rs`, `trace/batch/single.rs`: chunks on threads, then one ray after the other;
+//! 3. `ray/frame.rs`, `ray/frame_ray.rs`: the ray in the tree's frame, with error bounds;
+//! 4. `trace/single/planes/dir.rs`: the nodes, with `trace/stack.rs` and `nodes/planes/plane_tree.rs`;
+//! 5. `leaf/blocks.rs`, `leaf/candidates`: the triangles of a leaf, and the f32 test that rejects most of them;
+//! 6. `geom/verdict.rs`: the exact decision on each that is left;
+//! 7. `ray/query.rs`: whether it becomes the hit.
 //!
 //! This crate only re-exports them. The Python module is the crate `python`.
 

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Extraction of Blender's dependency graph into the arrays of `core.scene`, which keep no reference to
 Blender's data.
+
+The files that a vertex meets, in order: `instancing` yields the object that places it, `visibility.py` keeps it or not,
+`object_meshes.py` gives the evaluated mesh, `meshes.py` its triangles, normals and place, `layers.py` UV maps and
+attributes, `displacement` may move it, `core/scene/instances.py` chooses whether its mesh is instanced or flattened.
 """
 
 from __future__ import annotations
