@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A command where no file may become larger than so many bytes, as on a disk that is nearly full."""
+"""A command under a limit on the size of files, as on a disk that is nearly full."""
 
 from __future__ import annotations
 

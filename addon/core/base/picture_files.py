@@ -20,7 +20,7 @@ import numpy as np
 from .arrays import F32
 
 SUFFIXES = (".exr", ".png", ".jpg", ".jpeg")
-"""Of the files that are written."""
+"""Suffixes of the files that `write` makes."""
 
 COMPRESSIONS = ("zip", "zips", "piz", "rle", "pxr24", "b44", "b44a", "dwaa", "dwab", "none")
 """Of OpenEXR."""
@@ -29,7 +29,7 @@ JPEG_QUALITY = 88
 """Percent, as in Blender."""
 
 PREFIX = "halfspace:"
-"""Of the attributes in files."""
+"""Prefix of the names of our attributes in files."""
 
 
 @dataclass(frozen=True)
