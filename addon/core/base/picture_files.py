@@ -19,9 +19,6 @@ import numpy as np
 
 from .arrays import F32
 
-SUFFIXES = (".exr", ".png", ".jpg", ".jpeg")
-"""Suffixes of the files that `write` makes."""
-
 COMPRESSIONS = ("zip", "zips", "piz", "rle", "pxr24", "b44", "b44a", "dwaa", "dwab", "none")
 """Of OpenEXR."""
 

@@ -33,7 +33,7 @@ MOST = {"samples": 1 << 20, "percentage": 32767}
 """Largest values of Blender's own settings."""
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
-"""Blender's names of file formats."""
+"""Blender's name of the format by the suffix of a picture."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "--out",
         type=output,
         default=OUT / "showcase.png",
-        help=f"the picture, {', '.join(picture_files.SUFFIXES)} (default: out/showcase.png); an .exr has all passes",
+        help=f"the picture, {', '.join(FORMATS)} (default: out/showcase.png); an .exr has all passes",
     )
     made.add_argument(
         "--compression", choices=picture_files.COMPRESSIONS, help="of an .exr (default: zip, which loses nothing)"
@@ -72,8 +72,8 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         value = getattr(asked, name)
         if value is not None and not 1 <= value <= most:
             raise UsageError(f"--{name}: expected 1 to {most}, got {value}")
-    if asked.out.suffix.lower() not in picture_files.SUFFIXES:
-        raise UsageError(f"{asked.out}: expected a name that ends in {' or '.join(picture_files.SUFFIXES)}")
+    if asked.out.suffix.lower() not in FORMATS:
+        raise UsageError(f"{asked.out}: expected a name that ends in {' or '.join(FORMATS)}")
     is_exr = asked.out.suffix.lower() == ".exr"
     if asked.compression is not None and not is_exr:
         raise UsageError("--compression: expected --out with a name that ends in .exr")
