@@ -258,8 +258,9 @@ class Chooser:
         sets: list[rays.RaySet] = []
         began, limit = clock(), SMALL_BUDGET * self._lines[first].total
         # Time each candidate on the part, relative to the first, whose times over the whole scene are known.
+        # After a wrong first, nothing is too slow.
         for spec in (first, *others):
-            if clock() - began > limit:
+            if not self._lines[first].problem and clock() - began > limit:
                 self._notes.append(f"{spec}: not tried: a trial would take too long for this picture")
                 continue
             yield f"{spec}: trying it on {share:,} triangles"

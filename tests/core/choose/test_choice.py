@@ -217,6 +217,14 @@ def test_who_errs_is_not_chosen_however_fast(soup: Workload, monkeypatch: pytest
         assert any(note == f"kd: left out, {worst.problem}" for note in chooser.result.notes)
 
 
+def test_after_a_wrong_first_no_trial_is_too_long(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(auto, "SMALL_BUDGET", 0.0)
+    chooser = auto.Chooser(LyingNative("wrong_any_hit"), soup, Plan(1 << 20, 64), ["kd", "bvh-sah"], 1)
+    assert list(chooser.steps())
+    assert chooser.result is not None
+    assert chooser.result.spec == "bvh-sah"
+
+
 def test_nothing_is_chosen_when_all_err(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
     chooser = auto.Chooser(LyingNative("false_miss"), soup, Plan(1 << 20, 64), ["kd"], 1)
