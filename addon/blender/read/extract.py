@@ -23,6 +23,7 @@ from . import lights, materials, meshes, remarks, view_layers, world
 from .displacement.applying import Displacer
 from .identities import Identities
 from .instancing import Instancing
+from .layers import width
 from .linking import Linking
 from .media import grids
 from .object_meshes import MESH_TYPES, ObjectMeshes
@@ -60,30 +61,32 @@ class Found:
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
+        placed = [placement.mesh for placement in self.placements]
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
-        # Some scenes are flattened in any mode.
-        why = ""
+        # Whitted's integrator flattens in any mode.
         if integrator == "whitted" and any(material.glows for material in self.scene.materials):
             why = "Whitted's integrator supports emissive meshes only without instancing"
-        elif self.layers or self.objects:
-            why = "these textures need attributes that only flattened triangles have"
-        if why:
             repeated = any(places > 1 for _, places in sizes.values())
             return Layout(two_level=False, reason=f"instances: flattened, since {why}" if repeated else "")
-        smooth = any(placement.mesh.normals is not None for placement in self.placements)
-        return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
+        # Count the numbers that a corner has: its normal and what materials read.
+        smooth = any(mesh.normals is not None for mesh in placed)
+        numbers = 3 * smooth + sum(width(placed, key) for key in self.layers)
+        return choose(mode, [(a, b) for a, b in sizes.values()], numbers=numbers, interactive=interactive)
 
     def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
-        objects = self.objects or self.apart
-        return self._with(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=objects, origin=origin))
+        return self._with(meshes.assemble(self.placements, uvs=uvs, **self._read(), origin=origin))
 
-    def instanced(self, origin: F64 | None = None) -> Scene:
+    def instanced(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every mesh once, and its instances. origin: as for `flattened`."""
-        return self._with(meshes.keep_instances(self.placements, origin))
+        return self._with(meshes.keep_instances(self.placements, uvs=uvs, **self._read(), origin=origin))
+
+    def _read(self) -> dict[str, Any]:
+        """What materials read."""
+        return {"layers": self.layers, "objects": self.objects or self.apart}
 
     def _with(self, geometry: AnyGeometry) -> Scene:
         moved = tuple(lights.moved(light, geometry.origin) for light in self.scene.lights)

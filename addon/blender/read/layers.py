@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,9 @@ from .value_nodes import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV
 from .vertex_layers import islands, pointiness
 
 if TYPE_CHECKING:
-    from .meshes import Placement
+    from numpy.typing import NDArray
+
+    from .meshes import MeshArrays, Placement
 
 Key = tuple[str, str]
 
@@ -245,16 +247,21 @@ def box_around(positions: F32) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(size - (low + high) / 2), tuple(0.5 / size)
 
 
-def width(placements: Sequence[Placement], key: Key) -> int:
+def width(meshes: Iterable[MeshArrays], key: Key) -> int:
     """Numbers per corner of the layer, 0 if no mesh has it."""
-    return max((p.mesh.layers[key].shape[2] for p in placements if key in p.mesh.layers), default=0)
+    return max((mesh.layers[key].shape[2] for mesh in meshes if key in mesh.layers), default=0)
 
 
-def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count: int) -> tuple[F32 | None, ...]:
-    """Each layer over the `count` triangles of all placements in their order; None for one that no mesh has."""
+def assemble_layers(
+    copies: Sequence[tuple[MeshArrays, NDArray[np.bool_]]], keys: Sequence[Key]
+) -> tuple[F32 | None, ...]:
+    """Each layer over all copies of meshes in their order; None for one that no mesh has. The triangles of a copy that
+    is mirrored, (k,) bool, are flipped.
+    """
+    count = sum(len(mesh.triangles) * len(mirrored) for mesh, mirrored in copies)
     out: list[F32 | None] = []
     for key in keys:
-        numbers = width(placements, key)
+        numbers = width((mesh for mesh, _ in copies), key)
         if not numbers:
             out.append(None)
             continue
@@ -262,25 +269,23 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
         if layer.shape[2] == 4:
             layer[..., 3] = 1
         start = 0
-        # Copy the mesh's values to all its instances; mirrored triangles are flipped.
-        for p in placements:
-            places, triangles = len(p.names), len(p.mesh.triangles)
-            rows = layer[start : start + places * triangles].reshape(places, triangles, 3, -1)
-            values = p.mesh.layers.get(key)
+        # Write the mesh's values for each copy.
+        for mesh, mirrored in copies:
+            end = start + len(mirrored) * len(mesh.triangles)
+            rows = layer[start:end].reshape(len(mirrored), len(mesh.triangles), 3, -1)
+            values = mesh.layers.get(key)
             if values is not None:
-                mirrored = np.linalg.det(p.matrices[:, :3, :3]) < 0
                 rows[..., : values.shape[2]] = values
                 if mirrored.any():
                     rows[mirrored, :, 1:] = rows[mirrored, :, :0:-1]
-            start += places * triangles
+            start = end
         out.append(layer)
     return tuple(out)
 
 
-def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tuple[ObjectFrame, ...], U32]:
-    """Every instance as an object frame, and the frame of each triangle, (m,) uint32."""
+def object_frames(placements: Sequence[Placement], origin: F64) -> tuple[ObjectFrame, ...]:
+    """The object frame of each instance."""
     frames = []
-    counts = []
     shift = np.eye(4)
     shift[:3, 3] = origin
     for p in placements:
@@ -288,5 +293,4 @@ def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tupl
         for k, matrix in enumerate(np.linalg.inv(p.matrices) @ shift):
             rows = tuple(tuple(float(x) for x in row) for row in matrix[:3])
             frames.append(ObjectFrame(rows, (add, scale), p.values[k] if p.values else ()))
-            counts.append(len(p.mesh.triangles))
-    return tuple(frames), np.repeat(np.arange(len(frames), dtype=np.uint32), counts)
+    return tuple(frames)

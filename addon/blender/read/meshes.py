@@ -202,16 +202,16 @@ def assemble(
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
     smooth = any(p.mesh.normals is not None for p in placements)
     # A layer covers all triangles of the scene, even if only one mesh has it.
-    read = 12 * sum(texture_layers.width(placements, key) for key in layers) * triangle_count
+    read = 12 * sum(texture_layers.width((p.mesh for p in placements), key) for key in layers) * triangle_count
     plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
-    _check_room(triangle_count, plain, read, flat=uvs or bool(layers) or objects)
+    _check_room(triangle_count, plain, read)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
     corner_normals = np.empty((triangle_count, 3, 3), np.float32) if smooth else None
     uv = np.full((triangle_count, 3, 2), np.nan, np.float32) if uvs else None
 
-    sources = []
+    sources, copies = [], []
     v = t = 0
     # Write all instances of each mesh into their rows of the common arrays.
     for placement in placements:
@@ -241,52 +241,59 @@ def assemble(
             _flip(placed_uv, mirrored)
 
         # Record the mesh's place in the arrays.
+        copies.append((mesh, mirrored))
         sources.append(Source(t, m, tuple(placement.names)))
         v, t = vertex_rows.stop, triangle_rows.stop
-    frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
+    sizes = [source.count for source in sources for _ in source.names]
     return Geometry(
         vertices,
         triangles,
         material_index,
         corner_normals,
         uv,
-        texture_layers.assemble_layers(placements, layers, triangle_count),
-        frames,
-        object_index,
+        texture_layers.assemble_layers(copies, layers),
+        texture_layers.object_frames(placements, origin) if objects else (),
+        np.repeat(np.arange(len(sizes), dtype=np.uint32), sizes) if objects else None,
         origin,
         tuple(sources),
     )
 
 
-def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
+def _check_room(triangles: int, plain: int, read: int) -> None:
     """Raise SceneError if the flattened triangles exceed the numbering of trees or the free memory.
 
-    plain, read: bytes without and for the layers of materials. flat: whether two levels are impossible.
+    plain, read: bytes without and for the layers of materials.
     """
     free = native.load().free_memory()
     if triangles <= MOST_TRIANGLES and plain + read <= free:
         return
-    if triangles <= MOST_TRIANGLES and plain <= free:
-        advice = FEWER
-    else:
-        advice = "make fewer copies" if flat else "keep the instances in two levels"
+    advice = FEWER if triangles <= MOST_TRIANGLES and plain <= free else "keep the instances in two levels"
     raise SceneError(
         f"Every copy of every instance together: {triangles:,} triangles, {(plain + read) / 2**30:.1f} GiB, "
         f"do not fit; {advice}"
     )
 
 
-def keep_instances(placements: list[Placement], origin: F64 | None = None) -> InstancedGeometry:
-    """All placements with each mesh once, with the origin and the triangle order of `assemble`."""
+def keep_instances(
+    placements: list[Placement],
+    *,
+    uvs: bool = False,
+    layers: Sequence[texture_layers.Key] = (),
+    objects: bool = False,
+    origin: F64 | None = None,
+) -> InstancedGeometry:
+    """All placements with each mesh once, with the origin and the triangle order of `assemble`, and its options."""
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     if origin is None:
         origin = _centre(placements) if placements else np.zeros(3)
     numbers: dict[int, int] = {}
     kept: list[Mesh] = []
+    once: list[tuple[MeshArrays, NDArray[np.bool_]]] = []
     for placement in placements:
         mesh = placement.mesh
         if id(mesh) not in numbers:
             numbers[id(mesh)] = len(kept)
+            once.append((mesh, np.zeros(1, np.bool_)))
             normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
             kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
     # Repeat the data of each placement for all its instances.
@@ -306,7 +313,15 @@ def keep_instances(placements: list[Placement], origin: F64 | None = None) -> In
         normal_matrices=_stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
         keeps_length=np.repeat(np.array([keeps for _, keeps in turns], np.bool_), places),
         origin=origin,
+        uvs=_stacked([_uvs(mesh) for mesh, _ in once], (3, 2), np.float32) if uvs else None,
+        layers=texture_layers.assemble_layers(once, layers),
+        objects=texture_layers.object_frames(placements, origin) if objects else (),
     )
+
+
+def _uvs(mesh: MeshArrays) -> F32:
+    """The UVs of a mesh; NaN if it has none."""
+    return np.full((len(mesh.triangles), 3, 2), np.nan, np.float32) if mesh.uvs is None else mesh.uvs
 
 
 def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:

@@ -17,7 +17,6 @@ from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
-from ...core.scene.scene import Geometry
 from ...core.session import coarse
 from ...core.session.refits import FOLLOWED
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
@@ -183,15 +182,12 @@ class _Picture:
         standing = Standing()
         vectors = self._motion() if "Vector" in settings.passes else None
         found = self._find(uvs, self.notes, standing)
-        # Only flattened triangles carry UVs and motion.
-        instancing = "flatten" if uvs or vectors is not None else quality.instancing(self.group)
-        layout = found.layout(instancing, integrator=quality.integrator(self.group))
+        layout = found.layout(quality.instancing(self.group), integrator=quality.integrator(self.group))
 
         def placed(found: extract.Found, origin: F64 | None = None) -> Scene:
-            scene = found.instanced(origin) if layout.two_level else found.flattened(uvs=uvs, origin=origin)
-            if vectors is None or not isinstance(scene.geometry, Geometry):
-                return scene
-            return replace(scene, motion=vectors.corners(scene.geometry))
+            place = found.instanced if layout.two_level else found.flattened
+            scene = place(uvs=uvs, origin=origin)
+            return scene if vectors is None else replace(scene, motion=vectors.of(scene.geometry))
 
         scene = placed(found)
         origin = scene.geometry.origin

@@ -3,18 +3,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.base.notes import Notes
+from ...core.scene.instances import AnyGeometry, InstancedGeometry
+from ...core.scene.scene import Geometry
 from ..read import extract
 
 if TYPE_CHECKING:
-    from ...core.base.arrays import F32, F64
-    from ...core.scene.scene import Camera, Geometry
+    from ...core.base.arrays import F32, F64, I64
+    from ...core.scene.scene import Camera, Moved
 
 Cameras = Callable[[Any], Mapping[str, "Camera"]]
 """Returns the camera of each view in the frame with this origin."""
@@ -22,11 +26,10 @@ Cameras = Callable[[Any], Mapping[str, "Camera"]]
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """The geometry of another frame, and its cameras, in the scene frame with this origin."""
+    """Another frame: what is there, and its cameras in world space."""
 
-    geometry: Geometry
+    found: extract.Found
     cameras: Mapping[str, Camera]
-    origin: F64
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +38,18 @@ class Motion:
 
     sides: tuple[_Side, _Side]
 
-    def corners(self, geometry: Geometry) -> tuple[F32, F32]:
-        """Where the corners of this frame's triangles are in the other two, (m, 3, 3) each, in its scene frame."""
-        before, after = (_corners(side.geometry, geometry) for side in self.sides)
+    def of(self, geometry: AnyGeometry) -> tuple[Moved, Moved]:
+        """Where this frame's triangles are in the other two, in its scene frame."""
+        if isinstance(geometry, InstancedGeometry):
+            moved = partial(_instances, geometry=geometry)
+        else:
+            moved = partial(_corners, geometry=geometry)
+        before, after = (moved(side.found) for side in self.sides)
         return before, after
 
     def cameras(self, view: str, origin: F64) -> tuple[Camera, Camera]:
         """The cameras of a view in the other two, in the scene frame with this origin."""
-        before, after = (_moved(side.cameras[view], side.origin - origin) for side in self.sides)
+        before, after = (_moved(side.cameras[view], -origin) for side in self.sides)
         return before, after
 
 
@@ -54,32 +61,52 @@ def read(engine: Any, depsgraph: Any, cameras: Cameras) -> Motion:
     try:
         for offset in (-1, 1):
             engine.frame_set(frame + offset, part)
-            found = extract.find(depsgraph, Notes(), sky=extract.NO_WORLD).flattened()
-            origin = found.geometry.origin
-            sides.append(_Side(found.geometry, cameras(origin), origin))
+            found = extract.find(depsgraph, Notes(), sky=extract.NO_WORLD)
+            sides.append(_Side(found, cameras(np.zeros(3))))
     finally:
         engine.frame_set(frame, part)
     before, after = sides
     return Motion((before, after))
 
 
-def _corners(other: Geometry, geometry: Geometry) -> F32:
-    """The corners in another frame of each object's triangles; where they are now, if it has others there."""
-    found: F32 = geometry.vertices[geometry.triangles]
-    apart = (other.origin - geometry.origin).astype(np.float32)
-    # Take the runs of an object in their order, because instances have the same name.
-    places: dict[tuple[int, str], list[int]] = {}
-    start = 0
-    for count, name in other.runs():
-        places.setdefault((count, name), []).append(start)
-        start += count
-    start = 0
-    for count, name in geometry.runs():
-        if there := places.get((count, name)):
-            first = there.pop(0)
-            found[start : start + count] = other.vertices[other.triangles[first : first + count]] + apart
-        start += count
-    return np.ascontiguousarray(found)
+def _partners(other: AnyGeometry, geometry: AnyGeometry) -> Iterator[tuple[int, int, int]]:
+    """Each run of triangles that exists in both geometries: its numbers there and here, and its triangles. Runs of an
+    object are taken in their order, because instances have the same name.
+    """
+    there: dict[tuple[int, str], deque[int]] = {}
+    for number, run in enumerate(other.runs()):
+        there.setdefault(run, deque()).append(number)
+    for number, run in enumerate(geometry.runs()):
+        if numbers := there.get(run):
+            yield numbers.popleft(), number, run[0]
+
+
+def _corners(found: extract.Found, geometry: Geometry) -> F32:
+    """The corners in another frame of each object's triangles, (m, 3, 3); where they are now, if not there."""
+    other = found.flattened(origin=geometry.origin).geometry
+    assert isinstance(other, Geometry)
+    corners: F32 = geometry.vertices[geometry.triangles]
+    firsts = [np.cumsum([0, *(count for count, _ in each.runs())]).tolist() for each in (other, geometry)]
+    for there, here, count in _partners(other, geometry):
+        first, start = firsts[0][there], firsts[1][here]
+        corners[start : start + count] = other.vertices[other.triangles[first : first + count]]
+    return np.ascontiguousarray(corners)
+
+
+def _instances(found: extract.Found, geometry: InstancedGeometry) -> tuple[F32, I64, F64]:
+    """Meshes and instances of another frame, see `Moved`: an instance that is not there stays."""
+    other = found.instanced(origin=geometry.origin).geometry
+    assert isinstance(other, InstancedGeometry)
+    # Append the meshes of this frame, for what is not there.
+    corners = [mesh.vertices[mesh.triangles] for mesh in (*other.meshes, *geometry.meshes)]
+    firsts = np.cumsum([0, *(len(each) for each in corners)])
+    here = np.cumsum([0, *(len(mesh.triangles) for mesh in geometry.meshes)])[geometry.mesh]
+    shifts = np.full(len(geometry.mesh), firsts[len(other.meshes)], np.int64)
+    matrices = geometry.matrices[:, :3].copy()
+    for there, number, _ in _partners(other, geometry):
+        shifts[number] = firsts[other.mesh[there]] - here[number]
+        matrices[number] = other.matrices[there, :3]
+    return np.ascontiguousarray(np.concatenate(corners)), shifts, matrices
 
 
 def _moved(camera: Camera, by: F64) -> Camera:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.arrays import F32, F64, I32
 from .faulty import faulty
-from .scene import Geometry, SceneError, check
+from .scene import Geometry, ObjectFrame, SceneError, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,8 +77,10 @@ class InstancedGeometry:
     mesh: (k,) int32, index of each instance's mesh. matrices: (k, 4, 4) float64, mesh to scene frame. names: of the k
     objects. materials: (s,) int32, indices into the scene's materials, the slots of one instance after another;
     first_material: (k + 1,) int32, first slot of each instance. normal_matrices: (k, 3, 3) float32, normals to the
-    scene frame, row by row; keeps_length: (k,) bool, whether they preserve length. origin: as in `Geometry`. Triangles
-    are numbered as in the flattened geometry: all of the first instance, then all of the second. Raises SceneError.
+    scene frame, row by row; keeps_length: (k,) bool, whether they preserve length. origin: as in `Geometry`; uvs and
+    layers also, but over the triangles of the meshes, mesh after mesh; objects: the frame of each instance, or empty.
+    Triangles are numbered as in the flattened geometry: all of the first instance, then all of the second. Raises
+    SceneError.
     """
 
     meshes: tuple[Mesh, ...]
@@ -90,6 +92,9 @@ class InstancedGeometry:
     normal_matrices: F32
     keeps_length: NDArray[np.bool_]
     origin: F64 = field(default_factory=lambda: np.zeros(3))
+    uvs: F32 | None = None
+    layers: tuple[F32 | None, ...] = ()
+    objects: tuple[ObjectFrame, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -100,6 +105,11 @@ class InstancedGeometry:
         check("normal_matrices", self.normal_matrices, np.float32, (count, 3, 3))
         check("keeps_length", self.keeps_length, np.bool_, (count,))
         check("origin", self.origin, np.float64, (3,))
+        for name, rows, numbers in [("uvs", self.uvs, 2), *(("layers", layer, None) for layer in self.layers)]:
+            if rows is not None:
+                check(name, rows, np.float32, (self.size, 3, numbers))
+        if len(self.objects) not in (0, count):
+            raise SceneError(f"objects: expected one of each of {count} instances, got {len(self.objects)}")
         if count and not 0 <= int(self.mesh.min()) <= int(self.mesh.max()) < len(self.meshes):
             raise SceneError(f"mesh: an index is out of range for {len(self.meshes)} meshes")
 
@@ -158,18 +168,18 @@ class Layout:
     reason: str = ""
 
 
-def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactive: bool) -> Layout:
+def choose(mode: str, meshes: list[tuple[int, int]], *, numbers: int, interactive: bool) -> Layout:
     """Decide whether to flatten or to keep instances.
 
-    mode: one of MODES. meshes: triangles and instances of each mesh. smooth: whether normals are stored. interactive:
-    for a viewport, whose scene is edited.
+    mode: one of MODES. meshes: triangles and instances of each mesh. numbers: float32 that shading stores per corner of
+    a triangle. interactive: for a viewport, whose scene is edited.
     """
     # Count triangles with and without instancing.
     flat = sum(triangles * places for triangles, places in meshes)
     unique = sum(triangles for triangles, _ in meshes)
     places = sum(count for _, count in meshes)
-    # Estimate the bytes saved: tree, two copies of indices, vertices and slots, and normals, less the instances' own.
-    each = TREE_BYTES + 2 * (12 + 6 + 4) + (2 * 36 if smooth else 0)
+    # Estimate the bytes saved: tree, two copies of indices, vertices, slots and corners, less the instances' own.
+    each = TREE_BYTES + 2 * (12 + 6 + 4) + 2 * 12 * numbers
     saved = (flat - unique) * each - places * PLACE_BYTES
     repeated = any(count > 1 for _, count in meshes)
     if mode == "flatten" or not flat:

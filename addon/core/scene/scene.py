@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F32, F64, I32, U32
+from ..base.arrays import F32, F64, I32, I64, U32
 from .faulty import faulty
 from .mattes import Mattes
 
@@ -440,11 +440,17 @@ class Numbers:
         }
 
 
+Moved = F32 | tuple[F32, I64, F64]
+"""Corners of triangles in another frame, (m, 3, 3). For instances those of meshes, what is added to the index of a
+triangle in a mesh to find it there, (k,), and the matrices of the instances, (k, 3, 4).
+"""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that a picture needs except the structure and the settings.
 
-    motion: corners of the triangles a frame before and a frame after, (m, 3, 3) float32 each, for the vector pass.
+    motion: where the triangles are a frame before and a frame after, for the vector pass.
     """
 
     geometry: Geometry | InstancedGeometry
@@ -455,7 +461,7 @@ class Scene:
     images: tuple[Image, ...] = ()
     grids: tuple[Voxels, ...] = ()
     mattes: Mattes | None = None
-    motion: tuple[F32, F32] | None = None
+    motion: tuple[Moved, Moved] | None = None
 
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)
@@ -465,7 +471,7 @@ class Scene:
 
     def for_passes(self) -> dict[str, Any] | None:
         """The data that only passes need, as the native module takes it; None if there is none."""
-        uvs = self.geometry.uvs if isinstance(self.geometry, Geometry) else None
+        uvs = self.geometry.uvs
         if not self.numbers and uvs is None and self.mattes is None and self.motion is None:
             return None
         runs = self.geometry.runs()

@@ -260,8 +260,6 @@ def arguments(scene: Scene) -> SceneArguments:
         carried = {
             "material_index": geometry.material_index,
             "corner_normals": geometry.corner_normals,
-            "layers": list(geometry.layers),
-            "objects": [asdict(frame) for frame in geometry.objects],
             "object_index": geometry.object_index,
         }
     if scene.grids:
@@ -269,6 +267,8 @@ def arguments(scene: Scene) -> SceneArguments:
     x, y, z = geometry.origin
     return {
         **carried,
+        "layers": list(geometry.layers),
+        "objects": [asdict(frame) for frame in geometry.objects],
         "materials": [material.as_dict() for material in scene.materials],
         "lights": [asdict_shallow(light) for light in scene.lights],
         "world": asdict_shallow(scene.world),

@@ -89,11 +89,12 @@ use std::time::Duration;
 ///     and "srgb", whether colours are decoded after interpolation. An image without pixels is missing: pink. Arrays
 ///     that view a `bytes` object are not copied. With "tiles", such dictionaries with a "number" each (UDIM), the
 ///     image consists of these.
-/// layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
+/// layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one. For
+///     Instances, m counts the triangles of all meshes, mesh after mesh; the same holds for "uvs" of indices.
 /// objects: dictionaries of "to_object", (3, 4), scene to object space, and "generated",
 ///     (2, 3), offset and then factor that map object space to 0..1 in the object's box, and "values",
-///     rows of four floats that the steps "object_value" read by "column" (none).
-/// object_index: (m,) uint32, the object of each triangle; None = the first for all.
+///     rows of four floats that the steps "object_value" read by "column" (none). For Instances, one of each.
+/// object_index: (m,) uint32, the object of each triangle; None = the first for all. Not for Instances.
 /// origin: (3,), the world position of the scene's origin.
 /// grids: dictionaries of "values", (x, y, z, 1 or 3) float32, voxels that the step "voxels" reads by their number
 ///     in this list, counted from 1, at a position in object space, and "to_index", (3, 4), object space to the
@@ -106,7 +107,9 @@ use std::time::Duration;
 ///     "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).
 ///     "groups" (n,) uint8, the light group of each run's object, counted from 1 (None: none).
 ///     "motion", two (m, 3, 3) float32, the corners of all triangles in the picture before this one and in the one
-///     after, for the pass "Vector" (None: they stay).
+///     after, for the pass "Vector" (None: they stay). For Instances, two tuples: the corners of the meshes' triangles
+///     there, each in its mesh's space; (k,) int64, for each instance the difference from the index of its triangle here
+///     to that there; (k, 3, 4) float64, the transforms to the scene there.
 ///
 /// Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
 /// SpecError (a number out of range, a missing or unknown key); each names the key and its index.

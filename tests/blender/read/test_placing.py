@@ -10,6 +10,7 @@ import bpy
 import halfspace_native as native
 import numpy as np
 import pytest
+from atlas import add as add_node
 from exr_files import render
 from shapes import cube, grid, material, node, with_nodes
 
@@ -82,6 +83,80 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
     for mode in ("two-level", "auto"):
         for name, channel in flat.items():
             assert np.array_equal(channel, pictures[mode][name]), (mode, name)
+
+
+READ = {
+    "uv map": lambda tree: add_node(tree, "UVMap", uv_map="UVMap").outputs[0],
+    "colour": lambda tree: add_node(tree, "Attribute", attribute_name="wear").outputs["Color"],
+    "tangents": lambda tree: add_node(tree, "Tangent", direction_type="UV_MAP", uv_map="UVMap").outputs[0],
+    "normal map": lambda tree: add_node(tree, "NormalMap", Color=(0.7, 0.3, 0.9, 1)).outputs[0],
+    "object's number": lambda tree: add_node(tree, "ObjectInfo").outputs["Random"],
+    "object's colour": lambda tree: add_node(tree, "ObjectInfo").outputs["Color"],
+    "place": lambda tree: add_node(tree, "ObjectInfo").outputs["Location"],
+    "box": lambda tree: add_node(tree, "TexCoord").outputs["Generated"],
+    "object space": lambda tree: add_node(tree, "TexCoord").outputs["Object"],
+    "normal in object space": lambda tree: add_node(tree, "TexCoord").outputs["Normal"],
+    "pointiness": lambda tree: add_node(tree, "NewGeometry").outputs["Pointiness"],
+    "island": lambda tree: add_node(tree, "NewGeometry").outputs["Random Per Island"],
+    "near": lambda tree: add_node(tree, "AmbientOcclusion", only_local=True).outputs["Color"],
+}
+"""Nodes whose values differ between the triangles of a mesh or between its instances."""
+
+
+@pytest.mark.parametrize("what", READ)
+def test_what_materials_read_is_the_same_in_two_levels(forest: Any, tmp_path: Path, what: str) -> None:
+    # Let every material show the value, with an attribute that only one mesh has.
+    random = np.random.default_rng(1)
+    mesh = forest.objects["Item 0"].data
+    wear = mesh.color_attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    wear.data.foreach_set("color", random.random(4 * len(mesh.loops), np.float32))
+    for item in forest.objects:
+        item.color = (*random.random(3), 1)
+    for shown in bpy.data.materials:
+        shader = node(shown.node_tree, "ShaderNodeBsdfPrincipled")
+        shown.node_tree.links.new(READ[what](shown.node_tree), shader.inputs["Base Color"])
+        if what == "normal map":
+            shown.node_tree.links.new(shader.inputs["Base Color"].links[0].from_socket, shader.inputs["Normal"])
+    compared_in_both(forest, tmp_path)
+
+
+def test_uvs_and_motion_are_the_same_in_two_levels(forest: Any, tmp_path: Path) -> None:
+    layer = forest.view_layers[0]
+    layer.use_pass_uv = layer.use_pass_vector = True
+    # Move some objects, one of them out of the picture before this frame, and one that changes its triangles.
+    for i in range(0, 20, 3):
+        item = forest.objects[f"Item {i}"]
+        for frame, by in ((0, -0.2), (2, 0.3)):
+            item.location.x += by
+            item.rotation_euler.y += by
+            item.keyframe_insert("location", frame=frame)
+            item.keyframe_insert("rotation_euler", frame=frame)
+    turned = forest.objects["Item 2"].modifiers.new("Cut", "SUBSURF")
+    for frame, levels in ((0, 1), (1, 2)):
+        turned.render_levels = levels
+        turned.keyframe_insert("render_levels", frame=frame)
+    forest.frame_set(1)
+    flat = compared_in_both(forest, tmp_path)
+    assert {name for name in flat if "Vector" in name or "UV" in name} >= {"UV.U", "UV.V", "Vector.X", "Vector.W"}
+    assert np.ptp(flat["Vector.X"]) > 1
+    assert np.ptp(flat["UV.U"]) > 0.5
+
+
+def compared_in_both(scene: Any, folder: Path) -> dict[str, Any]:
+    """The channels of the picture, which are equal bit for bit whether instances are flattened or kept."""
+    pictures = {}
+    for mode, expected in (("flatten", "instances: flattened"), ("two-level", "two levels")):
+        scene.halfspace.instancing = mode
+        pictures[mode] = render(scene, folder)
+        report = reports.last(scene)
+        assert report is not None
+        assert report.instances.startswith(expected)
+    flat = pictures["flatten"]
+    assert flat["Combined.R"].std() > 0.01
+    assert flat.keys() == pictures["two-level"].keys()
+    for name, channel in flat.items():
+        assert np.array_equal(channel, pictures["two-level"][name], equal_nan=True), name
+    return flat
 
 
 def test_an_object_that_the_tree_over_instances_drops_is_named(forest: Any, add: Any, tmp_path: Path) -> None:

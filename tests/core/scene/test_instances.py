@@ -236,18 +236,18 @@ def test_wrong_arguments_are_named() -> None:
 
 def test_the_choice_follows_memory() -> None:
     forest, room = [(10_000, 100_000)], [(50_000, 1), (20_000, 1)]
-    assert choose("auto", forest, smooth=True, interactive=False).two_level
-    assert "saves" in choose("auto", forest, smooth=True, interactive=False).reason
-    assert not choose("auto", room, smooth=True, interactive=False).two_level
-    assert not choose("flatten", forest, smooth=True, interactive=True).two_level
-    assert choose("two-level", room, smooth=True, interactive=False).two_level
+    assert choose("auto", forest, numbers=3, interactive=False).two_level
+    assert "saves" in choose("auto", forest, numbers=3, interactive=False).reason
+    assert not choose("auto", room, numbers=3, interactive=False).two_level
+    assert not choose("flatten", forest, numbers=3, interactive=True).two_level
+    assert choose("two-level", room, numbers=3, interactive=False).two_level
     # Without instances there is nothing to say, except that two levels were asked for.
     for mode in ("auto", "flatten"):
-        assert choose(mode, room, smooth=True, interactive=False).reason == ""
-    assert choose("flatten", [(50_000, 2)], smooth=True, interactive=False).reason.startswith("instances: flattened")
+        assert choose(mode, room, numbers=3, interactive=False).reason == ""
+    assert choose("flatten", [(50_000, 2)], numbers=3, interactive=False).reason.startswith("instances: flattened")
     large = [(80_000, 1), (60_000, 1)]
-    assert choose("auto", large, smooth=False, interactive=True).two_level
-    assert not choose("auto", [], smooth=False, interactive=True).two_level
+    assert choose("auto", large, numbers=0, interactive=True).two_level
+    assert not choose("auto", [], numbers=0, interactive=True).two_level
 
 
 MEMORY = """

@@ -5,7 +5,7 @@ use crate::args::arrays::{check_copy, describe};
 use crate::args::keys::{Keys, list};
 use halfspace_base::error::{Error, Result};
 use halfspace_render::scene::attributes::{InstanceAttributes, MeshAttributes};
-use halfspace_render::scene::indices::Indices;
+use halfspace_render::scene::indices::{Indices, Moved, MovedPlace};
 use halfspace_structure::instances::Instances;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -101,23 +101,59 @@ pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
     Ok(array.as_array().outer_iter().map(triangle).collect())
 }
 
-/// Reads the corners of all triangles in the pictures before and after.
-fn motion(keys: &Keys<'_, '_>) -> Result<[Vec<[[f32; 3]; 3]>; 2]> {
+/// Reads where the triangles are in the pictures before and after.
+fn motion(keys: &Keys<'_, '_>) -> Result<[Moved; 2]> {
     let Some(value) = keys.find("motion") else {
         return Ok(Default::default());
     };
-    let wrong = || keys.wrong("motion", "two (m, 3, 3) float32 arrays", &value);
-    let sides: [PyReadonlyArray3<'_, f32>; 2] = value.extract().map_err(|_| wrong())?;
-    if sides.iter().any(|side| side.shape()[1..] != [3, 3]) {
-        return Err(wrong());
+    let what = "two (m, 3, 3) float32 arrays, or for instances two tuples of such an array, (k,) int64 and (k, 3, 4) float64";
+    let wrong = || keys.wrong("motion", what, &value);
+    // A flattened scene has corners alone.
+    if let Ok([before, after]) = value.extract::<[PyReadonlyArray3<'_, f32>; 2]>() {
+        let [before, after] = [corners(&before), corners(&after)];
+        return Ok(
+            [before.ok_or_else(wrong)?, after.ok_or_else(wrong)?].map(|corners| Moved {
+                corners,
+                places: Vec::new(),
+            }),
+        );
     }
-    Ok(sides.each_ref().map(|side| {
-        let corners = side.as_array();
-        let triangles = corners.outer_iter();
-        triangles
-            .map(|t| [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]])))
-            .collect()
-    }))
+    let sides: [MovedInstances<'_>; 2] = value.extract().map_err(|_| wrong())?;
+    let read = |(moved, shifts, matrices): &MovedInstances<'_>| {
+        let (shifts, matrices) = (shifts.as_array(), matrices.as_array());
+        if matrices.shape()[1..] != [3, 4] || matrices.shape()[0] != shifts.len() {
+            return None;
+        }
+        let place = |(&shift, matrix): (&i64, numpy::ndarray::ArrayView2<'_, f64>)| MovedPlace {
+            shift,
+            to_scene: [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| matrix[[row, column]])),
+        };
+        Some(Moved {
+            corners: corners(moved)?,
+            places: shifts
+                .iter()
+                .zip(matrices.outer_iter())
+                .map(place)
+                .collect(),
+        })
+    };
+    let [before, after] = sides.each_ref().map(read);
+    Ok([before.ok_or_else(wrong)?, after.ok_or_else(wrong)?])
+}
+
+/// Corners of triangles, shifts of rows and transforms of instances.
+type MovedInstances<'py> = (
+    PyReadonlyArray3<'py, f32>,
+    PyReadonlyArray1<'py, i64>,
+    PyReadonlyArray3<'py, f64>,
+);
+
+/// The corners of triangles, (m, 3, 3); `None` for another shape.
+fn corners(array: &PyReadonlyArray3<'_, f32>) -> Option<Vec<[[f32; 3]; 3]>> {
+    let corner = |t: numpy::ndarray::ArrayView2<'_, f32>| {
+        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]]))
+    };
+    (array.shape()[1..] == [3, 3]).then(|| array.as_array().outer_iter().map(corner).collect())
 }
 
 /// Reads object and material indices, and UVs.

@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use crate::check::{Error, Result};
+use crate::values::varying::Row;
 use halfspace_geom::vec3::{cross, sub, widen};
 use halfspace_ray::Tracer;
 use halfspace_structure::instances::Instances;
@@ -48,6 +49,8 @@ pub struct InstancedAttributes {
 pub struct Attributes {
     /// Attributes of each mesh; of the flattened scene alone if nothing is instanced.
     meshes: Vec<MeshAttributes>,
+    /// Row of each mesh's first triangle, and at the end the number of all rows.
+    first_row: Vec<usize>,
     instanced: Option<(Arc<Instances>, InstanceAttributes)>,
     /// Object of each triangle of a flattened scene; empty = one object.
     objects: Vec<u32>,
@@ -58,6 +61,7 @@ pub struct Attributes {
 pub struct At<'a> {
     all: &'a Attributes,
     mesh: &'a MeshAttributes,
+    first_row: usize,
     triangle: usize,
     instance: usize,
     mirrored: bool,
@@ -76,6 +80,7 @@ impl Attributes {
         }
         Ok(Self {
             meshes: vec![mesh],
+            first_row: vec![0, count],
             instanced: None,
             objects: Vec::new(),
         })
@@ -93,8 +98,14 @@ impl Attributes {
         } = attributes;
         check_meshes(&meshes, &instances)?;
         each.check(instances.len(), materials)?;
+        // Number the rows of the meshes, one after another.
+        let mut first_row = vec![0];
+        for (mesh, structure) in instances.meshes().iter().enumerate() {
+            first_row.push(first_row[mesh] + structure.scene().len());
+        }
         Ok(Self {
             meshes,
+            first_row,
             instanced: Some((instances, each)),
             objects: Vec::new(),
         })
@@ -105,6 +116,18 @@ impl Attributes {
         if self.instanced.is_none() {
             self.objects = objects.to_vec();
         }
+    }
+
+    /// The number of rows of data that vary, see [`Row`].
+    pub fn rows(&self) -> usize {
+        self.first_row[self.meshes.len()]
+    }
+
+    /// The number of instances; `None` for a flattened scene.
+    pub fn instances(&self) -> Option<usize> {
+        self.instanced
+            .as_ref()
+            .map(|(_, each)| each.keeps_length.len())
     }
 
     /// Whether some mesh has shading normals.
@@ -208,6 +231,7 @@ impl Attributes {
         At {
             all: self,
             mesh: &self.meshes[mesh],
+            first_row: self.first_row[mesh],
             triangle,
             instance,
             mirrored,
@@ -225,6 +249,16 @@ impl At<'_> {
         match &self.all.instanced {
             None => index as usize,
             Some((_, each)) => each.material(self.instance, index),
+        }
+    }
+
+    /// Returns where the data of the triangle are.
+    #[inline(always)]
+    pub fn row(&self) -> Row {
+        Row {
+            index: self.first_row + self.triangle,
+            instance: self.instance,
+            mirrored: self.mirrored,
         }
     }
 

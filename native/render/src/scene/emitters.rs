@@ -46,7 +46,8 @@ impl EmissionProbe<'_> {
         let live = triangles.map_or(&[][..], |triangles| triangles.live());
         let found = self.attributes.wearing(live, &emits, MOST_INSTANCED);
         for triangle in found.unwrap_or_default() {
-            let material = &self.materials[self.attributes.at(triangle).material()];
+            let at = self.attributes.at(triangle);
+            let material = &self.materials[at.material()];
             // Average the emission towards the normal over the probes.
             let corners = self.tracer.corners(triangle).map(Vec3::from);
             let [a, b, c] = corners;
@@ -56,7 +57,7 @@ impl EmissionProbe<'_> {
                 // Evaluate the emission along the normal, as a diffuse ray would meet it.
                 let point = || ShadingPoint {
                     varying: self.varying,
-                    triangle: triangle as usize,
+                    row: at.row(),
                     weights,
                     position: a * weights[0] + b * weights[1] + c * weights[2],
                     normal,

@@ -4,6 +4,44 @@
 use crate::check::{Error, Result};
 use crate::film::Identities;
 use crate::math::vector::Vec3;
+use crate::values::varying::Row;
+use halfspace_geom::vec3::widen;
+
+/// Where the triangles are in another picture. Of a flattened scene, the corners of each triangle; of instances, those of
+/// the triangles of each mesh, and what places them.
+#[derive(Debug, Clone, Default)]
+pub struct Moved {
+    /// Corners of the triangles, in the space of their mesh if there are places; empty = not known.
+    pub corners: Vec<[[f32; 3]; 3]>,
+    /// The place of each instance; empty for a flattened scene.
+    pub places: Vec<MovedPlace>,
+}
+
+/// An instance in another picture.
+#[derive(Debug, Clone, Copy)]
+pub struct MovedPlace {
+    /// What is added to a row's index to find its corners, see [`Row`].
+    pub shift: i64,
+    /// Transform to the frame of the scene, rows.
+    pub to_scene: [[f64; 4]; 3],
+}
+
+impl Moved {
+    /// The corners of a row, or `None` if they are not known.
+    fn of(&self, row: Row) -> Option<[Vec3; 3]> {
+        let place = self.places.get(row.instance);
+        let shifted = row.index as i64 + place.map_or(0, |place| place.shift);
+        let corners = self.corners.get(usize::try_from(shifted).ok()?)?;
+        Some(row.corners().map(|corner| {
+            let p = corners[corner];
+            // Transform in f64 and round once, as the vertices of a flattened scene are.
+            Vec3::from(place.map_or(p, |place| {
+                let [x, y, z] = widen(p);
+                (place.to_scene).map(|r| (x * r[0] + y * r[1] + z * r[2] + r[3]) as f32)
+            }))
+        }))
+    }
+}
 
 /// Object and material indices, and UVs. All are 0 by default.
 #[derive(Debug, Clone, Default)]
@@ -20,33 +58,34 @@ pub struct Indices {
     pub material_identities: Vec<u32>,
     /// Light group of each run's object, counted from 1; empty without light groups.
     pub groups: Vec<u8>,
-    /// Corners of each triangle in the picture before this one and in the one after; empty without motion.
-    pub motion: [Vec<[[f32; 3]; 3]>; 2],
-    /// UVs of each triangle's corners, NaN for triangles without; empty if there are none at all.
+    /// The picture before this one and the one after.
+    pub motion: [Moved; 2],
+    /// UVs of the corners of each row (see [`Row`]), NaN for triangles without; empty if there are none at all.
     pub uvs: Vec<[[f32; 2]; 3]>,
 }
 
 impl Indices {
-    /// Checks the arrays against each other and against the number of triangles.
+    /// Checks the arrays against each other, the number of rows (see [`Row`]) and that of instances, `None` for a
+    /// flattened scene.
     ///
     /// # Errors
     /// [`Error::Shape`] if a length does not match or the runs do not ascend.
-    pub fn check(&self, triangles: usize) -> Result<()> {
-        if !self.uvs.is_empty() && self.uvs.len() != triangles {
+    pub fn check(&self, rows: usize, instances: Option<usize>) -> Result<()> {
+        if !self.uvs.is_empty() && self.uvs.len() != rows {
             return Err(Error::Shape(format!(
-                "indices['uvs'] must have one entry per triangle: {triangles}, got {}",
+                "indices['uvs'] must have one entry per triangle: {rows}, got {}",
                 self.uvs.len()
             )));
         }
-        if let Some(moved) = self
-            .motion
-            .iter()
-            .find(|moved| !moved.is_empty() && moved.len() != triangles)
-        {
-            return Err(Error::Shape(format!(
-                "indices['motion'] must have one entry per triangle: {triangles}, got {}",
-                moved.len()
-            )));
+        for moved in self.motion.iter().filter(|moved| !moved.corners.is_empty()) {
+            let (corners, places) = (moved.corners.len(), moved.places.len());
+            if places != instances.unwrap_or(0) || (places == 0 && corners != rows) {
+                return Err(Error::Shape(format!(
+                    "indices['motion'] must have one entry per triangle: {rows}, got {corners}, \
+                     and a place per instance: {}, got {places}",
+                    instances.unwrap_or(0)
+                )));
+            }
         }
         if self.first.len() != self.object.len() {
             return Err(Error::Shape(format!(
@@ -96,10 +135,9 @@ impl Indices {
 
     /// Returns where a point of a triangle was in the picture before this one, and will be in the one after; `None` if
     /// that is not known. `u`, `v`: weights of its second and third corner.
-    pub fn moved(&self, triangle: usize, u: f32, v: f32) -> [Option<Vec3>; 2] {
-        [0, 1].map(|side| {
-            let corners = self.motion[side].get(triangle)?;
-            let [a, b, c] = corners.map(Vec3::from);
+    pub fn moved(&self, row: Row, u: f32, v: f32) -> [Option<Vec3>; 2] {
+        self.motion.each_ref().map(|moved| {
+            let [a, b, c] = moved.of(row)?;
             Some(a * (1.0 - u - v) + b * u + c * v)
         })
     }
@@ -120,10 +158,11 @@ impl Indices {
 
     /// Returns the UV at barycentric coordinates (u, v) of a triangle and 1, or zeros if it has no UVs.
     #[inline]
-    pub fn uv(&self, triangle: usize, u: f32, v: f32) -> [f32; 3] {
-        let Some([a, b, c]) = self.uvs.get(triangle) else {
+    pub fn uv(&self, row: Row, u: f32, v: f32) -> [f32; 3] {
+        let Some(corners) = self.uvs.get(row.index) else {
             return [0.0; 3];
         };
+        let [a, b, c] = row.corners().map(|corner| corners[corner]);
         // NaN marks triangles without UVs.
         if a[0].is_nan() {
             return [0.0; 3];
@@ -146,21 +185,34 @@ mod tests {
             identities: vec![[10, 11], [20, 21], [30, 31], [40, 41]],
             material_identities: vec![1, 2],
             groups: vec![0, 1, 2, 3],
-            motion: [vec![], vec![[[0.0; 3], [4.0; 3], [8.0; 3]]; 2]],
+            motion: [
+                Moved::default(),
+                Moved {
+                    corners: vec![[[0.0; 3], [4.0; 3], [8.0; 3]]; 2],
+                    places: Vec::new(),
+                },
+            ],
             uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]], [[f32::NAN; 2]; 3]],
         };
-        indices.check(2).unwrap();
+        indices.check(2, None).unwrap();
         assert_eq!(indices.identities(3, 1), [30, 2, 31]);
         assert_eq!(indices.identities(2, 5), [10, 0, 11]);
         assert_eq!(Indices::default().identities(2, 5), [0; 3]);
-        let moved = indices.moved(1, 0.25, 0.5);
+        let moved = indices.moved(Row::flattened(1), 0.25, 0.5);
         assert_eq!(moved, [None, Some(Vec3::from([5.0; 3]))]);
         assert_eq!((indices.group(2), indices.group(10)), (0, 3));
         assert_eq!(Indices::default().group(2), 0);
-        assert!(indices.check(3).is_err());
-        assert_eq!(indices.uv(0, 0.25, 0.5), [1.0, 2.0, 1.0]);
-        assert_eq!(indices.uv(1, 0.25, 0.5), [0.0; 3]);
-        assert_eq!(indices.uv(2, 0.25, 0.5), [0.0; 3]);
+        assert!(indices.check(3, None).is_err());
+        let uv = |index, mirrored| {
+            let row = Row {
+                mirrored,
+                ..Row::flattened(index)
+            };
+            indices.uv(row, 0.25, 0.5)
+        };
+        assert_eq!(uv(0, false), [1.0, 2.0, 1.0]);
+        assert_eq!(uv(0, true), [2.0, 1.5, 1.0]);
+        assert_eq!((uv(1, false), uv(2, false)), ([0.0; 3], [0.0; 3]));
         for (triangle, object) in [(0, 5.0), (2, 5.0), (3, 7.0), (9, 7.0), (10, 8.0), (99, 8.0)] {
             assert_eq!(indices.of(triangle, 1), (object, 2.0));
         }
@@ -177,7 +229,13 @@ mod tests {
                 object,
                 ..Default::default()
             };
-            assert!(wrong.check(0).unwrap_err().to_string().contains("ascend"));
+            assert!(
+                wrong
+                    .check(0, None)
+                    .unwrap_err()
+                    .to_string()
+                    .contains("ascend")
+            );
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::medium::stack::Inside;
 use crate::scene::RenderScene;
 use crate::values::program::Value;
 use crate::values::shading_point::ShadingPoint;
+use crate::values::varying::Row;
 use crate::values::view::{History, View};
 use crate::values::visibility::RayKind;
 
@@ -82,9 +83,14 @@ impl RenderScene {
             return;
         };
         let position = ray.origin + ray.direction * distance;
+        let row = if medium.is_world() {
+            Row::BACKGROUND
+        } else {
+            self.attributes.at(medium.triangle).row()
+        };
         let point = || ShadingPoint {
             varying: &self.varying,
-            triangle: medium.triangle as usize,
+            row,
             weights: [0.0; 3],
             position,
             normal: -ray.direction,

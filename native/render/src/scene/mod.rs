@@ -82,7 +82,6 @@ impl RenderScene {
         let count = tracer.count();
         let materials = compile_materials(&params.materials)?;
         let mut varying = params.varying;
-        varying.check(count)?;
         for (index, material) in materials.iter().enumerate() {
             check_references(material, index, params.images.len(), varying.layers.len())?;
         }
@@ -96,12 +95,15 @@ impl RenderScene {
                 Attributes::flattened(mesh, count, materials.len())?
             }
         };
+        varying.check(attributes.rows(), attributes.instances())?;
         let apart = |m: &Material| m.volume.is_some() || m.subsurface || m.traces_rays;
         if materials.iter().any(apart) {
             attributes.set_objects(&varying.object_index);
         }
         // Prepare the background; whether it varies decides how it is sampled.
-        params.indices.check(count)?;
+        params
+            .indices
+            .check(attributes.rows(), attributes.instances())?;
         let mut world = World::new(&params.world, &params.images, &varying)?;
         // Features depend only on materials that a live triangle uses.
         let mut used = vec![false; materials.len()];

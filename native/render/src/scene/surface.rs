@@ -120,7 +120,7 @@ impl<'a> Surface<'a> {
     pub fn shading_point(&self, scene: &'a RenderScene, d: Vec3, ray: RayKind) -> ShadingPoint<'a> {
         ShadingPoint {
             varying: &scene.varying,
-            triangle: self.triangle,
+            row: self.at.row(),
             weights: self.weights,
             position: self.point,
             normal: self.own,

@@ -6,7 +6,7 @@ use crate::math::vector::Vec3;
 use crate::values::image::Image;
 use crate::values::program::{LANES, Op, Operand, Program, Step, Value, read, read_one};
 use crate::values::shading_point::ShadingPoint;
-use crate::values::varying::Varying;
+use crate::values::varying::{Row, Varying};
 use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use halfspace_base::simd;
@@ -43,7 +43,7 @@ impl Evaluation {
                 "normals: expected {count}, one for each position, got {got}"
             )));
         }
-        self.varying.check(count)?;
+        self.varying.check(count, None)?;
         let mut roots = [self.result.unwrap_or(Operand::number(0.0))];
         let program = Program::compile(&self.steps, &mut roots, "evaluation")?;
         for op in program.ops() {
@@ -74,7 +74,7 @@ impl Evaluation {
     fn point(&self, index: usize, position: Vec3, normal: Vec3) -> ShadingPoint<'_> {
         ShadingPoint {
             varying: &self.varying,
-            triangle: index,
+            row: Row::flattened(index),
             weights: [1.0, 0.0, 0.0],
             position,
             normal,

@@ -4,7 +4,7 @@
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{Coordinate, Shift, Value};
 use crate::values::rays::Surroundings;
-use crate::values::varying::{ObjectFrame, Varying};
+use crate::values::varying::{ObjectFrame, Row, Varying};
 use crate::values::view::{History, View};
 use crate::values::visibility::RayKind;
 
@@ -13,8 +13,8 @@ use crate::values::visibility::RayKind;
 pub struct ShadingPoint<'a> {
     /// Data that vary over the triangles.
     pub varying: &'a Varying,
-    /// The triangle; `usize::MAX` for the background.
-    pub triangle: usize,
+    /// Where the data of the triangle are.
+    pub row: Row,
     /// Barycentric weights of the triangle's corners.
     pub weights: [f32; 3],
     /// Position in scene space.
@@ -52,7 +52,7 @@ impl<'a> ShadingPoint<'a> {
     pub fn background(varying: &'a Varying, direction: Vec3, ray: RayKind) -> Self {
         Self {
             varying,
-            triangle: usize::MAX,
+            row: Row::BACKGROUND,
             weights: [0.0; 3],
             position: direction,
             normal: -direction,
@@ -92,14 +92,17 @@ impl<'a> ShadingPoint<'a> {
         let n = layer.width;
         let Some(corners) = layer
             .values
-            .get(self.triangle.wrapping_mul(3 * n)..)
+            .get(self.row.index.wrapping_mul(3 * n)..)
             .and_then(|rest| rest.get(..3 * n))
         else {
             return out;
         };
-        // Interpolate each component between the corners.
+        // Interpolate each component between the corners, in the order of the flattened scene.
+        let order = self.row.corners();
         for (k, slot) in out.iter_mut().take(n).enumerate() {
-            *slot = (0..3).map(|c| weights[c] * corners[c * n + k]).sum::<f32>();
+            *slot = (0..3)
+                .map(|c| weights[c] * corners[order[c] * n + k])
+                .sum::<f32>();
         }
         out
     }
@@ -134,14 +137,14 @@ impl<'a> ShadingPoint<'a> {
         if self.lamp.is_some() {
             return self.lamp;
         }
-        let index = self.varying.object_index.get(self.triangle);
-        let index = index.map_or(0, |&i| i as usize);
+        let index = self.varying.object_index.get(self.row.index);
+        let index = index.map_or(self.row.instance, |&i| i as usize);
         self.varying.objects.get(index)
     }
 
     /// Whether the point is a direction of the background.
     fn is_background(&self) -> bool {
-        self.triangle == usize::MAX && self.lamp.is_none()
+        self.row.index == usize::MAX && self.lamp.is_none()
     }
 
     /// Returns a coordinate of the point or beside it, see [`Coordinate`]; the fourth component is 1.
@@ -255,7 +258,7 @@ pub(super) mod tests {
         let up = vec3(0.0, 0.0, 1.0);
         ShadingPoint {
             varying,
-            triangle: 0,
+            row: Row::flattened(0),
             weights: [0.25, 0.25, 0.5],
             position: vec3(1.0, 2.0, 3.0),
             normal: up,
@@ -283,10 +286,10 @@ pub(super) mod tests {
             }],
             ..Default::default()
         };
-        varying.check(1).unwrap();
+        varying.check(1, None).unwrap();
         assert_eq!(point(&varying).attribute(0), [0.75, 0.5, 0.0, 1.0]);
         assert_eq!(point(&varying).attribute(7), [0.0, 0.0, 0.0, 1.0]);
-        assert!(varying.check(2).is_err());
+        assert!(varying.check(2, None).is_err());
     }
 
     #[test]

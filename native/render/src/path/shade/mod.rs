@@ -447,9 +447,10 @@ impl<
         sample.normal = surface.shading.array();
         sample.position = surface.point.array();
         let triangle = hit.triangle as usize;
-        let material = scene.attributes.at(hit.triangle).material();
+        let at = scene.attributes.at(hit.triangle);
+        let material = at.material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
-        sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
+        sample.uv = scene.indices.uv(at.row(), hit.u, hit.v);
         let Some(extra) = out.extra.as_mut().filter(|_| EXTRA) else {
             return;
         };
@@ -457,7 +458,7 @@ impl<
             **identities = scene.indices.identities(triangle, material as u32);
         }
         if let Some(motion) = &mut extra.motion {
-            let moved = scene.indices.moved(triangle, hit.u, hit.v);
+            let moved = scene.indices.moved(at.row(), hit.u, hit.v);
             let [a, b, c, d] = camera.motion(surface.point, moved);
             **motion = [a, b, c, d, 1.0];
         }
