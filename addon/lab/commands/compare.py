@@ -12,11 +12,12 @@ renderer's features, and six composed ones. The verdict requires means of all ch
 equal error is printed with it. With `--slope` too, Halfspace alone renders them, and the slopes of the error over the
 number of samples are printed, for independent samples and for samples as they are rendered.
 
-`--whole`: the time of a whole render of FILE, from the call of the render operator (F12) to the picture, including
-reading the scene and the build. Default: one sample of 1920 × 1080 pixels, direct light without bounces, and for an
-.npz only a lamp without size, so that each pixel takes a camera ray and a shadow ray. The engines alternate; medians
-and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
-failure.
+`--whole`: the time and the memory of a whole render of FILE, from the call of the render operator (F12) to the picture,
+including reading the scene and the build. Default: one sample of 1920 × 1080 pixels, direct light without bounces, and
+for an .npz only a lamp without size, so that each pixel takes a camera ray and a shadow ray. The engines alternate;
+medians and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
+failure. Instead of FILE `--scene` names one of the scenes above, or one of production size: woods (instances with
+images), meadow and fur (hair), foliage (cut-outs).
 
 `--equal-error`: the time to equal error of FILE or of the scenes of `--scene`, with the defaults of Cycles (filter
 glossy 1, clamp indirect 10, light tree; adaptive sampling and denoising off) in both engines. Each engine renders a
@@ -35,7 +36,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -143,8 +144,8 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         raise UsageError(f"{asked.file}: expected a file or --scene, not both")
     if asked.plant is not None and not 0 < asked.plant <= 1:
         raise UsageError(f"--plant: expected a share above 0, up to 1, got {asked.plant:g}")
-    if asked.whole and (asked.scene is not None or asked.slope):
-        raise UsageError("--whole: renders a file, not --scene")
+    if asked.whole and (asked.slope or asked.plant is not None or asked.scene == "all"):
+        raise UsageError("--whole: expected one scene, without --slope and --plant")
     if asked.equal_error and (asked.whole or asked.slope or asked.plant is not None):
         raise UsageError("--equal-error: expected without --whole, --slope and --plant")
     if asked.most is not None and not ((asked.whole or asked.equal_error) and asked.most > 0):
@@ -265,9 +266,9 @@ def time_whole(asked: argparse.Namespace) -> bool:
     from ..pictures import comparison
 
     bpy = _start(asked)
-    from ..pictures import whole
+    from ..pictures import large, whole
 
-    name = _open(asked, whole.LIGHTS)
+    name = _open(asked, whole.LIGHTS) if asked.scene is None else next(_built(bpy, asked.scene, large.SCENES))
     scene: Any = bpy.context.scene
     _prepare(scene, asked, name)
     times = whole.measure(scene, asked.runs)
@@ -281,10 +282,13 @@ def time_whole(asked: argparse.Namespace) -> bool:
     # Print no squares: with so few samples the estimate of their noise is too uncertain.
     for line in comparison.compare(found["HALFSPACE"], found["CYCLES"]).lines()[:2]:
         print(f"  {line}")
-    print(f"  {checked.errors.rays:,} rays of {asked.structure} compared with brute force: ", end="")
-    print("no difference" if checked.right else f"WRONG: {checked.errors.as_row('brute')}")
+    if checked is None:
+        print(f"  rays of {asked.structure} through instances not compared with brute force")
+    else:
+        print(f"  {checked.errors.rays:,} rays of {asked.structure} compared with brute force: ", end="")
+        print("no difference" if checked.right else f"WRONG: {checked.errors.as_row('brute')}")
     _print_left_out(scene)
-    return checked.right and (asked.most is None or ratio <= asked.most)
+    return (checked is None or checked.right) and (asked.most is None or ratio <= asked.most)
 
 
 def time_to_equal_error(asked: argparse.Namespace) -> bool:
@@ -358,15 +362,15 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
     return all(right)
 
 
-def _built(bpy: Any, asked: str) -> Iterator[str]:
-    """Build one scene after the other. Raises UsageError."""
-    from ..pictures import proving
+def _built(bpy: Any, asked: str, more: Collection[str] = ()) -> Iterator[str]:
+    """Build one scene after the other, of `proving` or those `more` of `large`. Raises UsageError."""
+    from ..pictures import large, proving
 
-    if asked != "all" and asked not in proving.SCENES:
-        raise UsageError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked!r}")
+    if asked != "all" and asked not in (known := [*proving.SCENES, *more]):
+        raise UsageError(f"--scene: expected all or one of {', '.join(known)}, got {asked!r}")
     for name in list(proving.SCENES) if asked == "all" else [asked]:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        proving.build(name, bpy.context.scene)
+        (proving if name in proving.SCENES else large).build(name, bpy.context.scene)
         yield name
 
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ...core.base.arrays import F64
@@ -253,7 +252,7 @@ def hair(scene: Any, head_item: Any, count: int) -> None:
         inside = np.linalg.norm(at / np.array(SHELL), axis=1, keepdims=True)
         layer = 1.0 + 0.05 * rng.random((count, 1))
         at = np.where((inside < layer) & (at[:, 2:] > -0.45), at / np.maximum(inside, 1e-3) * layer, at)
-    _strands(scene, "Hair", placed, 0.0065, 0.0015, _keratin(0.72, 0.45))
+    parts.strands(scene, "Hair", placed, 0.0065, 0.0015, _keratin(0.72, 0.45))
     _brows(scene, rng, max(count // 40, 2))
 
 
@@ -272,19 +271,7 @@ def _brows(scene: Any, rng: Any, count: int) -> None:
         for step in range(3):
             bent = np.stack([sign * (0.55 + t), -0.35 + 0.5 * t, 0.5 - 0.9 * t], axis=1)
             placed[number * count : (number + 1) * count, step] = root + 0.045 * step * bent
-    _strands(scene, "Brows", placed, 0.006, 0.002, _keratin(0.8, 0.4))
-
-
-def _strands(scene: Any, name: str, placed: Any, thick: float, thin: float, material: Any) -> None:
-    """Hair curves through (hairs, points, 3), thinner towards the tips."""
-    count, points = placed.shape[:2]
-    curves = bpy.data.hair_curves.new(name)
-    curves.add_curves([points] * count)
-    curves.position_data.foreach_set("vector", placed.reshape(-1))
-    radius = curves.attributes.get("radius") or curves.attributes.new("radius", "FLOAT", "POINT")
-    radius.data.foreach_set("value", np.tile(np.linspace(thick, thin, points), count).astype(np.float32))
-    curves.materials.append(material)
-    scene.collection.objects.link(bpy.data.objects.new(name, curves))
+    parts.strands(scene, "Brows", placed, 0.006, 0.002, _keratin(0.8, 0.4))
 
 
 def _keratin(melanin: float, redness: float) -> Any:

@@ -133,6 +133,18 @@ def sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
     return item
 
 
+def strands(scene: Any, name: str, placed: Any, thick: float, thin: float, material: Any) -> None:
+    """Hair curves through (hairs, points, 3), thinner towards the tips."""
+    count, points = placed.shape[:2]
+    curves = bpy.data.hair_curves.new(name)
+    curves.add_curves([points] * count)
+    curves.position_data.foreach_set("vector", np.ascontiguousarray(placed, np.float32).reshape(-1))
+    radius = curves.attributes.get("radius") or curves.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.tile(np.linspace(thick, thin, points), count).astype(np.float32))
+    curves.materials.append(material)
+    scene.collection.objects.link(bpy.data.objects.new(name, curves))
+
+
 def tree_mesh(bark: Any, leaves: Any, levels: int) -> Any:
     """A trunk and cones of leaves, as one mesh."""
     points: list[tuple[float, float, float]] = []

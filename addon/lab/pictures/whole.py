@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Times of whole renders, from the operator behind F12 to the picture, with Halfspace and with Cycles."""
+"""Time and memory of whole renders, from the operator behind F12 to the picture, with Halfspace and with Cycles."""
 
 from __future__ import annotations
 
+import gc
 import statistics
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -27,10 +29,13 @@ PARTS = {"extract": "reading the scene", "build": "building", "trace": "tracing 
 
 @dataclass(frozen=True)
 class Times:
-    """clock, processor: seconds of each run, by engine. parts: wall-clock seconds of Halfspace's runs, by part."""
+    """clock, processor: seconds of each run, by engine; memory: MiB by which it grew at most, on Linux only. parts:
+    wall-clock seconds of Halfspace's runs, by part.
+    """
 
     clock: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     processor: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
+    memory: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     parts: dict[str, list[float]] = field(default_factory=lambda: {part: [] for part in PARTS})
 
     def ratio(self, of: str) -> float:
@@ -46,6 +51,7 @@ class Times:
             found.append(
                 f"{engine}: {statistics.median(clock):.3f} s by the clock ({min(clock):.3f} to {max(clock):.3f}), "
                 f"{statistics.median(worked):.3f} s of the processor, {len(clock)} runs"
+                + (f", {statistics.median(grown):,.0f} MiB" if (grown := self.memory[engine]) else "")
             )
         parts = ", ".join(f"{words} {statistics.median(self.parts[part]):.3f} s" for part, words in PARTS.items())
         return [*found, f"of HALFSPACE: {parts}"]
@@ -62,7 +68,8 @@ def measure(scene: Any, runs: int) -> Times:
         for engine in ENGINES:
             scene.render.engine = engine
             scene.halfspace.render_seed = scene.cycles.seed = seed
-            # Time one render by both clocks.
+            # Time one render by both clocks, and note the growth of the process.
+            before = _reset_peak()
             worked, begun = time.process_time(), time.perf_counter()
             bpy.ops.render.render(scene=scene.name)
             taken, work = time.perf_counter() - begun, time.process_time() - worked
@@ -70,6 +77,8 @@ def measure(scene: Any, runs: int) -> Times:
                 continue
             times.clock[engine].append(taken)
             times.processor[engine].append(work)
+            if before is not None:
+                times.memory[engine].append((_resident("VmHWM") - before) / 1024)
             # Take the parts of the time from the engine's own report.
             if engine == "HALFSPACE":
                 report = reports.last(scene)
@@ -81,13 +90,32 @@ def measure(scene: Any, runs: int) -> Times:
     return times
 
 
-def check_rays(scene: Any) -> Check:
-    """Compare a sample of the answers of the last render's structure with brute force, bit for bit. Raises
-    RuntimeError.
+def _reset_peak() -> float | None:
+    """Free what earlier renders left, and begin the measurement of the largest memory of this process. Returns its
+    memory now, in KiB; None where the system does not measure it.
+    """
+    trees.clear()
+    gc.collect()
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+        return _resident("VmRSS")
+    except OSError:
+        return None
+
+
+def _resident(name: str) -> float:
+    """An entry of this process's status, in KiB."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
+
+
+def check_rays(scene: Any) -> Check | None:
+    """Compare a sample of the answers of the last render's structure with brute force, bit for bit; None if it was one
+    of instances. Raises RuntimeError.
     """
     tree = trees.last(scene)
     if tree is None:
-        raise RuntimeError("no structure was kept")
+        return None
     render = scene.render
     workload = workloads.of_tree(tree, scene.name, (render.resolution_x, render.resolution_y))
     last = deque(check.steps(native.load(), tree.structure, workload), maxlen=1)
