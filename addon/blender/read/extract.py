@@ -28,6 +28,7 @@ from .linking import Linking
 from .media import grids
 from .object_meshes import MESH_TYPES, ObjectMeshes
 from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
+from .remembered import Remembered
 from .simplifying import Culling
 from .standing import Standing
 from .strands.collecting import Collector
@@ -178,9 +179,11 @@ class _Reader:
         # Each part collects what it reads.
         self.identities = Identities(wanted.groups)
         self.lamps = lights.Lamps(notes, self.palette.gallery, self._linking, wanted.groups)
-        self.strands = Collector(depsgraph, notes, layers, uvs=uvs)
+        remembered = wanted.remembered or Remembered()
+        remembered.begin(depsgraph, (tuple(layers.keys), uvs))
+        self.strands = Collector(depsgraph, notes, layers, remembered, uvs=uvs)
         self.volumes = grids.Volumes(notes)
-        self._meshes = ObjectMeshes(notes, layers, self._standing, uvs=uvs)
+        self._meshes = ObjectMeshes(notes, layers, self._standing, remembered, uvs=uvs)
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""

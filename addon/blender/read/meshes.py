@@ -63,6 +63,21 @@ class MeshArrays:
     box: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     lost: int = 0
 
+    @cached_property
+    def bounds(self) -> F64 | None:
+        """The lowest and the highest finite coordinates, (2, 3); None without any."""
+        box = texture_layers.extremes(self.positions)
+        if np.isfinite(box).all():
+            return box
+        finite = self.positions[np.isfinite(self.positions).all(axis=1)]
+        return texture_layers.extremes(finite) if len(finite) else None
+
+    @cached_property
+    def alone(self) -> Mesh:
+        """The mesh without what materials read."""
+        normals = None if self.normals is None else self.normals.take(self.normal_rows, axis=0, mode="clip")
+        return Mesh(self.positions, np.ascontiguousarray(self.triangles, np.int32), self.slots, normals)
+
 
 def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
     """Copy the render data of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
@@ -89,7 +104,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         normal_rows = corners.reshape(-1, 3)
 
     lost = 0
-    if normals is not None and normal_rows is not None and not np.isfinite(_box(normals)).all():
+    if normals is not None and normal_rows is not None and not np.isfinite(texture_layers.extremes(normals)).all():
         lost = _repair(normals, normal_rows, positions, triangles) if bounded else 0
         normals[~np.isfinite(normals).all(axis=1)] = 0
 
@@ -123,7 +138,7 @@ def _positions(mesh: Any) -> NDArray[Any]:
 
 def _bound(positions: F32) -> bool:
     """Make coordinates beyond UNBOUNDED infinite. Returns whether all were finite and below it."""
-    if not len(positions) or (np.abs(_box(positions)) < UNBOUNDED).all():
+    if not len(positions) or (np.abs(texture_layers.extremes(positions)) < UNBOUNDED).all():
         return True
     beyond = np.abs(positions) >= UNBOUNDED
     positions[beyond] = np.copysign(np.inf, positions[beyond])
@@ -294,8 +309,7 @@ def keep_instances(
         if id(mesh) not in numbers:
             numbers[id(mesh)] = len(kept)
             once.append((mesh, np.zeros(1, np.bool_)))
-            normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
-            kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+            kept.append(mesh.alone)
     # Repeat the data of each placement for all its instances.
     places = [len(placement.names) for placement in placements]
     mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
@@ -333,12 +347,9 @@ def _centre(placements: list[Placement]) -> F64:
     """The centre of the box around all placed boxes; non-finite positions are ignored."""
     lows, highs = [], []
     for placement in placements:
-        box = _box(placement.mesh.positions)
-        if not np.isfinite(box).all():
-            finite = placement.mesh.positions[np.isfinite(placement.mesh.positions).all(axis=1)]
-            if not len(finite):
-                continue
-            box = _box(finite)
+        box = placement.mesh.bounds
+        if box is None:
+            continue
         corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
         world = corners @ placement.matrices[:, :3, :3].transpose(0, 2, 1) + placement.matrices[:, None, :3, 3]
         lows.append(world.min(axis=(0, 1)))
@@ -346,23 +357,6 @@ def _centre(placements: list[Placement]) -> F64:
     if not lows:
         return np.zeros(3)
     return (np.min(lows, axis=0) + np.max(highs, axis=0)) / 2
-
-
-def _box(positions: F32) -> F64:
-    """The lowest and the highest coordinates, (2, 3); non-finite if any position is.
-
-    NumPy reduces rows of three one by one; folded into rows of 64 points they use vector instructions, ten times faster
-    (measured).
-    """
-    whole = len(positions) // 64 * 64
-    folded = positions[:whole].reshape(-1, 64 * 3)
-    rows = (
-        [positions[whole:], folded.min(axis=0).reshape(-1, 3), folded.max(axis=0).reshape(-1, 3)]
-        if whole
-        else [positions]
-    )
-    extremes = np.concatenate(rows)
-    return np.stack([extremes.min(axis=0), extremes.max(axis=0)]).astype(np.float64)
 
 
 def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:

@@ -15,6 +15,7 @@ from .value_nodes import STRAND
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
     from .object_values import Instance
+    from .remembered import Remembered
     from .standing import Standing
     from .values import Layers
 
@@ -23,17 +24,19 @@ MESH_TYPES = {"MESH"}
 Key = tuple[str, int]
 """"mesh" with the data block, or "object" with the object whose mesh Blender makes for the occasion; by address."""
 
+_Read = tuple[MeshArrays, dict[texture_layers.Key, str]]
+"""A mesh, and the reasons why layers of it cannot be read."""
+
 
 class ObjectMeshes:
     """Reads meshes during one pass over the depsgraph's instances."""
 
-    def __init__(self, notes: Notes, layers: Layers, standing: Standing, *, uvs: bool) -> None:
+    def __init__(self, notes: Notes, layers: Layers, standing: Standing, remembered: Remembered, *, uvs: bool) -> None:
         """layers: of all materials, complete. uvs: whether the active UV map is needed."""
         self._notes, self._layers, self._standing, self._uvs = notes, layers, standing, uvs
+        self._remembered = remembered
         self._known: dict[Key, MeshArrays] = {}
         self._unreadable: set[texture_layers.Key] = set()
-        self._widths: dict[texture_layers.Key, int] = {}
-        self._triangles = 0
 
     def of(self, instance: Instance) -> tuple[Key, MeshArrays | None]:
         """The key and the arrays of an instance's mesh; None if its object has no mesh. Raises SceneError."""
@@ -42,17 +45,15 @@ class ObjectMeshes:
         if item.type in MESH_TYPES and not item.data.is_editmode:
             key = ("mesh", item.data.as_pointer())
             if key not in self._known:
-                self._read(key, instance, item.data)
-            self._triangles += len(self._known[key].triangles)  # other meshes may be dropped at the end
+                read = self._remembered.of(key, instance, lambda: self._read(instance, item.data))
+                self._know(key, instance, read)
             return key, self._known[key]
         key = ("object", item.original.as_pointer())
         if key not in self._known:
-            # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
-            mesh = item.to_mesh()
-            if mesh is None:
+            made = self._remembered.of(key, instance, lambda: self._make(instance))
+            if made is None:
                 return key, None
-            self._read(key, instance, mesh)
-            item.to_mesh_clear()
+            self._know(key, instance, made)
         return key, self._known[key]
 
     def note_layers(self, readers: Mapping[texture_layers.Key, Iterable[str]], more: set[texture_layers.Key]) -> None:
@@ -66,38 +67,41 @@ class ObjectMeshes:
                 what = "attribute" if kind == texture_layers.COLOR else "UV map"
                 self._notes.add(f"No mesh has the {what} {layer!r}, it is 0 everywhere, in material", name)
 
-    def _read(self, key: Key, instance: Instance, mesh: Any) -> None:
+    def _make(self, instance: Instance) -> _Read | None:
+        """Read the temporary mesh that an edited mesh or another type provides; None if there is none."""
+        mesh = instance.item.to_mesh()
+        if mesh is None:
+            return None
+        found = self._read(instance, mesh)
+        instance.item.to_mesh_clear()
+        return found
+
+    def _read(self, instance: Instance, mesh: Any) -> _Read:
         """Read a mesh with the layers that materials read, or take that of the frame if its shape stands still."""
-        item, keys = instance.item, self._layers.keys
+        keys = self._layers.keys
 
-        def read() -> MeshArrays:
+        def read() -> _Read:
             self._check_room(mesh)
-            for one in keys:
-                if reason := texture_layers.unreadable(mesh, one):
-                    self._unreadable.add(one)
-                    text = f"The attribute {one[1]!r} is black, its {reason} is not supported yet"
-                    self._notes.add(text, item.name_full)
-            found = read_mesh(mesh, uvs=self._uvs, layers=keys)
-            if found.lost:
-                text = "Custom normals that are not finite are replaced by those of the faces"
-                self._notes.add(text, item.name_full)
-            return found
+            black = {key: reason for key in keys if (reason := texture_layers.unreadable(mesh, key))}
+            return read_mesh(mesh, uvs=self._uvs, layers=keys), black
 
-        self._known[key] = self._standing.shape(item, instance.parent, item.data, read)
+        return self._standing.shape(instance.item, instance.parent, instance.item.data, read)
+
+    def _know(self, key: Key, instance: Instance, read: _Read) -> None:
+        """Use a mesh that was read, and note what it lacks."""
+        self._known[key], black = read
+        name = instance.item.name_full
+        for one, reason in black.items():
+            self._unreadable.add(one)
+            self._notes.add(f"The attribute {one[1]!r} is black, its {reason} is not supported yet", name)
+        if self._known[key].lost:
+            self._notes.add("Custom normals that are not finite are replaced by those of the faces", name)
 
     def _check_room(self, mesh: Any) -> None:
-        """Raise SceneError if a mesh's layers, plus all layers over the triangles of all instances so far, do not fit
-        into memory.
-        """
-        found = texture_layers.widths(mesh, self._layers.keys)
-        for key, numbers in found.items():
-            self._widths[key] = max(numbers, self._widths.get(key, 0))
-        if not found:
-            return
-        own = len(mesh.loop_triangles)
-        triangles = self._triangles + own
-        size = 12 * (sum(found.values()) * own + sum(self._widths.values()) * triangles)
+        """Raise SceneError if a mesh's layers do not fit into memory."""
+        triangles = len(mesh.loop_triangles)
+        size = 12 * sum(texture_layers.widths(mesh, self._layers.keys).values()) * triangles
         if size > native.load().free_memory():
             raise SceneError(
-                f"What materials read of {triangles:,} triangles or more, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
+                f"What materials read of {triangles:,} triangles, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
             )

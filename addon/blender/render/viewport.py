@@ -21,6 +21,8 @@ from ...core.session.stock import STOCK
 from ...core.structures import catalogue, specs
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..read import extract, views
+from ..read.remembered import Remembered
+from ..read.value_nodes.outputs import Wanted
 from ..settings import properties, quality
 from . import denoising
 
@@ -51,6 +53,7 @@ class Viewport:
     def __init__(self) -> None:
         self._preview: Preview | None = None
         self._engine: weakref.ref[Any] | None = None
+        self._remembered = Remembered()
         self._origin = np.zeros(3)
         self._problem = ""
         self._skipped: list[str] = []
@@ -66,7 +69,7 @@ class Viewport:
             quality.remark_unknown(group, notes)
             # The view's own visibility: local view, its collections, the kinds of objects that it hides.
             space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
-            found = extract.find(depsgraph, notes, space=space)
+            found = extract.find(depsgraph, notes, space=space, wanted=Wanted(remembered=self._remembered))
             two_level = found.layout(
                 quality.instancing(group), integrator=quality.integrator(group), interactive=True
             ).two_level

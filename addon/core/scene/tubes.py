@@ -128,23 +128,30 @@ def sides_of(radii: F64, pixels: F64) -> NDArray[np.int64]:
     return (np.ceil(limited / 2) * 2).astype(np.int64)
 
 
-def pieces_of(found: Strands, pixels: F64) -> int:
-    """The number of pieces between two points of curves, where a pixel has these sizes, (k,).
-
-    A spline's distance from its chord falls with the square of the number of pieces. One curve in a hundred may
-    deviate more.
-    """
+def deviations(found: Strands) -> F64:
+    """The distance of each spline between two points from their chord, (s,), in the unit of the curves."""
     if found.straight or not found.segments:
-        return 1
+        return np.zeros(found.segments)
     at = _segments(found)
     middle = _spline(_as_float64(found.points), at, np.full(len(at[1]), 0.5))
     chord = (found.points[at[1]].astype(np.float64) + found.points[at[2]]) / 2
     # Along the chord a spline may be ahead of its middle without any deviation.
     along = _directions(_as_float64(found.points), at[2], at[1])
     offset = middle - chord
-    deviation = np.linalg.norm(offset - along * (offset * along).sum(axis=1, keepdims=True), axis=1)
+    distance: F64 = np.linalg.norm(offset - along * (offset * along).sum(axis=1, keepdims=True), axis=1)
+    return distance
+
+
+def pieces_of(found: Strands, deviation: F64, pixels: F64) -> int:
+    """The number of pieces between two points of curves with these `deviations`, where a pixel has these sizes, (k,).
+
+    A spline's distance from its chord falls with the square of the number of pieces. One curve in a hundred may
+    deviate more.
+    """
+    if found.straight or not found.segments:
+        return 1
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        pieces = np.sqrt(deviation / (DEVIATION * pixels[found.curve_of_point()[at[1]]]))
+        pieces = np.sqrt(deviation / (DEVIATION * np.repeat(pixels, found.counts - 1)))
     usual = np.percentile(np.nan_to_num(pieces, nan=1.0, posinf=MOST_PIECES), 99)
     return int(np.clip(math.ceil(usual), 1, MOST_PIECES))
 

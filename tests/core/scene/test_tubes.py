@@ -127,16 +127,17 @@ def test_detail_follows_the_size_of_pixels_within_limits() -> None:
     assert tubes.FEWEST_SIDES <= min(sides) <= max(sides) <= tubes.MOST_SIDES
     assert tubes.sides_of(np.array([1.0]), np.array([0.2]))[0] == 16
     curves = some_curves()
-    finer = [tubes.pieces_of(curves, np.full(40, size)) for size in (1e3, 1.0, 0.1, 0.0)]
+    finer = [tubes.pieces_of(curves, tubes.deviations(curves), np.full(40, size)) for size in (1e3, 1.0, 0.1, 0.0)]
     assert finer == sorted(finer)
     assert (finer[0], finer[-1]) == (1, tubes.MOST_PIECES)
-    assert tubes.pieces_of(some_curves(straight=True), np.full(40, 1e-9)) == 1
+    lines = some_curves(straight=True)
+    assert tubes.pieces_of(lines, tubes.deviations(lines), np.full(40, 1e-9)) == 1
 
 
 def test_pieces_ignore_a_spline_that_stays_on_its_chord() -> None:
     points = np.array([(0, 0, 0), (1, 0, 0), (10, 0, 0), (11, 0, 0)], np.float32)
     curve = tubes.strands(points, np.full(4, 0.1, np.float32), np.array([0, 4]))
-    assert tubes.pieces_of(curve, np.array([1e-6])) == 1
+    assert tubes.pieces_of(curve, tubes.deviations(curve), np.array([1e-6])) == 1
 
 
 def test_joined_tubes_keep_their_own_vertices() -> None:

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
     from ....core.base.notes import Notes
     from ..object_values import Instance
+    from ..remembered import Remembered
+
+T = TypeVar("T")
 
 MOST_TRIANGLES = 1 << 23
 """Triangles of one object's hair or points. A constant, so that the picture does not depend on the machine."""
@@ -39,19 +43,30 @@ NOTHING = MeshArrays(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), N
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """Curves or points, whose radii are given. name: of the first object."""
+    """Curves or points, whose radii are given. name: of the first object. part: one in how many hairs was read. last:
+    what was made of it last, by name and by what that depends on.
+    """
 
     name: str
     strands: tubes.Strands | None
     points: tuple[F32, F32] | None
     values: sources.Values
+    part: int = 1
+    last: dict[str, tuple[Hashable, Any]] = field(default_factory=dict)
+
+    def made(self, what: str, of: Hashable, make: Callable[[], T]) -> T:
+        """What `make` returns, or what it returned last if that depends on the same."""
+        if what not in self.last or self.last[what][0] != of:
+            self.last[what] = of, make()
+        return self.last[what][1]  # type: ignore[no-any-return]
 
 
 class Collector:
     """Reads hair and point clouds during one pass over the depsgraph's instances."""
 
-    def __init__(self, depsgraph: Any, notes: Notes, layers: Any, *, uvs: bool) -> None:
+    def __init__(self, depsgraph: Any, notes: Notes, layers: Any, remembered: Remembered, *, uvs: bool) -> None:
         """layers: those of all materials, complete. uvs: whether the active UV map is needed."""
+        self._remembered = remembered
         self.made: list[str] = []
         self.found: set[texture_layers.Key] = set()
         self._mode, self._view = depsgraph.mode, detail.pixels(depsgraph)
@@ -63,13 +78,16 @@ class Collector:
         """Add an instance of a hair curves object or a point cloud. matrix: its transform, regular."""
         data, name = instance.item.data, instance.item.name_full
         key: Key = (instance.item.type, str(data.as_pointer()), 0)
-        if key not in self._read:
+
+        def read() -> _Round:
             if instance.item.type == "CURVES":
                 strands, values = sources.read_curves(data, self._keys())
-                self._read[key] = _Round(name, strands, None, values)
-            else:
-                centres, radii, values = sources.read_points(data, self._keys())
-                self._read[key] = _Round(name, None, (centres, radii), values)
+                return _Round(name, strands, None, values)
+            centres, radii, values = sources.read_points(data, self._keys())
+            return _Round(name, None, (centres, radii), values)
+
+        if key not in self._read:
+            self._read[key] = self._remembered.of(key, instance, read)
         self._place(key, materials, instance, matrix)
 
     def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
@@ -77,12 +95,16 @@ class Collector:
         item = instance.item
         for number, (modifier, system) in enumerate(sources.hair_systems(item, self._mode)):
             key: Key = ("HAIR", str(item.original.as_pointer()), number)
-            if key not in self._read:
+
+            def read(modifier: Any = modifier) -> _Round:
                 most = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
                 hair = sources.read_hair(item, modifier, self._keys(), self._mode, most)
-                self._read[key] = _Round(item.name_full, hair.strands, None, hair.values)
-                if hair.part > 1:
-                    self._note_part("hairs", hair.part, item.name_full)
+                return _Round(item.name_full, hair.strands, None, hair.values, hair.part)
+
+            if key not in self._read:
+                found = self._read[key] = self._remembered.of(key, instance, read)
+                if found.part > 1:
+                    self._note_part("hairs", found.part, found.name)
             slot = min(max(system.settings.material - 1, 0), len(materials) - 1)
             self._place(key, (materials[slot],), instance, matrix)
 
@@ -118,8 +140,9 @@ class Collector:
 
     def _tubes(self, read: _Round, group: Placement) -> list[Placement]:
         """The placements of curves: none if nothing of them can be seen."""
-        assert read.strands is not None
-        strands, broken, negative = tubes.usable(read.strands, float(UNBOUNDED))
+        curves = read.strands
+        assert curves is not None
+        strands, broken, negative = read.made("usable", None, lambda: tubes.usable(curves, float(UNBOUNDED)))
         self._note_faults("hairs", read.name, broken, negative)
         if not len(strands.counts):
             return []
@@ -128,19 +151,26 @@ class Collector:
         pixels = detail.sizes_within(self._view, ends.astype(np.float64), group.matrices)
         thickest = np.maximum.reduceat(strands.radii, strands.first[:-1])
         sides = tubes.sides_of(thickest.astype(np.float64), pixels)
-        strands, sides, pieces = self._fitting(read.name, strands, sides, tubes.pieces_of(strands, pixels))
+        deviations = read.made("deviations", None, lambda: tubes.deviations(strands))
+        fitting = self._fitting(read.name, strands, sides, tubes.pieces_of(strands, deviations, pixels))
+        strands, sides, pieces = fitting
         wanted = (STRAND, "Tangent") in self._keys()
-        parts = [
-            tubes.tubes(strands.chosen(sides == n), pieces, n, directions=wanted) for n in np.unique(sides).tolist()
-        ]
-        made = tubes.joined(parts)
-        total = len(made.triangles)
+
+        def make() -> MeshArrays:
+            parts = [
+                tubes.tubes(strands.chosen(sides == n), pieces, n, directions=wanted) for n in np.unique(sides).tolist()
+            ]
+            made = tubes.joined(parts)
+            return self._mesh(made.positions, made.normals, made.triangles, _curve_layers(read.values, made))
+
+        # A move of the object or of the camera often leaves the detail as it is.
+        mesh = read.made("tubes", (sides.tobytes(), pieces), make)
+        total = len(mesh.triangles)
         self.made.append(
             f"{read.name}: {len(sides):,} hairs as {total:,} triangles, tubes of "
             f"{_span(sides)} sides, {pieces} to a segment"
         )
-        layers = _curve_layers(read.values, made)
-        return [self._placement(group, made.positions, made.normals, made.triangles, layers)]
+        return [replace(group, mesh=mesh)]
 
     def _fitting(
         self, name: str, strands: tubes.Strands, sides: NDArray[np.int64], pieces: int
@@ -184,10 +214,14 @@ class Collector:
         self.made.append(f"{read.name}: {len(rows):,} points as {total:,} triangles, {20 * 4**level} to a sphere")
         if total > MERGED and not self._keys() and not self._layers.objects:
             return [self._instances(read, group, rows, level)]
-        positions, normals, triangles = spheres.spheres(centres[rows], radii[rows], level)
-        corners = rows[triangles // (len(positions) // len(rows))]
-        layers = {key: np.ascontiguousarray(values[corners]) for key, values in read.values.of_points.items()}
-        return [self._placement(group, positions, normals, triangles, layers)]
+
+        def make() -> MeshArrays:
+            positions, normals, triangles = spheres.spheres(centres[rows], radii[rows], level)
+            corners = rows[triangles // (len(positions) // len(rows))]
+            layers = {key: np.ascontiguousarray(values[corners]) for key, values in read.values.of_points.items()}
+            return self._mesh(positions, normals, triangles, layers)
+
+        return [replace(group, mesh=read.made("spheres", (level, part), make))]
 
     def _instances(self, read: _Round, group: Placement, rows: NDArray[Any], level: int) -> Placement:
         assert read.points is not None
@@ -196,28 +230,24 @@ class Collector:
         local[:, [0, 1, 2], [0, 1, 2]] = radii[:, None]
         local[:, :3, 3], local[:, 3, 3] = centres, 1
         placed = np.einsum("pij,njk->pnik", group.matrices, local).reshape(-1, 4, 4)
-        positions, normals, triangles = spheres.sphere(level)
-        mesh = MeshArrays(
-            positions.astype(np.float32), triangles.copy(), None, normals.astype(np.float32), triangles.copy(), None
-        )
+
+        def make() -> MeshArrays:
+            positions, normals, triangles = spheres.sphere(level)
+            return self._mesh(positions.astype(np.float32), normals.astype(np.float32), triangles.copy(), {})
+
+        mesh = read.made("sphere", level, make)
         names = np.repeat(np.array(group.names, object), len(rows)).tolist()
         return Placement(mesh, group.materials, names, np.ascontiguousarray(placed))
 
-    def _placement(
-        self,
-        group: Placement,
-        positions: F32,
-        normals: F32,
-        triangles: NDArray[np.int32],
-        layers: dict[texture_layers.Key, F32],
-    ) -> Placement:
+    def _mesh(
+        self, positions: F32, normals: F32, triangles: NDArray[np.int32], layers: dict[texture_layers.Key, F32]
+    ) -> MeshArrays:
         uvs = layers.get((UV, "")) if self._uvs else None
         own = {key: values for key, values in layers.items() if key in self._layers.keys}
         box = texture_layers.box_around(positions)
-        mesh = MeshArrays(
+        return MeshArrays(
             positions, triangles, None, normals, triangles, None if uvs is None else uvs[..., :2].copy(), own, box
         )
-        return replace(group, mesh=mesh)
 
 
 def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_layers.Key, F32]:

@@ -11,6 +11,7 @@ from ..nodes import Place, Unsupported
 
 if TYPE_CHECKING:
     from ....core.scene.scene import Operand
+    from ..remembered import Remembered
     from ..standing import Standing
     from ..values import Values
 
@@ -28,13 +29,14 @@ DEEPEST = 32
 class Wanted:
     """What a picture needs of a scene. mattes: the names for Cryptomatte. outputs: the passes that materials write.
     groups: the number of each light group, from 1, by name. standing: what stays as it is at the frame, if the picture
-    shows several times.
+    shows several times. remembered: what a 3D view has read before.
     """
 
     mattes: bool = False
     outputs: Outputs = field(default_factory=dict)
     groups: Mapping[str, int] = field(default_factory=dict)
     standing: Standing | None = None
+    remembered: Remembered | None = None
 
 
 NOTHING = Wanted()
