@@ -227,7 +227,7 @@ class _Picture:
                 built.reasons.append("as set: Choose for Me needs flattened instances, see Instances")
         session = built.session
         _kept[:] = _structures(session) if self.scene.render.use_persistent_data else []
-        self._note_dropped(read.scene.geometry, session.structure.statistics)
+        self._note_dropped(read.scene.geometry, session.statistics)
         return built
 
     def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> stages.Built:
@@ -307,7 +307,7 @@ class _Picture:
                 copy(job, buffers, origin, keep=first is not None)
                 result.fill(buffers, number)
                 result.show()
-            self._show_status(summary(built.label, built.session.structure.statistics, job, built.answers))
+            self._show_status(summary(built.label, built.session.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         copy(job, buffers, origin)
@@ -331,12 +331,12 @@ class _Picture:
         """
         session, count = built.session, read.scene.geometry.count
         # Update Blender's status and memory display.
-        statistics = {**session.structure.statistics, **job.statistics}
+        statistics = {**session.statistics, **job.statistics}
         self._show_status(summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         # Keep the report for the panels.
-        left_out = [*session.structure.statistics["left_out"], *session.left_out]
+        left_out = [*session.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(
             built.label,

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 
 TWO_LEVELS = (
-    "A tree for each mesh and one over the instances. Flattened in any case if textures need attributes of instances, "
-    "and by Whitted's integrator if a material emits light"
+    "A tree for each mesh and one over the instances. Whitted's integrator always flattens if a material emits light"
 )
 
 

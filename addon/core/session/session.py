@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import threading
+import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -74,6 +75,7 @@ class Session:
         self.memory_limit = options.get("memory_limit")
         self.meshes: list[Structure] = []
         self.meshes_built = 0
+        self._mesh_seconds = 0.0
         self._structure = structure
         self._error: BaseException | None = None
         self._cancelled = False
@@ -153,6 +155,12 @@ class Session:
         return self._structure
 
     @property
+    def statistics(self) -> dict[str, Any]:
+        """Those of the structure; with the seconds of the meshes' structures that were built for it."""
+        found: dict[str, Any] = dict(self.structure.statistics)
+        return {**found, "build_seconds": found["build_seconds"] + self._mesh_seconds}
+
+    @property
     def left_out(self) -> list[str]:
         """Features that are not computed because this scene lacks them, one reason per line."""
         return list(self.render_scene.left_out)
@@ -193,7 +201,9 @@ class Session:
         build = partial(Session._build, self)  # a method of the proxy would be one of the session
         try:
             if isinstance(geometry, InstancedGeometry):
+                started = time.perf_counter()
                 self.meshes, self.meshes_built = trees.of(geometry, self.spec, build)
+                self._mesh_seconds = time.perf_counter() - started
                 self._structure = self.native.build_instances(
                     self.meshes, geometry.mesh, geometry.matrices, monitor=self._monitor, **self._options
                 )

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from pathlib import Path
 
 import bpy
@@ -16,7 +18,7 @@ from addon.core.measure.check import Check
 from addon.core.scene.workload import load_npz
 from addon.lab.base.usage import UsageError
 from addon.lab.commands import compare
-from addon.lab.pictures import stage, whole
+from addon.lab.pictures import large, stage, whole
 
 
 @pytest.fixture
@@ -119,6 +121,24 @@ def test_whole_renders_are_timed_beside_the_error(
     assert compare.main([*arguments, "--most", "1e-9"]) == 1
 
 
+@pytest.mark.parametrize("name", large.SCENES)
+def test_scenes_of_production_size_are_timed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    # Build a hundredth of the scene.
+    monkeypatch.setattr(large, "TREE", 500)
+    monkeypatch.setattr(large, "build", functools.partial(large.build, detail=0.01))
+    arguments = ["--whole", "--scene", name, "--size", "96x64", "--runs", "2", "--bounces", "1", "--out", str(tmp_path)]
+    assert compare.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert f"{name}, 96x64, 1 spp, 1 bounces, whole renders:" in text
+    assert len(re.findall(r"s of the processor, 2 runs(?:, -?[\d,]+ MiB)?$", text, re.MULTILINE)) == 2
+    assert re.search(r"Left out by Halfspace, because it does not know it:\n  nothing", text)
+    shares = re.search(r"mean ratio, red green blue: (\S+) (\S+) (\S+);", text)
+    assert shares is not None
+    assert all(abs(float(share) - 1) < 0.05 for share in shares.groups())
+
+
 def test_a_wrong_answer_in_a_timed_render_is_a_failure(
     court: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -140,7 +160,7 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         (["--size", "4x4"], "--size"),
         (["--runs", "1"], "--runs: expected 2 to "),
         (["--structure", "oak"], "unknown structure 'oak'"),
-        (["--whole", "--scene", "all"], "--whole: renders a file"),
+        (["--whole", "--scene", "all"], "--whole: expected one scene"),
         (["--most", "0.7"], "--most: expected --whole"),
     ):
         assert compare.main([*arguments, "--out", str(tmp_path)]) == 2

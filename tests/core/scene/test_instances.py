@@ -181,6 +181,7 @@ def test_only_what_changed_is_built_again() -> None:
     trees = Trees()
     first = start(places(meshes, 9), trees=trees)
     assert built(first) == 3
+    assert first.statistics["build_seconds"] > sum(mesh.statistics["build_seconds"] for mesh in first.meshes)
     # Everything moves: no tree is built.
     moved = start(places(meshes, 9, seed=4), trees=trees)
     assert built(moved) == 0

@@ -59,12 +59,13 @@ struct RayState<'a> {
 }
 
 /// A ray that must traverse the mesh of an instance.
-struct Call<'a> {
+#[derive(Clone, Copy)]
+struct Call {
     mesh: u32,
     /// Index of the ray's state.
-    state: usize,
-    /// The ray in the instance's space.
-    ray: FrameRay<'a>,
+    state: u32,
+    /// Index of the ray in the instance's space.
+    placed: u32,
 }
 
 /// How rays are traced.
@@ -76,10 +77,11 @@ pub(super) struct Run<'a> {
     pub(super) monitor: Option<&'a Monitor>,
 }
 
-/// The calls of a round, and reused buffers for the batch of a mesh.
+/// The calls of a round with their rays in the spaces of instances, and reused buffers for the batch of a mesh.
 #[derive(Default)]
 struct Calls<'a> {
-    queued: Vec<Call<'a>>,
+    queued: Vec<Call>,
+    placed: Vec<FrameRay<'a>>,
     rays: Vec<Ray>,
     framed: Vec<FrameRay<'a>>,
     counts: Vec<RayCounters>,
@@ -171,67 +173,81 @@ impl Instances {
             active,
         } = group;
         calls.queued.clear();
+        calls.placed.clear();
         for &i in active {
             let state = &mut states[i];
             let mut unused = RayCounters::default();
             let counters = counters
                 .as_deref_mut()
                 .map_or(&mut unused, |all| &mut all[state.index]);
-            if let Some((mesh, ray)) = self.advance::<Q>(state, &mut stacks[i], counters) {
+            let queue = &mut calls.placed;
+            if let Some(mesh) = self.advance::<Q>(state, &mut stacks[i], queue, counters) {
                 calls.queued.push(Call {
                     mesh,
-                    state: i,
-                    ray,
+                    state: i as u32,
+                    placed: calls.placed.len() as u32 - 1,
                 });
             }
         }
-        // Trace the rays of each mesh as one batch.
-        calls.queued.sort_by_key(|call| call.mesh);
+        // Trace the rays of each mesh as one batch; with a single mesh they are in order.
+        let mixed = calls
+            .queued
+            .windows(2)
+            .any(|two| two[0].mesh != two[1].mesh);
+        if mixed {
+            calls.queued.sort_by_key(|call| call.mesh);
+        }
         for batch in calls.queued.chunk_by(|a, b| a.mesh == b.mesh) {
-            if !matches!(states[batch[0].state].log, Log::Nothing) {
+            if !matches!(states[batch[0].state as usize].log, Log::Nothing) {
                 for call in batch {
                     let mesh = &self.meshes[call.mesh as usize];
                     let unused = &mut RayCounters::default();
-                    states[call.state].observe::<Q>(mesh, &mesh.built, &call.ray, unused);
+                    let placed = &calls.placed[call.placed as usize];
+                    states[call.state as usize].observe::<Q>(mesh, &mesh.built, placed, unused);
                 }
                 continue;
             }
             calls.rays.clear();
-            let rays = batch.iter().map(|call| *states[call.state].ray);
+            let rays = batch.iter().map(|call| *states[call.state as usize].ray);
             calls.rays.extend(rays);
             calls.framed.clear();
-            calls.framed.extend(batch.iter().map(|call| call.ray));
+            if mixed {
+                let placed = |call: &Call| calls.placed[call.placed as usize];
+                calls.framed.extend(batch.iter().map(placed));
+            }
+            let framed = if mixed { &calls.framed } else { &calls.placed };
             calls.counts.clear();
             if counters.is_some() {
                 calls.counts.resize(batch.len(), RayCounters::default());
             }
             let counted = counters.is_some().then_some(&mut calls.counts[..]);
             // Each hit shortens the interval of its ray.
-            let mut found = |index: usize, hit: Hit| states[batch[index].state].found(hit);
+            let mut found = |index: usize, hit: Hit| states[batch[index].state as usize].found(hit);
             self.meshes[batch[0].mesh as usize].cast_placed::<Q>(
                 level,
                 &calls.rays,
-                &calls.framed,
+                framed,
                 &mut found,
                 counted,
             );
             // Add the mesh's counters to those of each ray.
             if let Some(all) = counters.as_deref_mut() {
                 for (call, count) in batch.iter().zip(&calls.counts) {
-                    all[states[call.state].index].add(count);
+                    all[states[call.state as usize].index].add(count);
                 }
             }
         }
     }
 
-    /// Traverses the upper tree to the next instance whose mesh the ray must traverse. Returns the mesh and the
-    /// ray in the instance's space; `None` if the stack is empty or an any-hit ray is done.
+    /// Traverses the upper tree to the next instance whose mesh the ray must traverse. Returns the mesh, and appends
+    /// the ray in the instance's space to `placed`; `None` if the stack is empty or an any-hit ray is done.
     fn advance<'a, Q: Query>(
         &'a self,
         state: &mut RayState<'_>,
         stack: &mut Stack,
+        placed: &mut Vec<FrameRay<'a>>,
         counters: &mut RayCounters,
-    ) -> Option<(u32, FrameRay<'a>)> {
+    ) -> Option<u32> {
         while let Some(Entry { code, enter }) = stack.pop() {
             // Skip entries beyond the nearest hit, which may have changed since they were pushed.
             if enter > state.best.reach {
@@ -240,13 +256,13 @@ impl Instances {
             if code & NODE == 0 {
                 // Transform the ray to the instance's space, or handle the instance here.
                 let instance = &self.places[code as usize];
-                let met = self.enter::<Q>(instance, state, counters);
+                let met = self.enter::<Q>(instance, state, placed, counters);
                 if Q::ANY && state.best.hit().is_hit() {
                     stack.clear();
                     return None;
                 }
-                if let Some(ray) = met {
-                    return Some((instance.mesh, ray));
+                if met {
+                    return Some(instance.mesh);
                 }
                 continue;
             }
@@ -295,33 +311,38 @@ impl Instances {
         }
     }
 
-    /// Transforms a ray to an instance's space. Before that, tests the mesh's triangles without area, which no tree
-    /// contains. If the transformed ray has no usable error bound, tests all triangles and returns `None`.
+    /// Transforms a ray to an instance's space; returns whether it must traverse the mesh, and appends it to `placed`
+    /// then. Before that, tests the mesh's triangles without area, which no tree contains. If the transformed ray has
+    /// no usable error bound, tests all triangles.
     fn enter<'a, Q: Query>(
         &self,
         instance: &'a MeshInstance,
         state: &mut RayState<'_>,
+        placed: &mut Vec<FrameRay<'a>>,
         counters: &mut RayCounters,
-    ) -> Option<FrameRay<'a>> {
+    ) -> bool {
         let mesh = &self.meshes[instance.mesh as usize];
         let outline = mesh.outline();
         if !outline.flat.is_empty() && enter_flat::<Q>(mesh, instance, state, counters) {
-            return None;
+            return false;
         }
         for (part, built) in mesh.apart().iter().enumerate() {
             if state.enter_apart::<Q>(mesh, instance, part, built, counters) {
-                return None;
+                return false;
             }
         }
         // Transform the ray with error bounds.
         match mesh.frame().placed(state.ray, instance, state.best.hit()) {
-            Placed::Miss => None,
-            Placed::Traverse(framed) => Some(framed),
+            Placed::Miss => false,
+            Placed::Traverse(framed) => {
+                placed.push(framed);
+                true
+            }
             Placed::ExactOnly => {
                 // Without a usable error bound, test all triangles of the mesh.
                 let framed = FrameRay::exact_only(instance, state.best.hit());
                 state.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
-                None
+                false
             }
         }
     }
