@@ -242,7 +242,7 @@ def test_a_check_that_hangs_or_is_stopped_ends_with_all_that_it_started(
     # The grandchild holds on to the output, so nothing returns before it has ended, one way or the other.
     assert time.monotonic() - began < 450
     assert counts["failed"] == 1
-    assert "ended by signal 9" in remark
+    assert sys.platform == "win32" or "ended by signal 9" in remark
 
 
 def test_a_day_leaves_out_what_only_a_release_needs_and_says_so(
