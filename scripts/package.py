@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ...] [--index PLACE]
-[--sha256 HASH ...] [--split] [--website URL]`.
+"""The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ... [--unmodified]]
+[--split] [--website URL]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
-machines of its kind on which Blender runs, with --for one for another system. --index takes the wheels of --for from a
-package index or a folder instead; --sha256 refuses all wheels but those with these hashes. With either, the wheels go
-into the zip unmodified; otherwise they are named after their build (`systems/bundled.py`). With --split, each system
-also gets a zip of its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than
-Blender itself.
+machines of its kind on which Blender runs, with --for one for another system. Wheels are named after their build
+(`systems/bundled.py`), with --unmodified they go into the zip as they are. With --split, each system also gets a zip of
+its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -30,11 +28,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bundled
 import environment
-import published
 import targets
-import wheel
 
-from addon.core.base import command, native
+from addon.core.base import command
 from addon.lab.base.usage import Parser, output, website
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,15 +49,11 @@ PLATFORMS = {
 """Blender's name of a platform by the pattern of a wheel's platform tag."""
 
 
-BLENDER_GLIBC = (2, 28)
-"""The oldest glibc on which Blender itself runs on Linux, by its published requirements."""
-
-
 class PackageError(RuntimeError):
     """The extension cannot be packaged. The message gives the reason."""
 
 
-REPORTED = (PackageError, wheel.BuildError, targets.TargetError, environment.SetupError, published.PublishedError)
+REPORTED = (PackageError, targets.TargetError, environment.SetupError)
 """Errors that the command reports in one line."""
 
 
@@ -74,32 +66,16 @@ def platform_of(wheel_name: str) -> str:
     raise PackageError(f"{wheel_name}: Blender knows no platform {tag!r}")
 
 
-def glibc_of(wheel_file: Path) -> tuple[int, int]:
-    """The version of glibc that the native module of a wheel needs, (0, 0) if it is not for Linux.
-
-    Read from the versions of its symbols, because a wheel's name need not contain it. Raises PackageError.
-    """
-    needed = [(0, 0)]
-    try:
-        with zipfile.ZipFile(wheel_file) as archive:
-            for name in archive.namelist():
-                if name.endswith(".so"):
-                    found = re.findall(rb"\0GLIBC_(\d+)\.(\d+)(?=[.\0])", archive.read(name))
-                    needed += [(int(major), int(minor)) for major, minor in found]
-    except zipfile.BadZipFile as error:
-        raise PackageError(f"{wheel_file}: not a wheel: {error}") from error
-    return max(needed)
-
-
-def too_new(wheel_file: Path) -> str | None:
-    """A warning if a wheel needs a newer glibc than Blender, else None. Raises PackageError."""
-    needed = glibc_of(wheel_file)
-    if needed <= BLENDER_GLIBC:
+def too_new(wheel_name: str) -> str | None:
+    """A warning if a wheel needs a newer glibc than Blender, by the name that maturin gave it, else None."""
+    needed = [tuple(map(int, version)) for version in re.findall(r"manylinux_(\d+)_(\d+)", wheel_name)]
+    if not needed or min(needed) <= targets.BLENDER_GLIBC:
         return None
+    here, blender = (".".join(map(str, version)) for version in (min(needed), targets.BLENDER_GLIBC))
     return (
-        f"WARNING: {wheel_file.name} needs glibc {needed[0]}.{needed[1]} or newer, Blender only "
-        f"{BLENDER_GLIBC[0]}.{BLENDER_GLIBC[1]}: on older systems (RHEL 9 has 2.34, Ubuntu 20.04 2.31) it can be "
-        "installed but not loaded. For them package with --portable, or build the wheel there and give it with --wheel"
+        f"WARNING: {wheel_name} needs glibc {here} or newer, Blender only {blender}: on older systems (RHEL 9 has "
+        "2.34, Ubuntu 20.04 2.31) it can be installed but not loaded. For them package with --portable, or build the "
+        "wheel there and give it with --wheel"
     )
 
 
@@ -170,23 +146,25 @@ def portable_wheel(name: str | None = None) -> Path:
     """A wheel for all machines of one system on which Blender runs; None: of this machine's.
 
     On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same. Raises
-    wheel.BuildError, targets.TargetError or environment.SetupError.
+    PackageError, targets.TargetError or environment.SetupError.
     """
     if name is None and sys.platform != "linux":
-        return wheel.build(ROOT, Path(sys.executable))[0]
+        return environment.build_wheel(Path(sys.executable))[0]
     target = targets.TARGETS.get(name or targets.here())
+    if target is None:
+        raise PackageError(f"no portable wheel is made for {targets.here()}")
     with environment.alone():
-        environment.prepare_packages(environment.PORTABLE)
-        where = target.name if target else "this system"
-        environment.say(f"native module for {where}: looking for changes (a build takes minutes)")
-        return wheel.build(ROOT, environment.PORTABLE.python, glibc=BLENDER_GLIBC, target=target)[0]
+        environment.prepare(environment.PORTABLE)
+        environment.say(f"native module for {target.name}: looking for changes (a build takes minutes)")
+        options = targets.maturin(target, environment.PORTABLE.python)
+        return environment.build_wheel(environment.PORTABLE.python, f"wheel-{target.name}", *options)[0]
 
 
 def files(wheels: Sequence[Path]) -> list[Path]:
     """The wheels, with those of a folder in its place. Raises PackageError if there is no such file."""
     found = [file for path in wheels for file in (sorted(path.glob("*.whl")) if path.is_dir() else [path])]
     for path in found:
-        if not path.is_file():
+        if not path.is_file() or not zipfile.is_zipfile(path):
             raise PackageError(f"{path}: there is no such wheel")
     return found
 
@@ -204,7 +182,7 @@ def package(
     """Build and validate the zip in the folder `out`, and with `split` one more per system. Returns the zips.
 
     portable: build the wheel for all machines of this kind and add it to `wheels`. systems: the same for each of these
-    systems. website: the publisher's page. unmodified: see `stage`. Raises PackageError, wheel.BuildError,
+    systems. website: the publisher's page. unmodified: see `stage`. Raises PackageError,
     targets.TargetError, environment.SetupError.
     """
     import tomllib
@@ -212,12 +190,12 @@ def package(
     built = [portable_wheel(name) for name in [None] * portable + list(systems)]
     chosen = list(dict.fromkeys([*wheels, *built]))
     if not chosen:
-        chosen.append(wheel.build(ROOT, Path(sys.executable))[0])
+        chosen.append(environment.build_wheel(Path(sys.executable))[0])
     chosen = files(chosen)
     if not chosen:
         raise PackageError("the folders hold no wheels")
     for path in chosen:
-        warning = too_new(path)
+        warning = too_new(path.name)
         if warning is not None:
             print(f"package: {warning}", file=sys.stderr)
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
@@ -261,17 +239,7 @@ def main(arguments: Sequence[str]) -> int:
         help="build a wheel for this system, or for all; may be repeated",
     )
     parser.add_argument(
-        "--index",
-        metavar="PLACE",
-        help="take the wheels from this package index (an address) or folder, with pip, instead of building them; "
-        "those for the systems of --for (default: this one)",
-    )
-    parser.add_argument(
-        "--sha256",
-        action="append",
-        default=[],
-        metavar="HASH",
-        help="the hash of a wheel from --wheel or --index; once given, all of them need theirs",
+        "--unmodified", action="store_true", help="bundle the wheels without naming them after their build"
     )
     parser.add_argument("--split", action="store_true", help="also make one zip per system")
     parser.add_argument("--website", type=website, metavar="URL", help="the publisher's page, which Blender links to")
@@ -282,27 +250,15 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Package with these arguments. Returns the exit status."""
     systems = list(targets.TARGETS) if "all" in asked.systems else asked.systems
-    with tempfile.TemporaryDirectory(prefix="published-") as folder:
-        wheels = list(asked.wheel)
-        if asked.index is not None:
-            if asked.portable:
-                raise PackageError("--portable builds a wheel, --index takes one: give --for instead")
-            version = native.VERSION
-            wheels += [published.take(asked.index, version, one, Path(folder)) for one in systems or [targets.here()]]
-            systems = []
-        if asked.sha256:
-            if asked.portable or systems:
-                raise PackageError("--sha256 checks wheels that are given: --for and --portable build others")
-            published.check(files(wheels), asked.sha256)
-        zips = package(
-            wheels,
-            asked.out,
-            portable=asked.portable,
-            systems=systems,
-            split=asked.split,
-            website=asked.website,
-            unmodified=asked.index is not None or bool(asked.sha256),
-        )
+    zips = package(
+        asked.wheel,
+        asked.out,
+        portable=asked.portable,
+        systems=systems,
+        split=asked.split,
+        website=asked.website,
+        unmodified=asked.unmodified,
+    )
     for path in zips:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0

@@ -25,7 +25,6 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-import notebook_pages
 import package_python
 import structure_pages
 
@@ -107,7 +106,7 @@ def reference() -> str:
 
 
 def stage(folder: Path, pictures: Path | None, package: Path) -> None:
-    """Fill an empty folder with the pages of the site. Raises NotebookError.
+    """Fill an empty folder with the pages of the site. Raises SiteError.
 
     pictures: the folder of those of structures, None for none. package: the source of the Python package, which
     notebooks import.
@@ -128,7 +127,7 @@ def stage(folder: Path, pictures: Path | None, package: Path) -> None:
     shutil.copytree(ROOT / ".pictures", folder / "pictures")
     (folder / "reference.md").write_text(reference(), encoding="utf-8")
     for path in sorted((folder / "lessons").glob("*.ipynb")):
-        notebook_pages.write(path, path.with_suffix(".md"), package)
+        run_notebook(path, package)
     # Write the pages of structures, with the pictures that there are.
     module = native.load()
     scene = structure_pages.Scene(module)
@@ -143,6 +142,30 @@ def stage(folder: Path, pictures: Path | None, package: Path) -> None:
         (folder / "structures" / f"{row['id']}.md").write_text(text, encoding="utf-8")
 
 
+def run_notebook(path: Path, package: Path) -> None:
+    """Run a notebook with nbconvert, which writes a page beside it, and its pictures. Raises SiteError.
+
+    package: the folder from which cells import `halfspace`.
+    """
+    with tempfile.TemporaryDirectory(prefix="notebook-") as folder:
+        # Cells may write into the folder of their notebook, IPython into its own.
+        shutil.copy2(path, folder)
+        words = ["--to", "markdown", "--execute", "--ExecutePreprocessor.timeout=300", "--output-dir", str(path.parent)]
+        variables = {**os.environ, "PYTHONPATH": str(package), "IPYTHONDIR": folder}
+        words = [sys.executable, "-m", "nbconvert", *words, path.name]
+        done = subprocess.run(words, cwd=folder, env=variables, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        # IPython colours what an error says.
+        last = re.sub(r"\x1b\[[\d;]*m", "", done.stderr).strip().splitlines()[-1]
+        raise SiteError(f"{path.name}: {last}")
+    # A link to the file itself stands below the heading.
+    page = path.with_suffix(".md")
+    heading, _, rest = page.read_text(encoding="utf-8").partition("\n")
+    offer = f'[Download this notebook]({path.name}){{ download="{path.name}" }}'
+    note = f"{offer}. The results below are of the machine that built this page."
+    page.write_text(f"{heading}\n\n{note}\n{rest}", encoding="utf-8")
+
+
 def navigation(folder: Path) -> list[Any]:
     """The navigation of the staged pages: lessons and structures are those that there are."""
     lessons = sorted(path.relative_to(folder).as_posix() for path in (folder / "lessons").glob("*.md"))
@@ -155,7 +178,7 @@ def navigation(folder: Path) -> list[Any]:
 def build(out: Path, *, pictures: bool) -> None:
     """Build the site into the folder `out`. pictures: with those of structures, drawn if missing.
 
-    Raises SiteError, NotebookError and DistributionError.
+    Raises SiteError and DistributionError.
     """
     if importlib.util.find_spec("mkdocs") is None:
         raise SiteError("mkdocs is not installed: set up the environment with scripts/test.py")
@@ -201,7 +224,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = Parser(prog="documents_site", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--no-pictures", action="store_true", help="without the pictures of structures")
     parser.add_argument("--out", type=output, default=ROOT / "build" / "site", help="default: build/site")
-    told = (SiteError, notebook_pages.NotebookError, package_python.DistributionError)
+    told = (SiteError, package_python.DistributionError)
     return command.run("documents_site", arguments, parser.parse_args, run, told=told)
 
 

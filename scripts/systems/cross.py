@@ -4,9 +4,8 @@
 `prepare SYSTEM` installs what the others need, from Debian's packages and with rustup. `wheel SYSTEM` builds the wheel
 into the folder after --out. `test SYSTEM` runs the tests of all crates, or those after --crate, under Wine or QEMU.
 `answers SYSTEM` runs `native/examples/answers.rs` for that system and for this one, and compares what the two print.
-`module SYSTEM` does the same with the wheel: a Python of that system imports it and runs `answers.py`, and so does the
-Python that runs this script. `agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction
-sets may differ; rays, hits, bytes of the tree and the hash of all bits of all answers must not.
+`agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction sets may differ; rays, hits,
+bytes of the tree and the hash of all bits of all answers must not.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import package
-import pythons
 import targets
 from targets import TARGETS, Target
 
@@ -108,19 +106,6 @@ def answers(target: Target, rays: int) -> list[str]:
     return run(words, targets.variables(target, run=True), captured=True).splitlines()
 
 
-def module(target: Target, rays: int) -> dict[str, list[str]]:
-    """What `answers.py` prints in this Python, and in one of another system with its wheel, by name of the system.
-
-    Raises CrossError, and the errors of `package.portable_wheel` and `pythons.make`.
-    """
-    words = [str(ROOT / "scripts" / "systems" / "answers.py"), "--rays", str(rays)]
-    theirs = pythons.make(target)
-    pythons.add(target, package.portable_wheel(target.name))
-    found = {targets.here(): run([sys.executable, *words], {}, captured=True).splitlines()}
-    found[target.name] = run([*theirs, *words], target.variables, captured=True).splitlines()
-    return found
-
-
 def table(lines: Sequence[str]) -> dict[str, list[str]]:
     """Structure to the fields that must agree. Other lines are ignored."""
     rows = [line.split() for line in lines]
@@ -162,7 +147,6 @@ def main(arguments: Sequence[str]) -> int:
         ("wheel", "build the wheel"),
         ("test", "run the tests"),
         ("answers", "compare"),
-        ("module", "compare what the wheel answers"),
     ):
         one = commands.add_parser(name, help=text)
         one.add_argument("system", choices=list(TARGETS))
@@ -171,7 +155,7 @@ def main(arguments: Sequence[str]) -> int:
         if name == "test":
             one.add_argument("filters", nargs="*", help="run only tests whose names contain one of these")
             one.add_argument("--crate", action="append", default=[], help="only this crate; may be repeated")
-        if name in ("answers", "module"):
+        if name == "answers":
             one.add_argument("--rays", type=int, default=1_000_000, help="number of rays (default: 1000000)")
     files = commands.add_parser("agree", help="compare files")
     files.add_argument("files", type=Path, nargs="+")
@@ -192,8 +176,6 @@ def chosen(asked: argparse.Namespace) -> int:
         print(shutil.copy2(package.portable_wheel(target.name), asked.out))
     elif asked.command == "test":
         test(target, asked.filters, asked.crate)
-    elif asked.command == "module":
-        return agree(module(target, asked.rays))
     else:
         here = TARGETS[targets.here()]
         return agree({one.name: answers(one, asked.rays) for one in (here, target)})

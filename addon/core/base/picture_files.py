@@ -88,6 +88,8 @@ def read(path: Path) -> Picture:
     oiio = module()
     if not path.is_file():
         raise OSError(f"{path}: there is no such file")
+    if _is_cut(path):
+        raise OSError(f"{path}: cannot be read: it is incomplete")
     wishes = oiio.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), wishes)
@@ -216,7 +218,7 @@ def replacing(path: Path) -> Iterator[Path]:
     read whole, because Blender reports no error when the disk fills up while it writes one.
 
     An older picture stays until then. Raises OSError, which names the file; exceptions of the body pass through.
-    Without OpenImageIO only an empty file is refused. libpng prints a line of its own for a PNG that ends too early.
+    Without OpenImageIO only an empty file and a PNG that ends too early are refused.
     """
     target = Path(os.path.realpath(path))  # replace a link's target, not the link
     try:
@@ -242,7 +244,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def is_whole(path: Path) -> bool:
     """Whether all pixels of a file can be read. Raises FileNotFoundError."""
-    if path.stat().st_size == 0:
+    if path.stat().st_size == 0 or _is_cut(path):
         return False
     try:
         oiio = module()
@@ -260,6 +262,12 @@ def is_whole(path: Path) -> bool:
         return whole and part > 0
     finally:
         source.close()
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether a file is a PNG without its last chunk, which libpng may read, or prints a line of its own about."""
+    content = path.read_bytes()
+    return content.startswith(b"\x89PNG") and b"IEND\xaeB`\x82" not in content
 
 
 def _unwritten(path: Path, reason: object) -> OSError:

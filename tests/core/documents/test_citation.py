@@ -17,6 +17,8 @@ import pytest
 import yaml
 from bibtexparser import middlewares
 
+from addon.core.base import native as core_native
+
 ROOT: Path = environment.ROOT
 
 NEEDED = {
@@ -75,10 +77,17 @@ def test_the_citation_follows_its_schema(tmp_path: Path) -> None:
 
 def test_the_citation_is_of_this_version() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = ("pyproject.toml", "native/Cargo.toml", "blender_manifest.toml")
+    files = [tomllib.loads((ROOT / name).read_text(encoding="utf-8")) for name in names]
+    project = files[0]["project"]
+    versions = {project["version"], files[1]["workspace"]["package"]["version"], files[2]["version"]}
+    assert versions == {native.__version__, core_native.VERSION}
     assert [one["name"] for one in cited["authors"]] == [one["name"] for one in project["authors"]]
-    assert cited["version"] == project["version"]
-    assert f"year = {{{cited['date-released'].year}}}" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert (cited["version"], cited["license"]) == (project["version"], project["license"])
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    stated = {"title": cited["title"], "version": cited["version"], "year": cited["date-released"].year}
+    assert [key for key, value in stated.items() if f"{key} = {{{value}}}" not in readme] == []
+    assert cited["license"] in readme
     assert "docs/papers.bib" in cited["message"]
 
 

@@ -6,13 +6,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import fnmatch
-import importlib.util
+import importlib
 import io
 import re
 import shlex
-import sys
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -61,22 +59,6 @@ def anchors(text: str) -> set[str]:
     return {heading.replace(" ", "-") for heading in bare}
 
 
-@cache
-def script(path: Path) -> Any:
-    """The module of a command, under a name of its own."""
-    found = importlib.util.spec_from_file_location(f"documented_{path.stem}", path)
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.path.insert(0, str(path.parent))
-    try:
-        sys.modules[found.name] = module
-        found.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(path.parent))
-    return module
-
-
 def parsed(module: Any, arguments: list[str]) -> argparse.Namespace:
     """The arguments as the command's own parser reads them; nothing is run. Raises Problem."""
 
@@ -123,10 +105,10 @@ def check_script(words: list[str]) -> None:
     path = ROOT / words[0]
     if not path.is_file():
         raise Problem(f"{words[0]} does not exist")
-    if path.name == "run.py":
+    if path.name in ("run.py", "lock.py"):  # options are those of pytest, and of uv
         return
     if path.name == "test.py":
-        checks = [*script(path).CARGO_CHECKS, *script(path).PYTHON_CHECKS]
+        checks = importlib.import_module(path.stem).checks()
         unknown = [word for word in words[1:] if word != "--all" and not any(name.startswith(word) for name in checks)]
         if unknown:
             raise Problem(f"no check begins with {unknown[0]}")
@@ -136,7 +118,8 @@ def check_script(words: list[str]) -> None:
     elif path.stem in launcher.COMMANDS:
         check_halfspace([path.stem, *words[1:]])
     else:
-        check_configurations(script(path), parsed(script(path), words[1:]))
+        module = importlib.import_module(path.stem)
+        check_configurations(module, parsed(module, words[1:]))
 
 
 def check_blender(words: list[str]) -> None:
@@ -302,7 +285,7 @@ def test_the_front_door_is_short(name: str) -> None:
 
 
 def test_the_page_of_structures_is_current() -> None:
-    page = script(ROOT / "scripts" / "dev" / "structures_page.py")
+    page = importlib.import_module("structures_page")
     rows = native.structures()
     written = page.PAGE.read_text(encoding="utf-8")
     assert written == page.page(rows), "run python scripts/dev/structures_page.py"

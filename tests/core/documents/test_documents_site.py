@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 import urllib.parse
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -13,13 +12,10 @@ from pathlib import Path
 
 import documents_site
 import halfspace_native as native
-import notebook_pages
-import numpy as np
 import overlay_picture
 import pytest
 import structure_pages
 from one_line import told
-from PIL import Image
 
 from addon.lab.claims.table import CLAIMS
 
@@ -160,8 +156,8 @@ def test_a_notebook_that_fails_ends_the_build(tmp_path: Path) -> None:
     cell = {"cell_type": "code", "execution_count": None, "id": "a", "metadata": {}, "outputs": [], "source": "1 / 0"}
     document = {"cells": [cell], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}
     (tmp_path / "bad.ipynb").write_text(json.dumps(document), encoding="utf-8")
-    with pytest.raises(notebook_pages.NotebookError, match=r"bad\.ipynb: ZeroDivisionError: division by zero"):
-        notebook_pages.write(tmp_path / "bad.ipynb", tmp_path / "bad.md", tmp_path)
+    with pytest.raises(documents_site.SiteError, match=r"bad\.ipynb: ZeroDivisionError: division by zero"):
+        documents_site.run_notebook(tmp_path / "bad.ipynb", tmp_path)
     assert not (tmp_path / "bad.md").exists()
 
 
@@ -200,31 +196,6 @@ def test_pictures_that_are_missing_are_drawn_with_valid_options(
         documents_site.draw()
 
 
-def test_a_picture_of_a_structure_has_its_planes_and_that_of_brute_force_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("bpy", reason="this environment has no Blender")
-    gpu = pytest.importorskip("gpu", reason="this Blender has no module of that name")
-    if not hasattr(gpu, "init"):
-        pytest.skip("this Blender cannot draw without a window")
-    for row in native.structures():
-        if row["id"] not in ("kd", "brute"):
-            (tmp_path / f"{row['id']}.jpg").write_bytes(b"drawn before")
-    monkeypatch.setattr(documents_site, "PICTURES", tmp_path)
-    monkeypatch.setattr(documents_site, "PICTURE_SIZE", "96x64")
-    documents_site.draw()
-    drawn = {}
-    for name in ("brute.jpg", "kd.jpg"):
-        with Image.open(tmp_path / name) as picture:
-            drawn[name] = np.asarray(picture.convert("RGB"), np.float64)
-    assert {picture.shape for picture in drawn.values()} == {(64, 96, 3)}
-    # Only planes have colours.
-    colour = {name: float(np.ptp(picture, axis=2).mean()) for name, picture in drawn.items()}
-    assert colour["kd.jpg"] > 10
-    assert colour["brute.jpg"] < 5
-    assert all(picture.std() > 10 for picture in drawn.values()), "objects before a background"
-
-
 def test_a_warning_of_mkdocs_ends_the_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -237,13 +208,3 @@ def test_a_warning_of_mkdocs_ends_the_build(
     said = told(documents_site, ["--no-pictures", "--out", str(tmp_path / "out")], capsys)
     assert said.startswith("documents_site: mkdocs: ")
     assert "'gone.md', but the target is not found" in said
-
-
-def test_the_citation_is_the_same_everywhere() -> None:
-    lines = (ROOT / "CITATION.cff").read_text(encoding="utf-8").splitlines()
-    cited = {name: value.strip(' "') for name, _, value in (line.partition(":") for line in lines if line[0] != " ")}
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert (cited["version"], cited["license"]) == (project["version"], project["license"])
-    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    for part in (f"title = {{{cited['title']}}}", f"version = {{{cited['version']}}}", cited["license"]):
-        assert part in readme

@@ -10,8 +10,8 @@ import zipfile
 from pathlib import Path
 
 import bundled
+import environment
 import pytest
-import uv
 
 NAMES = [f"x-1.2.3-cp311-abi3-{tag}.whl" for tag in ("linux_x86_64", "win_amd64")]
 
@@ -59,7 +59,7 @@ def test_an_installer_takes_the_renamed_wheel_by_its_record(tmp_path: Path, monk
     (wheel,) = bundled.bundle([made(tmp_path / "x-1.2.3-py3-none-any.whl")], tmp_path / "out")
     there = tmp_path / "there"
     options = ["--offline", "--no-deps", "--python", sys.executable, "--target", str(there)]
-    uv.run(["pip", "install", *options, str(wheel)], "the wheel is not installed")
+    environment.uv(["pip", "install", *options, str(wheel)], "the wheel is not installed")
     monkeypatch.syspath_prepend(str(there))
     name = wheel.name.partition("-")[0]
     assert importlib.import_module(name).N == 1

@@ -4,25 +4,29 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import environment
-import imports
+import grimp
 import package
 import package_python
 import pytest
 import targets
-import wheel
 from one_line import told
+
+from addon.core.base import native
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The least that a fingerprint is made from."""
+    monkeypatch.setattr(environment, "ROOT", tmp_path)
     (tmp_path / "native" / "src").mkdir(parents=True)
     (tmp_path / "native" / "tests").mkdir()
     (tmp_path / "native" / "src" / "lib.rs").write_text("one")
@@ -44,25 +48,39 @@ def project(tmp_path: Path) -> Path:
     ],
 )
 def test_the_wheel_is_built_again_only_for_what_is_in_it(project: Path, name: str, content: str, same: bool) -> None:
-    before = wheel.fingerprint(project)
+    before = environment.fingerprint()
     path = project / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(content)
-    assert (wheel.fingerprint(project) == before) is same
+    assert (environment.fingerprint() == before) is same
+
+
+def unreached(graph: grimp.ImportGraph) -> set[str]:
+    """The modules that `addon` never loads: by an import, by one below it, or by their path as a text of a module."""
+    folder = environment.ROOT / "addon"
+    for path in folder.rglob("*.py"):
+        for word in re.findall(r'"(\w+)\.py"', path.read_text(encoding="utf-8")):
+            if (named := path.with_name(f"{word}.py")).is_file():
+                names = [".".join(one.relative_to(folder.parent).with_suffix("").parts) for one in (path, named)]
+                graph.add_import(importer=names[0], imported=names[1])
+    loaded = graph.find_upstream_modules("addon") | {"addon"}
+    return {one for one in graph.modules if not any(f"{name}.".startswith(f"{one}.") for name in loaded)}
 
 
 def test_everything_that_is_packaged_is_reached_by_the_extension(tmp_path: Path) -> None:
-    package.stage([], tmp_path / "staged")
-    staged = imports.modules(tmp_path / "staged", "addon")
-    beside = ["addon.LICENSE", "addon.blender_manifest.toml", "addon.manual.md"]
-    assert imports.unreached(staged, "addon") == beside
-    assert "addon.core.report.page.html" in staged
+    graph = grimp.build_graph("addon", exclude_type_checking_imports=True, cache_dir=None)
+    assert {one for one in unreached(graph) if not one.startswith("addon.lab")} == set()
     # The check can fail: a module without importers, and one that loses its only importer.
-    (tmp_path / "staged" / "core" / "measure" / "orphan.py").write_text("from . import accuracy\n", encoding="utf-8")
-    sky = tmp_path / "staged" / "blender" / "read" / "sky.py"
-    sky.write_text(sky.read_text(encoding="utf-8").replace("sky_bake.py", "nothing.py"), encoding="utf-8")
-    left = imports.unreached(imports.modules(tmp_path / "staged", "addon"), "addon")
-    assert sorted({*left} - {*beside}) == ["addon.blender.read.sky_bake", "addon.core.measure.orphan"]
+    graph.add_module("addon.core.measure.orphan")
+    graph.remove_import(importer="addon.blender.read.sky", imported="addon.blender.read.sky_bake")
+    loaded = graph.find_upstream_modules("addon")
+    assert "addon.core.measure.orphan" in unreached(graph)
+    assert "addon.blender.read.sky_bake" not in loaded
+    package.stage([], tmp_path / "staged")
+    beside = {path.name for path in (tmp_path / "staged").rglob("*") if path.is_file() and path.suffix != ".py"}
+    pages = {"page.html", "inspector.html", "inspector.js"}
+    assert beside == {"LICENSE", "blender_manifest.toml", "manual.md", *pages}
+    assert not (tmp_path / "staged" / "lab").exists()
 
 
 def test_the_package_imports_itself_relatively() -> None:
@@ -122,190 +140,90 @@ def test_platform_tags_are_translated(tag: str, platform: str) -> None:
     assert package.platform_of(f"x-1-cp311-abi3-{tag}.whl") == platform
 
 
-def wheel_with(path: Path, *symbols: bytes) -> Path:
-    """A wheel whose module names these versions of symbols."""
+def wheel_with(path: Path) -> Path:
+    """A wheel without metadata."""
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("x/x.abi3.so", b"\x7fELF\0" + b"\0".join(symbols) + b"\0")
+        archive.writestr("x/x.abi3.so", b"\x7fELF")
     return path
 
 
 @pytest.mark.parametrize(
-    ("symbols", "needed"),
+    ("tag", "needed"),
     [
-        ((b"GLIBC_2.2.5", b"GLIBC_2.17"), (2, 17)),
-        ((b"GLIBC_2.28", b"GLIBC_2.4", b"GLIBC_PRIVATE"), (2, 28)),
-        ((b"GLIBC_2.9", b"GLIBC_2.35", b"GLIBC_2.34"), (2, 35)),
-        ((b"KERNEL32.dll",), (0, 0)),
+        ("manylinux_2_17_x86_64.manylinux2014_x86_64", ""),
+        ("manylinux_2_28_x86_64", ""),
+        ("manylinux_2_35_x86_64", "2.35"),
+        ("win_amd64", ""),
     ],
 )
 def test_a_wheel_for_newer_systems_than_blender_s_is_told_when_it_is_packaged(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    symbols: tuple[bytes, ...],
-    needed: tuple[int, int],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tag: str, needed: str
 ) -> None:
-    path = wheel_with(tmp_path / "x-1-cp311-abi3-linux_x86_64.whl", *symbols)
-    assert package.glibc_of(path) == needed
+    path = wheel_with(tmp_path / f"x-1-cp311-abi3-{tag}.whl")
     monkeypatch.setattr(package, "stage", lambda *_, **__: None)
     monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
     assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().err
-    if needed <= (2, 28):
-        assert not said
-    else:
-        assert said.startswith(f"package: WARNING: {path.name} needs glibc 2.35 or newer, Blender only 2.28: ")
-        assert "package with --portable, or build the wheel there" in said
+    warning = f"package: WARNING: {path.name} needs glibc {needed} or newer, Blender only 2.28: "
+    assert said.startswith(warning) if needed else not said
 
 
 NAME = "x-1-cp311-abi3-manylinux_2_28_x86_64.whl"
 
 
-@pytest.fixture
-def builds(project: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], dict[str, str]]]:
-    """The arguments and the environments of maturin, which leaves an empty wheel instead of a build."""
+def test_a_wheel_is_kept_with_its_fingerprint_beside_others(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[list[str], dict[str, str]]] = []
 
     def run(command: list[str], **named: Any) -> subprocess.CompletedProcess[str]:
-        if command[0] == "cc":
-            return subprocess.CompletedProcess(command, 0, "/lib/libgcc_s.so.1\n", "")
         seen.append((command, named["env"]))
         out = Path(command[command.index("--out") + 1])
         out.mkdir(parents=True)
         wheel_with(out / NAME)
-        return subprocess.CompletedProcess(command, 0, "", "")
+        return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(wheel.subprocess, "run", run)
-    monkeypatch.setattr(wheel.shutil, "which", lambda name: f"/bin/{name}")
-    return seen
-
-
-def test_the_portable_wheel_is_kept_beside_the_usual_one(
-    project: Path, builds: list[tuple[list[str], dict[str, str]]]
-) -> None:
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.shutil, "which", lambda name: name)
     python = Path("/env/bin/python")
-    usual = wheel.build(project, python)
-    portable = wheel.build(project, python, glibc=(2, 28))
-    assert usual == (project / "build" / "wheel" / NAME, True)
-    assert portable == (project / "build" / "wheel-manylinux_2_28" / NAME, True)
-    assert wheel.build(project, python) == (usual[0], False)
-    assert wheel.build(project, python, glibc=(2, 28)) == (portable[0], False)
-    (first, _), (second, variables) = builds
-    assert "--zig" not in first
-    assert second[-5:-1] == ["--zig", "--compatibility", "manylinux_2_28", "--"]
-    assert Path(second[-1].removeprefix("-Clink-arg=")).name.startswith("libgcc_s.so")
-    assert variables["CARGO_ZIGBUILD_PYTHON_PATH"] == str(python), "zig need not be on the PATH"
-
-
-@pytest.fixture
-def installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All compilers, runners and libraries of all systems."""
-    monkeypatch.setattr(targets.shutil, "which", lambda name: f"/bin/{name}")
-    monkeypatch.setattr(targets, "library", lambda target: Path("/lib"))
-    monkeypatch.setattr(targets, "here", lambda: "linux-x64")
+    other = ("wheel-linux-x64", ["--zig"], {"NAME": "value"})
+    for built in (True, False):
+        assert environment.build_wheel(python) == (project / "build" / "wheel" / NAME, built)
+        assert environment.build_wheel(python, *other) == (project / "build" / "wheel-linux-x64" / NAME, built)
+    assert [words[-1] for words, _ in seen] == [str(python), "--zig"]
+    assert (seen[1][1]["NAME"], seen[1][1]["PYO3_PYTHON"]) == ("value", str(python))
+    # A failed build leaves the old wheel.
+    (project / "LICENSE").write_text("changed", encoding="utf-8")
+    monkeypatch.setattr(environment.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 1))
+    with pytest.raises(environment.SetupError, match="does not build"):
+        environment.build_wheel(python)
+    assert (project / "build" / "wheel" / NAME).is_file()
 
 
 @pytest.mark.parametrize(
-    ("name", "glibc", "folder", "options"),
-    [
-        (
-            "linux-x64",
-            (2, 28),
-            "wheel-manylinux_2_28",
-            "--interpreter /env/python --zig --compatibility manylinux_2_28",
-        ),
-        (
-            "linux-arm64",
-            (2, 28),
-            "wheel-linux-arm64-manylinux_2_28",
-            "--target aarch64-unknown-linux-gnu --zig --compatibility manylinux_2_28",
-        ),
-        ("windows-x64", (2, 28), "wheel-windows-x64", "--target x86_64-pc-windows-gnu"),
-        ("macos-arm64", (2, 28), "wheel-macos-arm64", "--target aarch64-apple-darwin --zig"),
-    ],
-)
-def test_a_wheel_for_another_system_is_linked_for_it(
-    installed: None,
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    glibc: tuple[int, int],
-    folder: str,
-    options: str,
-) -> None:
-    compilers: list[str] = []
-    monkeypatch.setattr(wheel, "unwinder", lambda compiler: compilers.append(compiler) or Path("/lib/libgcc_s.so.1"))
-    found, words, variables = wheel.arguments(Path("/env/python"), glibc, targets.TARGETS[name])
-    assert found == folder
-    assert " ".join(words).partition(" -- ")[0] == options
-    assert compilers == {"linux-x64": ["cc"], "linux-arm64": ["aarch64-linux-gnu-gcc"]}.get(name, [])
-    linkers = {key: value for key, value in variables.items() if key.endswith("_LINKER")}
-    assert (f"-Clink-arg=-F{targets.FRAMEWORKS}" in words) == (name == "macos-arm64")
-    # Zig must not be replaced by a linker that is named in the environment.
-    expected = {"CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER": "/bin/x86_64-w64-mingw32-gcc"}
-    assert linkers == (expected if name == "windows-x64" else {})
-
-
-def test_each_stub_of_a_framework_is_found_and_states_where_macos_has_it() -> None:
-    stubs = sorted(targets.FRAMEWORKS.glob("*.framework/*.tbd"))
-    assert [path.stem for path in stubs] == ["CoreFoundation", "IOKit"]
-    for path in stubs:
-        assert path.parent.stem == path.stem
-        place = f"/System/Library/Frameworks/{path.stem}.framework/Versions/A/{path.stem}"
-        assert f"install-name: '{place}'" in path.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("there", "line"),
-    [(None, "cc is not on the PATH: install gcc"), ("/bin/cc", r"cc finds no libgcc_s\.so\.1: install gcc")],
-)
-def test_what_the_portable_wheel_lacks_is_told(
-    project: Path, monkeypatch: pytest.MonkeyPatch, there: str | None, line: str
-) -> None:
-    monkeypatch.setattr(wheel.shutil, "which", lambda name: there if name == "cc" else name)
-    unknown = subprocess.CompletedProcess([], 0, "libgcc_s.so.1\n", "")
-    monkeypatch.setattr(wheel.subprocess, "run", lambda *_, **__: unknown)
-    with pytest.raises(wheel.BuildError, match=line):
-        wheel.build(project, Path("/env/bin/python"), glibc=(2, 28))
-
-
-@pytest.mark.parametrize(
-    ("system", "portable", "glibc", "prepared"),
-    [
-        ("linux", True, (2, 28), [environment.PORTABLE]),
-        ("linux", False, None, []),
-        ("darwin", True, None, []),
-    ],
+    ("system", "portable", "prepared"), [("linux", True, True), ("linux", False, False), ("darwin", True, False)]
 )
 def test_what_is_asked_for_is_bundled_beside_what_is_given(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    system: str,
-    portable: bool,
-    glibc: tuple[int, int] | None,
-    prepared: list[environment.Environment],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str, portable: bool, prepared: bool
 ) -> None:
     ready: list[environment.Environment] = []
-    asked: list[tuple[int, int] | None] = []
+    asked: list[Any] = []
     bundled: list[str] = []
 
-    def build(
-        _: Path, __: Path, *, glibc: tuple[int, int] | None = None, target: targets.Target | None = None
-    ) -> tuple[Path, bool]:
-        assert target is None or target.is_here
-        asked.append(glibc)
+    def build(_: Path, *options: Any) -> tuple[Path, bool]:
+        asked.append(options)
         return wheel_with(tmp_path / NAME), True
 
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(environment, "ROOT", tmp_path)
-    monkeypatch.setattr(environment, "prepare_packages", ready.append)
-    monkeypatch.setattr(package.wheel, "build", build)
+    monkeypatch.setattr(environment, "prepare", ready.append)
+    monkeypatch.setattr(environment, "build_wheel", build)
+    monkeypatch.setattr(targets, "maturin", lambda target, _: (["--zig"], {}))
     monkeypatch.setattr(package, "stage", lambda wheels, *_, **__: bundled.extend(path.name for path in wheels))
     monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
     given = wheel_with(tmp_path / "x-1-cp311-abi3-win_amd64.whl")
     arguments = ["--portable", "--wheel", str(given)] if portable else []
     assert package.main([*arguments, "--out", str(tmp_path)]) == 0
-    assert asked == [glibc]
-    assert ready == prepared
+    assert asked == [(f"wheel-{targets.here()}", ["--zig"], {}) if prepared else ()]
+    assert ready == [environment.PORTABLE] * prepared
     assert bundled == [given.name] * portable + [NAME]
 
 
@@ -341,26 +259,55 @@ def test_each_system_gets_a_zip_of_its_own_next_to_the_one_for_all(
     assert packed == [[renamed[name]] for name in systems]
 
 
-def test_an_empty_folder_of_wheels_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert package.main(["--wheel", str(tmp_path), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == "package: the folders hold no wheels\n"
+def test_unmodified_wheels_keep_their_bytes(tmp_path: Path) -> None:
+    path = wheel_with(tmp_path / f"halfspace_native-{native.VERSION}-cp311-abi3-win_amd64.whl")
+    assert package.main(["--wheel", str(path), "--unmodified", "--out", str(tmp_path / "out")]) == 0
+    with zipfile.ZipFile(tmp_path / "out" / f"halfspace-{native.VERSION}.zip") as archive:
+        assert archive.read(f"wheels/{path.name}") == path.read_bytes()
 
 
-def test_an_environment_that_cannot_be_set_up_ends_packaging_with_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--wheel", "HERE"], "the folders hold no wheels"),
+        (["--wheel", "HERE/x-1-cp311-abi3-linux_x86_64.whl"], "there is no such wheel"),
+        (["--wheel", "HERE/broken"], "there is no such wheel"),
+        (["--portable"], "pip failed in .venv-portable"),
+    ],
+)
+def test_what_cannot_be_packaged_is_one_line(
+    words: list[str], line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(_: environment.Environment) -> None:
         raise environment.SetupError("pip failed in .venv-portable")
 
+    (tmp_path / "broken").write_bytes(b"no wheel")
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(environment, "ROOT", tmp_path)
-    monkeypatch.setattr(environment, "prepare_packages", fail)
-    assert package.main(["--portable", "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == "package: pip failed in .venv-portable\n"
+    monkeypatch.setattr(environment, "prepare", fail)
+    given = [word.replace("HERE", str(tmp_path)) for word in words]
+    said = told(package, [*given, "--out", str(tmp_path)], capsys)
+    assert said.startswith("package: ")
+    assert said.endswith(f"{line}\n")
 
 
-def test_a_wheel_that_is_none_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "x-1-cp311-abi3-linux_x86_64.whl"
-    path.write_bytes(b"no wheel")
-    assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"package: {path}: not a wheel: File is not a zip file\n"
+@pytest.mark.skipif(shutil.which("cargo") is None, reason="Rust is not installed")
+def test_the_source_archive_holds_what_the_wheel_is_made_from(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "maturin", "sdist", "--out", str(tmp_path)]
+    done = subprocess.run(words, cwd=package.ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with tarfile.open(tmp_path / f"halfspace_native-{native.VERSION}.tar.gz") as archive:
+        files = [one for one in archive.getmembers() if one.isfile()]
+        held = {one.name.partition("/")[2]: archive.extractfile(one).read() for one in files}  # type: ignore[union-attr]
+    # The crate for Rust programs, native/src, is not part of the module.
+    crates = [path.parent for path in (package.ROOT / "native").glob("*/Cargo.toml") if path.parent.name != "fuzz"]
+    wanted = [path for path in environment.sources() if path.suffix in (".rs", ".pyi")]
+    wanted = [path for path in wanted if any(path.is_relative_to(crate) for crate in crates)]
+    wanted += [package.ROOT / name for name in (".cargo/config.toml", "LICENSE", "pyproject.toml", "native/Cargo.lock")]
+    assert len(wanted) > 500
+    for path in wanted:
+        name = path.relative_to(package.ROOT).as_posix()
+        assert name in held, name
+        assert path.suffix in (".toml", ".lock") or held[name] == path.read_bytes(), name
+    assert b"sse4.2" in held[".cargo/config.toml"]
+    assert not [name for name, content in held.items() if str(package.ROOT).encode() in content]

@@ -16,11 +16,11 @@ from email.message import Message
 from email.parser import Parser
 from pathlib import Path
 
+import environment
 import numpy as np
 import package_python
 import pytest
 import trove_classifiers
-import uv
 from packaging.requirements import Requirement
 
 from addon.core.base import native
@@ -53,10 +53,10 @@ def home(built: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("home")
     wheels = sorted((ROOT / "build" / "wheel").glob("*.whl"))
     assert len(wheels) == 1, "scripts/test.py builds the wheel first"
-    uv.run(["venv", "--no-project", "--python", sys.executable, str(folder / "venv")], "no environment")
+    environment.uv(["venv", "--no-project", "--python", sys.executable, str(folder / "venv")], "no environment")
     numpy = f"numpy=={importlib.metadata.version('numpy')}"
     python = str(folder / "venv" / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
-    uv.run(["pip", "install", "--python", python, str(built[0]), str(wheels[0]), numpy], "not installed")
+    environment.uv(["pip", "install", "--python", python, str(built[0]), str(wheels[0]), numpy], "not installed")
     side = np.linspace(0.0, 1.0, 20)
     corners = np.stack([*np.meshgrid(side, side), np.add.outer(side**2, side)], axis=-1).reshape(-1, 3)
     first = [20 * row + column for row in range(19) for column in range(19)]
@@ -198,10 +198,7 @@ def test_both_distributions_describe_themselves(name: str) -> None:
     assert all(project[key] for key in ("authors", "description", "keywords", "readme"))
 
 
-@pytest.mark.parametrize(
-    ("python", "blender"),
-    [("3.11", True), ("3.12", False), ("3.13", True), ("3.14", False)],
-)
+@pytest.mark.parametrize(("python", "blender"), [("3.11", True), ("3.12", False), ("3.13", True), ("3.14", False)])
 def test_extras_leave_out_what_a_python_cannot_have(metadata: Message, python: str, blender: bool) -> None:
     assert set(metadata.get_all("Provides-Extra", [])) == {"blender", "measure", "cluster"}
     needed: dict[str, set[str]] = {}

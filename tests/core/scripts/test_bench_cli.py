@@ -32,22 +32,24 @@ FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "
 QUICK = [*FAST, "--structures", "kd"]
 
 
-@pytest.fixture
-def scene(tmp_path: Path) -> Path:
-    """A small file: a hundred triangles around the origin, seen from outside."""
+def saved(path: Path, corners: Any, target: Any = (0.0, 0.0, 0.0), **more: Any) -> Path:
+    """A file with the triangles of float[3 n, 3] corners, seen from outside of the origin's neighbourhood."""
+    view = {"camera_eye": [0, -5, 1], "camera_target": target, "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    np.savez(path, vertices=np.asarray(corners, np.float32), triangles=triangles, **view, **more)
+    return path
+
+
+def soup(path: Path, **more: Any) -> Path:
+    """A file with a hundred triangles around the origin."""
     rng = np.random.default_rng(1)
     corners = rng.normal(size=(100, 1, 3)) + 0.4 * rng.normal(size=(100, 3, 3))
-    path = tmp_path / "soup.npz"
-    np.savez(
-        path,
-        vertices=corners.reshape(-1, 3).astype(np.float32),
-        triangles=np.arange(300, dtype=np.int32).reshape(-1, 3),
-        camera_eye=np.array([0.0, -5.0, 1.0]),
-        camera_target=np.zeros(3),
-        camera_up=np.array([0.0, 0.0, 1.0]),
-        camera_vfov_deg=np.float64(45.0),
-    )
-    return path
+    return saved(path, corners.reshape(-1, 3), **more)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return soup(tmp_path / "soup.npz")
 
 
 @pytest.fixture(autouse=True)
@@ -153,17 +155,25 @@ def test_an_answer_that_differs_far_from_the_origin_is_status_1_too() -> None:
     assert bench.status([right, {**wrong, "spec": "kd-sah:robust=none"}]) == 0
 
 
-def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "out"
-    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
-    before = document(out)["rows"]
-
+def test_a_second_run_measures_nothing_again_and_other_options_are_other_rows(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def never(*_: Any) -> Any:
         raise AssertionError("a finished row was measured again")
 
-    monkeypatch.setattr(benchmark, "events", never)
-    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    out = tmp_path / "out"
+    # A scene of the shared folder is called by its name.
+    assert bench.main(["soup", *QUICK, "--threads", "0", "--out", str(out)]) == 0
+    before = document(out)["rows"]
+    assert (before[-1]["scene"], before[-1]["threads"]) == ("soup", os.cpu_count())
+    with monkeypatch.context() as patched:
+        patched.setattr(benchmark, "events", never)
+        assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(out)]) == 0
     assert document(out)["rows"] == before
+    assert bench.main(["soup.npz", *QUICK, "--threads", "0", "--ray-seed", "2", "--out", str(out)]) == 0
+    entries = results.Journal(out).entries.values()
+    assert len([entry for entry in entries if entry.row["spec"] == "kd"]) == 2
 
 
 def test_a_stopped_run_goes_on_where_it_was(
@@ -196,14 +206,6 @@ def test_a_stopped_run_goes_on_where_it_was(
     assert "kd" not in own or yardstick.problem() is not None
     finished = [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"]
     assert finished == [*expanded("kd"), *expanded("kd-sah")]
-
-
-def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    for seed in ("1", "2"):
-        assert bench.main([str(scene), *QUICK, "--ray-seed", seed, "--out", str(out)]) == 0
-    entries = results.Journal(out).entries.values()
-    assert len([entry for entry in entries if entry.row["spec"] == "kd"]) == 2
 
 
 @pytest.mark.parametrize(
@@ -266,13 +268,24 @@ def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys:
     assert [row["spec"] for row in document(tmp_path / "out")["rows"] if row["spec"] != "embree"] == expanded("kd")
 
 
-def test_a_truncated_scene_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
-    scene.write_bytes(scene.read_bytes()[:300])
-    assert bench.main([str(scene), *QUICK, "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err.strip()
-    assert "\n" not in error
-    assert "soup.npz: cannot be read as .npz" in error
-    assert not (tmp_path / "out" / "bench.json").exists()
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["CUT", *QUICK], "cut.npz: cannot be read as .npz"),
+        (["SCENE", *QUICK, "--out", "SCENE/inside"], "cannot be written"),
+        (["--preset", "thesis"], "none of its scenes"),
+    ],
+)
+def test_what_cannot_be_measured_or_written_is_one_line(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, words: list[str], said: str
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(scene.read_bytes()[:300])
+    assert bench.main([word.replace("SCENE", str(scene)).replace("CUT", str(cut)) for word in words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
 
 
 def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tmp_path: Path) -> None:
@@ -314,18 +327,6 @@ def test_of_several_scenes_one_that_cannot_be_measured_does_not_stop_the_others(
     assert line in (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_scene_in_one_point_is_measured(tmp_path: Path) -> None:
-    path = tmp_path / "point.npz"
-    view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
-    np.savez(path, vertices=np.full((3, 3), 0.5, np.float32), triangles=np.array([[0, 1, 2], [2, 1, 0]]), **view)
-    out = tmp_path / "out"
-    asked = ["--structures", "kd", "--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "1"]
-    assert bench.main([str(path), *asked, "--out", str(out)]) == 0
-    (row,) = (row for row in document(out)["rows"] if row["spec"] == "kd")
-    assert row["error"] is None
-    assert [point["spp"] for point in row["curve"]] == [1]
-
-
 def test_one_configuration_in_other_words_is_one_row(scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ["--structures", "kd:,kd,kd:traversal=auto,kd:max_depth=9,traversal=dir,kd:traversal=dir,max_depth=9"]
@@ -351,21 +352,6 @@ def test_the_work_of_the_reference_is_bounded_and_the_rays_counted(scene: Path, 
         printed = capsys.readouterr().out
         assert f" on {4 * wanted:,} rays each" in printed
         assert ("128 rays per set compared, not 20,000" in printed) == (not more)
-
-
-def test_a_scene_of_the_shared_folder_is_called_by_its_name(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workload, "SCENES", tmp_path)
-    for name in ("soup", "soup.npz"):
-        out = tmp_path / f"of {name}"
-        assert bench.main([name, *QUICK, "--out", str(out)]) == 0
-        assert document(out)["rows"][-1]["scene"] == "soup"
-
-
-def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
-    assert bench.main([str(scene), *QUICK, "--out", str(scene / "inside")]) == 2
-    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_a_preset_names_scenes_structures_and_rays(
@@ -403,17 +389,6 @@ def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(
     assert all("traversal=dir" in spec for spec in chosen)
 
 
-def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    monkeypatch.setattr(workload, "SCENES", tmp_path)
-    assert bench.main(["--preset", "thesis"]) == 2
-    assert "none of its scenes" in capsys.readouterr().err
-
-
-def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) -> None:
-    assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(tmp_path / "out")]) == 0
-    assert document(tmp_path / "out")["rows"][-1]["threads"] == os.cpu_count()
-
-
 def test_a_report_names_the_instruction_set_that_was_used(scene: Path, tmp_path: Path) -> None:
     module = native.load()
     best = module.level()
@@ -434,24 +409,29 @@ def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
     assert "soup: 100 triangles" in done.stdout
 
 
-@pytest.mark.parametrize(("target", "hits"), [([0, 0, 0], True), ([0, -10, 0], False)], ids=["one triangle", "no hits"])
+ONE = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 9]])
+
+
+@pytest.mark.parametrize(
+    ("corners", "target", "hits"),
+    [(ONE, [0, 0, 1], True), (ONE, [0, -10, 0], False), (np.full((3, 3), 0.5), [0, 0, 0], False)],
+    ids=["one triangle", "no hits", "a point"],
+)
 def test_scenes_with_equal_answers_or_none_have_tables_without_nan(
-    tmp_path: Path, capsys: Any, target: list[float], *, hits: bool
+    tmp_path: Path, capsys: Any, corners: Any, target: list[float], *, hits: bool
 ) -> None:
-    path = tmp_path / "poor.npz"
-    view = {"camera_eye": [0, -5, 0], "camera_target": target, "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
-    corners = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 9]], np.float32)
-    np.savez(path, vertices=corners, triangles=np.array([[0, 1, 2]]), **view)
+    path = saved(tmp_path / "poor.npz", corners, target)
     out = tmp_path / "out"
     asked = ["--structures", "kd,octree-net", "--size", "32x32", "--repeats", "6", "--check-rays", "64", "--curve", "1"]
     assert bench.main([str(path), *asked, "--only-rays", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "nan" not in printed.lower()
-    assert "poor: 1 triangle, " in printed
+    assert "poor: 1 triangle" in printed
     assert ("none hits the scene" in printed) != hits
     found: list[str] = []
     json.loads((out / "bench.json").read_text(encoding="utf-8"), parse_constant=found.append)
     assert found == []
+    assert [row["error"] for row in document(out)["rows"]] == [None] * len(document(out)["rows"])
     assert "nan" not in (out / "bench.csv").read_text(encoding="utf-8").lower().replace("instance", "")
     for table in ("One ray at a time", "As fast as it goes"):
         assert table in printed

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import logging
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,24 +20,6 @@ from addon.lab.commands import claims, inspector
 HUGE = "99999999999"
 
 
-class Talkative:
-    """A command that logs its error before it tells it."""
-
-    @staticmethod
-    def main(_: list[str]) -> int:
-        try:
-            raise ValueError("odd")
-        except ValueError as error:
-            logging.getLogger("addon").exception("in many lines")
-            print(f"talkative: {error}", file=sys.stderr)
-            return 2
-
-
-def test_what_is_logged_beside_the_line_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(AssertionError, match="Traceback"):
-        told(Talkative, [], capsys)
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("arguments", [["--no-such-option"], ["--out"], ["--threads", "x", "--triangles", "x"]])
 def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,17 +29,9 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
-        ("bench", ["grid", "--threads", "100000"], "--threads: expected 0 to 1024, got 100000"),
-        ("bench", ["grid", "--repeats", HUGE], "--repeats: expected 1 to 1000"),
         ("bench", ["grid", "--check-rays", HUGE], "--check-rays: expected 1 to "),
         ("bench", ["grid", "--ray-seed", "4294967295"], "--ray-seed: expected 0 to "),
-        (
-            "bench",
-            ["grid", "--curve", "1,16777216"],
-            "--curve: expected numbers of samples up to 1048576",
-        ),
-        ("bench", ["grid", "--curve", "many"], "--curve: expected a number or a range such as 2-10, got 'many'"),
-        ("bench", ["grid", "--k", "9-2"], "--k: the range '9-2' runs backwards"),
+        ("bench", ["grid", "--curve", "1,16777216"], "--curve: expected numbers of samples up to 1048576"),
         ("bench", ["grid", "--alpha", "much"], "--alpha: expected a number or a range"),
         ("bench", ["grid", "--seeds", "1-9999999"], "--seeds: the range '1-9999999' has more than "),
         ("growth", ["--triangles", "1e4,lots"], "--triangles: expected a number or a range"),
@@ -226,21 +198,12 @@ def test_the_page_of_an_alias_is_that_of_its_structure(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "arguments"), [("choose", ["hut"]), ("claims", ["beams-flat-line", "--quick"])])
 def test_a_build_without_room_is_one_line(
-    name: str,
-    arguments: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def crowded(*_: object, **__: object) -> None:
         raise MemoryError("memory_limit: the build needs more than the 1 MB it may take")
 
-    np.savez(
-        tmp_path / "hut.npz",
-        vertices=np.eye(3, dtype=np.float32),
-        triangles=np.array([[0, 1, 2]]),
-        **VIEW,
-    )
+    np.savez(tmp_path / "hut.npz", vertices=np.eye(3, dtype=np.float32), triangles=np.array([[0, 1, 2]]), **VIEW)
     monkeypatch.setattr(workload, "SCENES", tmp_path)
     monkeypatch.setattr(auto, "choose", crowded)
     monkeypatch.setattr(claims.claims, "measure", crowded)

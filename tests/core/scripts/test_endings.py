@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import demo
-import dependencies
 import mutations
 import pytest
 import test
@@ -54,9 +53,7 @@ def test_ctrl_c_is_one_line_and_status_130(
     assert capsys.readouterr() == ("", f"{name}: stopped\n")
 
 
-@pytest.mark.parametrize(
-    ("tool", "first"), [(demo, "work"), (dependencies, "work"), (mutations, "check"), (test, "work")]
-)
+@pytest.mark.parametrize(("tool", "first"), [(demo, "work"), (mutations, "check"), (test, "work")])
 def test_ctrl_c_ends_the_tools_of_developers_alike(
     tool: Any, first: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import threading
 from collections.abc import Sequence
@@ -11,18 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import environment
-import lock
 import pytest
-import uv
 
-HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
+HERE = "{}.{}".format(*sys.version_info)
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has neither shell scripts nor this lock")
 
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[str]]:
     """The arguments of uv, which is not run."""
     calls: list[Sequence[str]] = []
-    monkeypatch.setattr(uv, "run", lambda arguments, _: calls.append(arguments))
+    monkeypatch.setattr(environment, "uv", lambda arguments, _: calls.append(arguments))
+    monkeypatch.setattr(environment, "command", lambda: Path("uv"))
     return calls
 
 
@@ -34,40 +36,30 @@ def program(path: Path, text: str, status: int = 0) -> Path:
     return path
 
 
-posix = pytest.mark.skipif(sys.platform == "win32", reason="the programs of these tests are shell scripts")
-
-
 @posix
 @pytest.mark.parametrize(
     ("version", "status", "used"), [("uv 0.99.1", 0, True), ("uv 0.4.30", 0, False), ("uv 0.99.1", 127, False)]
 )
-def test_a_uv_on_the_path_is_used_if_it_is_new_enough(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, status: int, used: bool
+@pytest.mark.parametrize("ours", [environment.VERSION, "0.1.0"])
+def test_a_uv_on_the_path_is_used_if_it_is_new_enough_else_one_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, status: int, used: bool, ours: str
 ) -> None:
     theirs = program(tmp_path / "theirs" / "uv", version, status)
-    ours = program(tmp_path / "ours" / "bin" / "uv", f"uv {uv.VERSION} (a build)")
+    own = program(tmp_path / "ours" / "bin" / "uv", f"uv {ours} (a build)")
+    commands: list[Sequence[str]] = []
     monkeypatch.setenv("PATH", str(theirs.parent), prepend=":")
-    monkeypatch.setattr(uv, "FOLDER", tmp_path / "ours")
-    assert uv.command.__wrapped__() == (theirs if used else ours)
+    monkeypatch.setattr(environment, "UV", tmp_path / "ours")
+    monkeypatch.setattr(environment, "checked", lambda arguments, *_: commands.append(arguments))
+    assert environment.command.__wrapped__() == (theirs if used else own)
+    is_current = used or ours == environment.VERSION
+    assert [words[1:3] for words in commands] == ([] if is_current else [["-m", "venv"], ["-m", "pip"]])
+    assert is_current or commands[1][-1] == f"uv=={environment.VERSION}"
 
 
-@posix
-def test_uv_is_installed_where_there_is_none_of_this_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ours = program(tmp_path / "bin" / "uv", "uv 0.1.0")
-    commands: list[list[str]] = []
-    monkeypatch.setattr(uv.shutil, "which", lambda _: None)
-    monkeypatch.setattr(uv, "FOLDER", tmp_path)
-    monkeypatch.setattr(uv, "ROOT", tmp_path.parent)
-    monkeypatch.setattr(uv, "_checked", lambda arguments, *_: commands.append(arguments))
-    assert uv.command.__wrapped__() == ours
-    assert [command[1:3] for command in commands] == [["-m", "venv"], ["-m", "pip"]]
-    assert commands[1][-1] == f"uv=={uv.VERSION}"
-
-
-def test_a_failure_ends_with_the_last_lines() -> None:
-    code = "import sys; print('\\n'.join(map(str, range(99))), file=sys.stderr); sys.exit(2)"
-    with pytest.raises(environment.SetupError, match=r"^it failed:\n84\n(.*\n)*98$"):
-        uv._checked([sys.executable, "-c", code], "it failed")
+def test_a_failure_is_one_line_with_the_last_words() -> None:
+    code = "import sys; print('\\n'.join(map(str, range(999))), file=sys.stderr); sys.exit(2)"
+    with pytest.raises(environment.SetupError, match=r"^it failed: .{,600} 997 998$"):
+        environment.checked([sys.executable, "-c", code], "it failed")
 
 
 def test_what_pip_and_pyenv_know_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,20 +67,20 @@ def test_what_pip_and_pyenv_know_is_passed_on(tmp_path: Path, monkeypatch: pytes
         (tmp_path / "versions" / name).mkdir(parents=True)
     for name in ("UV_DEFAULT_INDEX", "SSL_CERT_FILE"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
-    monkeypatch.setenv("PIP_INDEX_URL", "https://index.example")
-    monkeypatch.setenv("PIP_CERT", "certificates.pem")
-    found = uv.variables()
+    given = {"PYENV_ROOT": str(tmp_path), "PIP_INDEX_URL": "https://index.example", "PIP_CERT": "certificates.pem"}
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(environment, "command", lambda: Path("uv"))
+    monkeypatch.setattr(environment, "checked", lambda _, __, variables: variables)
+    found: Any = environment.uv([], "")
     assert found["PYENV_VERSION"] == "3.13.0:3.11.7"
-    assert found["UV_DEFAULT_INDEX"] == "https://index.example"
-    assert found["SSL_CERT_FILE"] == "certificates.pem"
+    assert (found["UV_DEFAULT_INDEX"], found["SSL_CERT_FILE"]) == ("https://index.example", "certificates.pem")
 
 
 def test_an_environment_is_made_once(tmp_path: Path, asked: list[Sequence[str]], monkeypatch: Any) -> None:
     where = environment.Environment("0", HERE, tmp_path / "env", ())
     environment.make(where)
-    assert len(asked) == 1
-    assert asked[0][0] == "venv"
+    assert [words[0] for words in asked] == ["venv"]
     monkeypatch.setattr(environment.Environment, "python", Path(sys.executable))
     environment.make(where)
     assert len(asked) == 1
@@ -100,20 +92,16 @@ def test_an_environment_is_made_once(tmp_path: Path, asked: list[Sequence[str]],
 def test_a_python_that_is_missing_is_told_from_other_failures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool, error: type[Exception]
 ) -> None:
-    def fail(*_: Any) -> str:
-        raise environment.SetupError("no")
+    def uv(arguments: Sequence[str], failure: str) -> str:
+        if arguments[0] == "venv" or not there:
+            raise environment.SetupError(failure)
+        return ""
 
-    monkeypatch.setattr(uv, "run", fail)
-    monkeypatch.setattr(environment, "available", lambda _: there)
+    monkeypatch.setattr(environment, "uv", uv)
+    monkeypatch.setattr(environment, "command", lambda: Path("uv"))
     with pytest.raises(environment.SetupError) as raised:
         environment.make(environment.Environment("0", "3.99", tmp_path, ()))
     assert raised.type is error
-
-
-def pinned(where: environment.Environment) -> dict[str, str]:
-    """Package to version, as locked."""
-    found = re.findall(r"^([\w.-]+)==([^\s;]+)", where.lock.read_text(encoding="utf-8"), re.MULTILINE)
-    return {name.lower(): version for name, version in found}
 
 
 @pytest.mark.parametrize("where", environment.ALL, ids=lambda where: where.folder.name)
@@ -121,23 +109,15 @@ def test_what_is_locked_is_what_the_project_file_wants(where: environment.Enviro
     import tomllib
 
     groups = tomllib.loads((environment.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]
-    locked = pinned(where)
+    text = where.lock.read_text(encoding="utf-8")
+    locked = {name.lower(): version for name, version in re.findall(r"(?m)^([\w.-]+)==([^\s;]+)", text)}
     for requirement in (line for group in where.groups for line in groups[group]):
         name, _, version = requirement.partition(";")[0].strip().partition("==")
         assert locked.get(name.lower()) == version, f"run scripts/dev/lock.py: {requirement}"
-
-
-@pytest.mark.parametrize("where", environment.ALL, ids=lambda where: where.folder.name)
-def test_a_lock_has_hashes_and_names_no_host(where: environment.Environment) -> None:
-    text = where.lock.read_text(encoding="utf-8")
+    assert ("ziglang" in locked) == (where == environment.PORTABLE)
+    # Hashes, and no host.
     assert "://" not in text
     assert text.count("==") <= text.count(" --hash=sha256:")
-
-
-def test_tests_do_without_what_only_the_portable_wheel_needs() -> None:
-    assert "ziglang" in pinned(environment.PORTABLE)
-    for where in (environment.CURRENT, environment.LTS):
-        assert "ziglang" not in pinned(where)
 
 
 def test_packages_are_installed_by_their_hashes_and_the_wheel_after_them(
@@ -145,24 +125,15 @@ def test_packages_are_installed_by_their_hashes_and_the_wheel_after_them(
 ) -> None:
     where = environment.Environment("0", HERE, tmp_path / ".venv-x", ())
     monkeypatch.setattr(environment, "make", lambda _: None)
-    monkeypatch.setattr(environment.wheel, "build", lambda *_: (tmp_path / "x.whl", True))
-    environment.prepare_packages(where)
+    monkeypatch.setattr(environment, "build_wheel", lambda *_: (tmp_path / "x.whl", True))
+    environment.prepare(where)
     environment.install_wheel(where)
     packages, wheel = asked
     assert {"--require-hashes", "--no-build", str(environment.ROOT / "requirements" / "venv-x.txt")} <= set(packages)
     assert list(wheel[-2:]) == ["--no-deps", str(tmp_path / "x.whl")]
 
 
-def test_all_files_are_locked_by_one_command(asked: list[Sequence[str]], capsys: pytest.CaptureFixture[str]) -> None:
-    assert lock.main([]) == 0
-    assert [Path(call[call.index("--output-file") + 1]) for call in asked] == [one.lock for one in environment.ALL]
-    assert not any("--upgrade" in call for call in asked)
-    assert lock.main(["--upgrade"]) == 0
-    assert all("--upgrade" in call for call in asked[len(environment.ALL) :])
-    assert "requirements/venv.txt" in capsys.readouterr().out.replace("\\", "/")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows does without the lock")
+@posix
 def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.setattr(environment, "ROOT", tmp_path)
     order: list[str] = []
@@ -180,3 +151,31 @@ def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     thread.join(300)
     assert order == ["first", "second"]
     assert "waiting for another set-up" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Blender brings all libraries on other systems")
+@pytest.mark.parametrize("may", [True, False])
+def test_missing_libraries_are_installed_or_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, may: bool) -> None:
+    def run(words: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        steps.append(words[:2])
+        status = 0 if may or words[0] == "ldd" else 100
+        return subprocess.CompletedProcess(
+            words, status, "\tlibX.so => /x (0x7)\n\tlibSM.so.6 => not found\n" * 2, "root?"
+        )
+
+    steps: list[list[str]] = []
+    environment.provide_libraries(environment.CURRENT)
+    where = environment.Environment("0", HERE, tmp_path, ())
+    module = tmp_path / "lib" / f"python{HERE}" / "site-packages" / "bpy" / "__init__.abi3.so"
+    module.parent.mkdir(parents=True)
+    module.touch()
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.shutil, "which", lambda name: name)
+    monkeypatch.setattr(environment.ctypes.util, "find_library", lambda _: None)
+    if may:
+        environment.provide_libraries(where)
+    else:
+        line = r"^Blender lacks libEGL\.so\.1, libSM\.so\.6: on Debian or Ubuntu run: sudo apt-get install .*: root\?$"
+        with pytest.raises(environment.SetupError, match=line):
+            environment.provide_libraries(where)
+    assert steps == [["ldd", str(module)], ["apt-get", "update"], *([["apt-get", "install"]] if may else [])]

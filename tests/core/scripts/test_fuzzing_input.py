@@ -116,45 +116,22 @@ word = st.one_of(
     st.from_regex(r"[0-9²]{0,12}-?[0-9]{0,12}(,[0-9]{1,3})?", fullmatch=True),
     st.sampled_from(["nan", "inf", "-1", "1e400", "9" * 5000, "0-99999999999", "primary", "\0", "²"]),
 )
-flag = st.sampled_from(
-    [
-        "--structures",
-        "--k",
-        "--alpha",
-        "--seeds",
-        "--rays",
-        "--size",
-        "--repeats",
-        "--threads",
-        "--curve",
-        "--check-rays",
-    ]
-)
+FLAGS = {
+    bench: "--structures --k --alpha --seeds --rays --size --repeats --threads --curve --check-rays",
+    stability_command: "--structures --long --seconds --seed --leak-rays --size",
+}
+WRONG = {bench: "not-there.npz", stability_command: "--threads=-1"}
+"""What no command line is right with; all else is read first."""
 
 
+@pytest.mark.parametrize("command", FLAGS)
 @QUIET
-@given(arguments=st.lists(st.tuples(flag, word), max_size=4))
-def test_any_command_line_of_the_benchmark_ends_in_one_line(
-    arguments: list[tuple[str, str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    # Equals signs, so that no text is taken for another option. The scene is never there: all else is read first.
-    line = [f"{name}={text}" for name, text in arguments]
-    assert bench.main([*line, "not-there.npz"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@QUIET
-@given(
-    arguments=st.lists(
-        st.tuples(st.sampled_from(["--structures", "--long", "--seconds", "--seed", "--leak-rays", "--size"]), word),
-        max_size=3,
-    )
-)
-def test_any_command_line_of_the_stability_table_ends_in_one_line(
-    arguments: list[tuple[str, str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    line = [f"{name}={text}" for name, text in arguments]
-    assert stability_command.main([*line, "--threads=-1"]) == 2
+@given(data=st.data())
+def test_any_command_line_ends_in_one_line(command: Any, data: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    # Equals signs, so that no text is taken for another option.
+    flag = st.sampled_from(FLAGS[command].split())
+    given = data.draw(st.lists(st.tuples(flag, word), max_size=4))
+    assert command.main([*(f"{name}={text}" for name, text in given), WRONG[command]]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 

@@ -10,16 +10,18 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
+BLENDER_GLIBC = (2, 28)
+"""The oldest glibc on which Blender itself runs on Linux, by its published requirements."""
 
-class TargetError(RuntimeError):
-    """Programs for a system cannot be built or run on this machine. The message names what to install."""
-
-
-FRAMEWORKS = Path(__file__).resolve().parents[1] / "systems" / "frameworks"
+FRAMEWORKS = Path(__file__).resolve().parent / "frameworks"
 """Stubs of those of Apple's frameworks that the native module loads, for linkers without Apple's SDK.
 
 They state where macOS has the frameworks, and list none of their names: the module looks up all names at run time.
 """
+
+
+class TargetError(RuntimeError):
+    """Programs for a system cannot be built or run on this machine. The message names what to install."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Target:
     name: str
     triple: str
     compiler: str = ""
-    runner: tuple[str, ...] = ()
+    runner: str = ""
     packages: str = ""
     variables: dict[str, str] = field(default_factory=dict)
     share: int = 1
@@ -43,11 +45,6 @@ class Target:
     def is_here(self) -> bool:
         """Whether it is the system that this Python runs on."""
         return self.name == here()
-
-    @property
-    def is_linux(self) -> bool:
-        """Whether its wheels name the oldest C library with which they run."""
-        return "linux" in self.triple
 
 
 TARGETS = {
@@ -58,7 +55,7 @@ TARGETS = {
             "linux-arm64",
             "aarch64-unknown-linux-gnu",
             "aarch64-linux-gnu-gcc",
-            ("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"),
+            "qemu-aarch64 -L /usr/aarch64-linux-gnu",
             "gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user",
             share=11,
         ),
@@ -66,8 +63,8 @@ TARGETS = {
             "windows-x64",
             "x86_64-pc-windows-gnu",
             "x86_64-w64-mingw32-gcc",
-            ("wine",),
-            "gcc-mingw-w64-x86-64 wine64 wine osslsigncode",
+            "wine",
+            "gcc-mingw-w64-x86-64 wine64 wine",
             {"WINEDEBUG": "-all"},
         ),
         Target("macos-arm64", "aarch64-apple-darwin"),
@@ -92,36 +89,52 @@ def program(target: Target, name: str) -> str:
     return found
 
 
-def library(target: Target) -> Path:
-    """The folder of the compiler's libraries for a system. Raises TargetError if the compiler's is not installed."""
-    if shutil.which("rustc") is None:
-        raise TargetError("rustc is not on the PATH: install Rust (rustup or the system's packages) first")
-    done = subprocess.run(
-        ["rustc", "--target", target.triple, "--print", "target-libdir"], capture_output=True, text=True, check=False
-    )
-    folder = Path(done.stdout.strip())
-    if done.returncode != 0 or not list(folder.glob("libstd-*")):
+def output(target: Target, *words: str) -> str:
+    """What a compiler for a system prints; empty if it fails. Raises TargetError."""
+    done = subprocess.run([program(target, words[0]), *words[1:]], capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def variables(target: Target, *, run: bool = False) -> dict[str, str]:
+    """The environment in which cargo compiles for a system, and with `run` also runs. Raises TargetError."""
+    folder = output(target, "rustc", "--target", target.triple, "--print", "target-libdir")
+    if not folder or not list(Path(folder).glob("libstd-*")):
         raise TargetError(
             f"Rust's standard library for {target.name} is not installed: run `rustup target add {target.triple}`, "
             "or install the system's package of it"
         )
-    return folder
-
-
-def variables(target: Target, *, run: bool = False) -> dict[str, str]:
-    """The environment in which cargo compiles for a system, and with `run` also runs. Raises TargetError.
-
-    Empty for this machine's own system: cargo is set up for it.
-    """
     if target.is_here:
         return {}
-    library(target)
     prefix = "CARGO_TARGET_" + target.triple.upper().replace("-", "_")
-    found = dict(target.variables) if run else {}
-    if target.compiler:
-        found[f"{prefix}_LINKER"] = program(target, target.compiler)
+    found = {f"{prefix}_LINKER": program(target, target.compiler)} if target.compiler else {}
     if run:
         if not target.runner:
             raise TargetError(f"programs for {target.name} run only on that system")
-        found[f"{prefix}_RUNNER"] = " ".join([program(target, target.runner[0]), *target.runner[1:]])
+        runner, *options = target.runner.split()
+        found |= {**target.variables, f"{prefix}_RUNNER": " ".join([program(target, runner), *options])}
     return found
+
+
+def maturin(target: Target, python: Path) -> tuple[list[str], dict[str, str]]:
+    """The options and the environment of maturin for a wheel that runs wherever Blender does. Raises TargetError.
+
+    The wheel is for the stable interface of all versions of Python: no interpreter of that system is needed. python:
+    the interpreter of an environment with zig.
+    """
+    found = variables(target)
+    options = [] if target.is_here and "linux" not in target.triple else ["--target", target.triple]
+    if "linux" in target.triple:
+        # By default zig links its own unwinder. The C library ends threads with the system's, and the two crash on each
+        # other's records when Python, at exit, ends a thread that waits for it.
+        unwinder = output(target, target.compiler, "-print-file-name=libgcc_s.so.1")
+        if not Path(unwinder).is_absolute():  # the compiler prints the bare name if it does not find the file
+            raise TargetError(f"{target.compiler} finds no libgcc_s.so.1: install gcc (the system's packages) first")
+        # With the name of the compatibility, maturin fails where a symbol is newer.
+        name = "manylinux_{}_{}".format(*BLENDER_GLIBC)
+        options += ["--zig", "--compatibility", name, "--", f"-Clink-arg={Path(unwinder).resolve()}"]
+    elif not target.compiler and not target.is_here:
+        options += ["--zig", "--", f"-Clink-arg=-F{FRAMEWORKS}"]
+    if "--zig" in options:
+        # A linker named in the environment would come before zig, which the PATH need not contain.
+        found = {"CARGO_ZIGBUILD_PYTHON_PATH": str(python)}
+    return options, found
