@@ -11,6 +11,7 @@ use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
 use halfspace::registry::{self, TREES};
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
+use halfspace::structure::instances::nested::{self, Part};
 use halfspace::structure::instances::{Instance, Instances};
 use std::sync::Arc;
 
@@ -264,6 +265,108 @@ fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
                     "{name} {id}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
+    let mut numbers = Numbers(Random(8));
+    let mut places = |parts: usize, count: usize, scale: f64, spread: f64| -> Vec<Instance> {
+        (0..count)
+            .map(|i| Instance {
+                mesh: u32::try_from(i % parts).unwrap(),
+                transform: numbers.transform(scale, spread, i),
+            })
+            .collect()
+    };
+    // A tree holds a mesh twice and another, a row three trees, and the scene rows and single meshes.
+    let balls: Vec<_> = [ball(4, [0.0; 3]), ball(3, [2.0, 0.0, 1.0])]
+        .iter()
+        .map(|scene| build(scene, "kd"))
+        .collect();
+    let mesh = |i: usize| Part::Mesh(Arc::clone(&balls[i]));
+    let over = |parts: &[Part], placed: &[Instance]| {
+        let (meshes, placed) = nested::expand(parts, placed).unwrap();
+        assert!(meshes.len() <= balls.len(), "shared meshes are shared");
+        Arc::new(Instances::build(meshes, &placed, &Monitor::new()).unwrap())
+    };
+    let (mut of_tree, of_row) = (places(2, 4, 0.5, 2.0), places(1, 3, 1.5, 4.0));
+    // A dropped instance keeps its numbers at any depth.
+    of_tree[2].transform.linear = [[0.0; 3]; 3];
+    let tree = over(&[mesh(0), mesh(1)], &of_tree);
+    let row = over(&[Part::Group(Arc::clone(&tree))], &of_row);
+    let scene = over(
+        &[Part::Group(Arc::clone(&row)), mesh(1)],
+        &places(2, 6, 1.0, 6.0),
+    );
+    assert_eq!(scene.len(), 3 * of_row.len() * of_tree.len() + 3);
+    assert_eq!(scene.dropped().count(), 3 * of_row.len());
+    let flat = flattened(&scene);
+    let rays = rays(&flat, 1500, &mut Random(3));
+    let mut expected = vec![Hit::MISS; rays.len()];
+    build(&flat, "brute").closest(&rays, &mut expected, None);
+    assert!(expected.iter().filter(|hit| hit.is_hit()).count() > rays.len() / 20);
+    assert_eq!(differences(&*scene, &rays, &expected), 0);
+    // An instance of a group is each of its instances, transformed by the product.
+    let one = over(
+        &[Part::Group(Arc::clone(&tree))],
+        &[Instance {
+            mesh: 0,
+            transform: translation([0.0; 3]),
+        }],
+    );
+    assert_eq!(
+        flattened(&one).vertices()[..40],
+        flattened(&tree).vertices()[..40]
+    );
+    // Wrong indices and too many instances are refused.
+    let wrong = [Instance {
+        mesh: 2,
+        transform: translation([0.0; 3]),
+    }];
+    let message = nested::expand(&[mesh(0)], &wrong).unwrap_err().to_string();
+    assert!(message.contains("mesh[0]: 2 is out of range for 1 meshes"));
+}
+
+#[test]
+fn rays_at_a_far_instance_test_what_they_test_at_the_origin() {
+    let scene = ball(24, [0.0; 3]);
+    for spec in ["bvh-sah", "kd", "bih"] {
+        let tested = |away: f64| {
+            let placed = [Instance {
+                mesh: 0,
+                transform: translation([away, -0.5 * away, away]),
+            }];
+            let instances =
+                Instances::build(vec![build(&scene, spec)], &placed, &Monitor::new()).unwrap();
+            let flat = flattened(&instances);
+            let rays = aimed(&flat, 300, &mut Random(4));
+            let (mut hits, mut counters) = (
+                vec![Hit::MISS; rays.len()],
+                vec![RayCounters::default(); rays.len()],
+            );
+            instances.closest(&rays, &mut hits, Some(&mut counters));
+            let mut expected = vec![Hit::MISS; rays.len()];
+            build(&flat, "brute").closest(&rays, &mut expected, None);
+            assert_eq!(
+                differences(&instances, &rays, &expected),
+                0,
+                "{spec}, {away}"
+            );
+            let tests: u64 = counters.iter().map(|one| u64::from(one.tests)).sum();
+            (tests, instances.copied())
+        };
+        let (near, copied) = tested(0.0);
+        assert_eq!(copied, 0);
+        for away in [3e5, 1e6] {
+            let (far, copied) = tested(away);
+            assert_eq!(copied, 1);
+            // Coarse rounding makes triangles larger and many of them lines.
+            assert!(
+                far < 3 * near,
+                "{spec}, {away}: {far} tests, {near} at the origin"
+            );
         }
     }
 }

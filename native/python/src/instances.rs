@@ -14,6 +14,7 @@ use crate::trace::{self, CountedTracer};
 use halfspace_base::error::{Error, Result, caught};
 use halfspace_geom::Transform;
 use halfspace_structure::instances;
+use halfspace_structure::instances::nested::{self, Part};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -135,6 +136,7 @@ impl Instances {
         dict.set_item("instances", all.len())?;
         dict.set_item("meshes", all.meshes().len())?;
         dict.set_item("triangles", all.count())?;
+        dict.set_item("copied_instances", all.copied())?;
         dict.set_item("dropped_instances", all.dropped().collect::<Vec<_>>())?;
         let dropped: usize = (all.places().iter())
             .map(|place| all.meshes()[place.mesh as usize].scene().dropped())
@@ -203,8 +205,10 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
 
 /// Builds a tree over instances; the structures of the meshes are shared, not copied.
 ///
-/// structures: of the meshes, in mesh space; their configurations may differ. mesh: (k,) int32, the mesh of each
-/// instance. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
+/// structures: of the meshes, in mesh space, whose configurations may differ; in place of one, Instances are placed as a
+/// whole, each as an instance of its mesh with the product of the matrices. mesh: (k,) int32, the index of what each
+/// instance places. An instance so far from the origin that its vertices are rounded coarsely in the scene has a
+/// structure of its own. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
 /// build().
 /// Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in the
 /// statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
@@ -213,7 +217,7 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
 #[pyo3(name = "build_instances")]
 fn build(
     py: Python<'_>,
-    structures: Vec<PyRef<'_, Structure>>,
+    structures: Vec<Bound<'_, PyAny>>,
     mesh: &Bound<'_, PyAny>,
     matrices: &Bound<'_, PyAny>,
     threads: Threads,
@@ -223,7 +227,7 @@ fn build(
     let _mode = DefaultMode::set(py)?;
     // Convert the arguments to what the build takes.
     let limit = monitor::memory_limit(memory_limit);
-    let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();
+    let parts = (structures.iter().map(part).collect::<Result<Vec<_>>>()).map_err(raise)?;
     let numbers: PyReadonlyArray1<'_, i32> = mesh
         .extract()
         .map_err(|_| {
@@ -257,11 +261,26 @@ fn build(
                     .num_threads(threads.0)
                     .build()
                     .map_err(|e| Error::Memory(format!("threads: {e}")))?;
-                pool.install(|| instances::Instances::build(meshes, &instances, &monitor))
+                let (meshes, expanded) = nested::expand(&parts, &instances)?;
+                pool.install(|| instances::Instances::build(meshes, &expanded, &monitor))
             })
         })
         .map_err(raise)?;
     Ok(Instances(Arc::new(built)))
+}
+
+/// Reads a structure, or instances that are placed as one.
+fn part(value: &Bound<'_, PyAny>) -> Result<Part> {
+    if let Ok(group) = value.cast::<Instances>() {
+        return Ok(Part::Group(Arc::clone(&group.get().0)));
+    }
+    let structure = value.cast::<Structure>().map_err(|_| {
+        Error::Shape(format!(
+            "structures: expected Structures or Instances, got {}",
+            describe(value)
+        ))
+    })?;
+    Ok(Part::Mesh(Arc::clone(&structure.get().0)))
 }
 
 /// Adds instances to the module.

@@ -9,9 +9,12 @@
 //!
 //! [`tracing`] holds the traversal, [`tracer`] its use.
 
+mod copies;
+pub mod nested;
 mod tracer;
 mod tracing;
 
+use crate::instances::copies::Copy;
 pub use crate::instances::tracer::AtLevel;
 use crate::structure::Structure;
 use halfspace_base::Monitor;
@@ -55,11 +58,20 @@ pub struct Instances {
     frame: Frame,
     tree: ObjectTree,
     tree_firsts: Vec<u32>,
+    /// Index into `copies` of each place, or [`NOWHERE`]; empty without copies.
+    copy_of: Vec<u32>,
+    copies: Vec<Copy>,
     build_seconds: f64,
 }
 
 /// Vertices, shape (n, 3), and triangles, shape (m, 3), of a flattened scene.
 pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
+/// The map that changes no bit of a point.
+const IDENTITY: Transform = Transform {
+    linear: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    offset: [0.0; 3],
+};
 
 /// Marks a dropped instance in `place_of`.
 const NOWHERE: u32 = u32::MAX;
@@ -146,7 +158,7 @@ impl Instances {
             leaf_max: 1,
         };
         let tree = object::build_over(objects, frame.bounds(), &policy, monitor)?;
-        Ok(Self {
+        let mut built = Self {
             meshes,
             places,
             firsts,
@@ -155,8 +167,32 @@ impl Instances {
             frame,
             tree_firsts: tree.firsts(),
             tree,
-            build_seconds: start.elapsed().as_secs_f64(),
+            copy_of: Vec::new(),
+            copies: Vec::new(),
+            build_seconds: 0.0,
+        };
+        built.copy_coarse(monitor)?;
+        built.build_seconds = start.elapsed().as_secs_f64();
+        Ok(built)
+    }
+
+    /// Returns the instances in their order; a dropped one has no finite transform.
+    pub fn instances(&self) -> impl Iterator<Item = Instance> {
+        const NONE: Transform = Transform {
+            linear: [[f64::NAN; 3]; 3],
+            offset: [f64::NAN; 3],
+        };
+        (self.mesh_of.iter().enumerate()).map(|(instance, &mesh)| Instance {
+            mesh,
+            transform: self
+                .place(instance)
+                .map_or(NONE, |place| place.to_scene.transform),
         })
+    }
+
+    /// Returns the number of instances that have a structure of their own, see [`copies`].
+    pub fn copied(&self) -> usize {
+        self.copies.len()
     }
 
     /// Returns the structures of the meshes.
@@ -200,7 +236,10 @@ impl Instances {
         size_of_val(&*self.places)
             + size_of_val(&*self.tree.items)
             + 4 * (self.tree.ids.len() + self.tree_firsts.len())
-            + 4 * (self.firsts.len() + 2 * self.place_of.len())
+            + 4 * (self.firsts.len() + 2 * self.place_of.len() + self.copy_of.len())
+            + (self.copies.iter())
+                .map(|copy| copy.structure.bytes())
+                .sum::<usize>()
     }
 
     /// Returns the instance of a triangle, and the triangle's number within its mesh.

@@ -200,7 +200,7 @@ impl Instances {
         for batch in calls.queued.chunk_by(|a, b| a.mesh == b.mesh) {
             if !matches!(states[batch[0].state as usize].log, Log::Nothing) {
                 for call in batch {
-                    let mesh = &self.meshes[call.mesh as usize];
+                    let mesh = self.structure(call.mesh);
                     let unused = &mut RayCounters::default();
                     let placed = &calls.placed[call.placed as usize];
                     states[call.state as usize].observe::<Q>(mesh, &mesh.built, placed, unused);
@@ -223,7 +223,7 @@ impl Instances {
             let counted = counters.is_some().then_some(&mut calls.counts[..]);
             // Each hit shortens the interval of its ray.
             let mut found = |index: usize, hit: Hit| states[batch[index].state as usize].found(hit);
-            self.meshes[batch[0].mesh as usize].cast_placed::<Q>(
+            self.structure(batch[0].mesh).cast_placed::<Q>(
                 level,
                 &calls.rays,
                 framed,
@@ -255,8 +255,8 @@ impl Instances {
             }
             if code & NODE == 0 {
                 // Transform the ray to the instance's space, or handle the instance here.
-                let instance = &self.places[code as usize];
-                let met = self.enter::<Q>(instance, state, placed, counters);
+                let (instance, mesh) = self.traversed(code);
+                let met = enter_mesh::<Q>(instance, mesh, state, placed, counters);
                 if Q::ANY && state.best.hit().is_hit() {
                     stack.clear();
                     return None;
@@ -310,40 +310,39 @@ impl Instances {
             _ => NODE | node as u32,
         }
     }
+}
 
-    /// Transforms a ray to an instance's space; returns whether it must traverse the mesh, and appends it to `placed`
-    /// then. Before that, tests the mesh's triangles without area, which no tree contains. If the transformed ray has
-    /// no usable error bound, tests all triangles.
-    fn enter<'a, Q: Query>(
-        &self,
-        instance: &'a MeshInstance,
-        state: &mut RayState<'_>,
-        placed: &mut Vec<FrameRay<'a>>,
-        counters: &mut RayCounters,
-    ) -> bool {
-        let mesh = &self.meshes[instance.mesh as usize];
-        let outline = mesh.outline();
-        if !outline.flat.is_empty() && enter_flat::<Q>(mesh, instance, state, counters) {
+/// Transforms a ray to an instance's space; returns whether it must traverse the mesh, and appends it to `placed`
+/// then. Before that, tests the mesh's triangles without area, which no tree contains. If the transformed ray has
+/// no usable error bound, tests all triangles.
+fn enter_mesh<'a, Q: Query>(
+    instance: &'a MeshInstance,
+    mesh: &'a Structure,
+    state: &mut RayState<'_>,
+    placed: &mut Vec<FrameRay<'a>>,
+    counters: &mut RayCounters,
+) -> bool {
+    let outline = mesh.outline();
+    if !outline.flat.is_empty() && enter_flat::<Q>(mesh, instance, state, counters) {
+        return false;
+    }
+    for (part, built) in mesh.apart().iter().enumerate() {
+        if state.enter_apart::<Q>(mesh, instance, part, built, counters) {
             return false;
         }
-        for (part, built) in mesh.apart().iter().enumerate() {
-            if state.enter_apart::<Q>(mesh, instance, part, built, counters) {
-                return false;
-            }
+    }
+    // Transform the ray with error bounds.
+    match mesh.frame().placed(state.ray, instance, state.best.hit()) {
+        Placed::Miss => false,
+        Placed::Traverse(framed) => {
+            placed.push(framed);
+            true
         }
-        // Transform the ray with error bounds.
-        match mesh.frame().placed(state.ray, instance, state.best.hit()) {
-            Placed::Miss => false,
-            Placed::Traverse(framed) => {
-                placed.push(framed);
-                true
-            }
-            Placed::ExactOnly => {
-                // Without a usable error bound, test all triangles of the mesh.
-                let framed = FrameRay::exact_only(instance, state.best.hit());
-                state.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
-                false
-            }
+        Placed::ExactOnly => {
+            // Without a usable error bound, test all triangles of the mesh.
+            let framed = FrameRay::exact_only(instance, state.best.hit());
+            state.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
+            false
         }
     }
 }
