@@ -55,21 +55,5 @@ def test_the_nodes_and_the_work_are_those_of_the_generic_traversal(tree: str) ->
 
 
 def test_random_directions_are_drawn_once_for_the_whole_tree() -> None:
-    scene = triangles(400)
-
-    def normals(seed: int) -> set[tuple[float, ...]]:
-        planes = native.build(*scene, f"rbsp:k=5,set=random,seed={seed}").split_polygons()
-        corners, offsets = planes["vertices"], planes["offsets"]
-        found = set()
-        for first, kind in zip(offsets[:-1], planes["kind"], strict=True):
-            a, b, c = corners[first : first + 3].astype(np.float64)
-            normal = np.cross(b - a, c - a)
-            length = float(np.linalg.norm(normal))
-            if kind == 3 and length > 1e-3:
-                unit = normal / length
-                found.add(tuple(np.round(unit * np.sign(unit[np.argmax(np.abs(unit))]), 2) + 0.0))
-        return found
-
-    one, other = normals(1), normals(2)
-    assert len(one & other) < len(one)
-    assert 3 <= len(one) < 30, "few directions, rounding and nodes that nothing else splits aside"
+    found = native.build(*triangles(400), "rbsp:k=5,set=random,seed=1").analysis()["level_directions_oblique"]
+    assert 0 < found.max() <= 5
