@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What would need more memory than there is ends with an error, before the system ends the process."""
+"""Work that needs more memory than there is ends with an error, before the system ends the process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
+from kinds import KINDS
 from one_line import told
+from render_scenes import camera
 
 from addon.core.base import native as loading
 from addon.core.base import room
@@ -20,14 +22,13 @@ from addon.core.scene import grid, rays, workload
 from addon.core.scene.workload import WorkloadError
 from addon.lab.commands import bench
 
-STRUCTURES = [row["id"] for row in native.structures()]
 SOUP = np.random.default_rng(4).normal(size=(9000, 3)).astype(np.float32)
 INDICES = np.arange(9000, dtype=np.int32).reshape(-1, 3)
 ENDLESS = 1 << 45
 """More rows than any machine holds; as a broadcast array they take no memory themselves."""
 
 
-@pytest.mark.parametrize("spec", STRUCTURES)
+@pytest.mark.parametrize("spec", KINDS)
 def test_a_build_beyond_its_limit_is_refused_and_one_within_is_not(spec: str) -> None:
     with pytest.raises(MemoryError, match="memory_limit: the build needs more than the 1 MB"):
         native.build(SOUP, INDICES, spec, memory_limit=200_000)
@@ -79,6 +80,9 @@ def endless(dtype: str) -> Any:
     return np.broadcast_to(np.ones(3, dtype), (ENDLESS, 3))
 
 
+NORMALS = np.broadcast_to(np.float32(1), (ENDLESS, 3, 3))
+
+
 @pytest.mark.parametrize(
     ("name", "work"),
     [
@@ -90,12 +94,7 @@ def endless(dtype: str) -> Any:
         ("directions", lambda: native.build(SOUP, INDICES).occluded(SOUP, endless("f8"))),
         ("t_max", lambda: native.build(SOUP, INDICES).closest(SOUP, SOUP, 0.0, endless("f4")[:, 0])),
         ("material_index", lambda: native.RenderScene(native.build(SOUP, INDICES), material_index=endless("i4")[:, 0])),
-        (
-            "corner_normals",
-            lambda: native.RenderScene(
-                native.build(SOUP, INDICES), corner_normals=np.broadcast_to(endless("f4")[:, :, None], (ENDLESS, 3, 3))
-            ),
-        ),
+        ("corner_normals", lambda: native.RenderScene(native.build(SOUP, INDICES), corner_normals=NORMALS)),
     ],
 )
 def test_an_array_larger_than_memory_is_refused_by_name(name: str, work: Any) -> None:
@@ -105,19 +104,12 @@ def test_an_array_larger_than_memory_is_refused_by_name(name: str, work: Any) ->
 
 def test_a_film_larger_than_memory_is_refused() -> None:
     scene = native.RenderScene(native.build(SOUP, INDICES))
-    camera = {
-        "kind": "perspective",
-        "to_world": np.eye(4),
-        "window": (-1.0, 1.0, -1.0, 1.0),
-        "clip_start": 0.1,
-        "clip_end": 10.0,
-    }
     passes = ["Combined", "Depth", "Normal", "Position"]
     settings = {"width": 1 << 15, "height": 1 << 15, "samples": 1, "passes": passes}
     if native.free_memory() > (1 << 30) * 11 * 8:
         pytest.skip("this machine has room for the largest film")
     with pytest.raises(MemoryError, match="film"):
-        native.render(scene, camera, settings)
+        native.render(scene, camera(), settings)
 
 
 class Narrow:
@@ -154,7 +146,7 @@ def test_a_report_of_rows_that_are_there_needs_no_room_for_rays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = ["grid", "--structures", "kd", "--size", "64x64", "--repeats", "1", "--rays", "primary"]
-    asked += ["--curve", "none", "--out", str(tmp_path)]
+    asked += ["--curve", "none", "--check-rays", "64", "--seconds", "1", "--only-rays", "--out", str(tmp_path)]
     assert bench.main(asked) == 0
     (tmp_path / "report.html").unlink()
     monkeypatch.setattr(room, "SMALL", 0)
