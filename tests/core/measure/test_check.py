@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel's "Measure a Sample" says: a right structure is right, and any wrong answer of a sample is seen."""
+"""The panel's "Measure a Sample": a right structure is right, and any wrong answer of a sample is seen."""
 
 from __future__ import annotations
 
@@ -32,5 +32,5 @@ def test_an_honest_structure_is_right_and_every_set_is_measured() -> None:
 def test_a_lie_is_seen(lie: str) -> None:
     found = last(lie)
     assert not found.right
-    # Closest hits and any hits are both compared, and told apart.
+    # Closest hits and any hits are both compared, and counted apart.
     assert (found.errors.wrong_any_hit > 0) == (lie == "wrong_any_hit")
