@@ -12,6 +12,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 from kinds import KINDS
+from lying_native import altered
 from one_line import told
 from render_scenes import camera
 
@@ -112,15 +113,8 @@ def test_a_film_larger_than_memory_is_refused() -> None:
         native.render(scene, camera(), settings)
 
 
-class Narrow:
-    """The module on a machine with a gigabyte of free memory."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(native, name)
-
-    def free_memory(self) -> int:
-        return 1_000_000_000
-
+NARROW = altered(free_memory=lambda: 1_000_000_000)
+"""The module on a machine with a gigabyte of free memory."""
 
 NO_ROOM = r"^the rays of 16384x16384 pixels: needs about \d+ MB, of 1000 MB that are free$"
 
@@ -132,11 +126,11 @@ def test_rays_that_are_larger_than_memory_are_refused_before_they_are_made(
     monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
     options = benchmark.Options(size=(1 << 14, 1 << 14), sets=names)
     with pytest.raises(MemoryError, match=NO_ROOM):
-        preparation.prepared(Narrow(), grid.workload(rays=64), options)
+        preparation.prepared(NARROW, grid.workload(rays=64), options)
 
 
 def test_a_size_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(loading, "load", Narrow)
+    monkeypatch.setattr(loading, "load", lambda: NARROW)
     monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
     said = told(bench, ["grid", "--structures", "kd", "--size", "16384x16384"], capsys)
     assert re.fullmatch(NO_ROOM.strip("^$"), said.removeprefix("bench: grid: ").rstrip())
@@ -150,36 +144,27 @@ def test_a_report_of_rows_that_are_there_needs_no_room_for_rays(
     assert bench.main(asked) == 0
     (tmp_path / "report.html").unlink()
     monkeypatch.setattr(room, "SMALL", 0)
-    monkeypatch.setattr(loading, "load", Narrow)
-    monkeypatch.setattr(Narrow, "free_memory", lambda _: 0)
+    monkeypatch.setattr(loading, "load", lambda: altered(free_memory=lambda: 0))
     assert bench.main(asked) == 0
     assert (tmp_path / "report.html").is_file()
 
 
-class Watched:
-    """The module, which keeps the memory limit of each build."""
+def test_a_benchmark_goes_on_without_the_structure_that_is_too_large() -> None:
+    limits: set[int | None] = set()
 
-    def __init__(self) -> None:
-        self.limits: dict[str, list[int | None]] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(native, name)
-
-    def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+    def build(vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
         # A configuration is read by a build of one triangle, which needs no limit.
-        if len(triangles) > 1:
-            self.limits.setdefault(spec, []).append(options.get("memory_limit"))
+        if len(triangles) > 1 and spec in ("kd", "bvh-sah"):
+            limits.add(options.get("memory_limit"))
         return native.build(vertices, triangles, spec, **options)
 
-
-def test_a_benchmark_goes_on_without_the_structure_that_is_too_large() -> None:
-    room, watched = grid.workload(rays=64), Watched()
+    room, watched = grid.workload(rays=64), altered(build=build)
     options = benchmark.Options(size=(8, 8), sets=("primary",), repeats=1, check_rays=64, memory_limit=450_000)
     rows = {row["spec"]: row for row in benchmark.measure(watched, room, ["kd", "bvh-sah"], options, lambda _: None)}
     assert rows["kd"]["error"].startswith("memory_limit: the build needs more than the 1 MB")
     assert rows["bvh-sah"]["error"] is None
-    # What makes the rays has to do with the same room: not with kd, then.
-    assert {*watched.limits["kd"], *watched.limits["bvh-sah"]} == {450_000}
+    # The builds that make the rays have the same limit.
+    assert limits == {450_000}
     with pytest.raises(MemoryError, match="memory_limit"):
         list(benchmark.measure(native, room, ["bih"], replace(options, memory_limit=1000), lambda _: None))
 
