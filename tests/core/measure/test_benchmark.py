@@ -273,3 +273,28 @@ def test_real_scenes_agree(name: str) -> None:
 def test_a_wrong_answer_far_from_the_origin_is_counted(lie: str) -> None:
     for native, wrong in ((halfspace_native, 0), (LyingNative(lie, "kd", 0), 1)):
         assert [entry["wrong"] for entry in offsets.Moved(native, (0.0, 1e3), 1).errors("kd")] == [wrong, wrong]
+
+
+def checked(lie: str) -> check.Check:
+    """The complete check of a kd-tree that lies so, or of an honest one."""
+    scene = grid.workload(boxes=2, rays=64)
+    structure = Lying(halfspace_native.build(scene.vertices, scene.triangles, "kd"), lie)
+    *_, found = check.steps(halfspace_native, structure, scene, threads=1)
+    return found
+
+
+def test_a_check_of_an_honest_structure_is_right_and_measures_every_set() -> None:
+    found = checked("")
+    assert found.right
+    assert found.errors.rays >= 64 * 4
+    for means in (found.mrays_s, found.steps, found.tests):
+        assert tuple(means) == (*check.SETS, "walls")
+        assert all(mean > 0 for mean in means.values())
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_check_sees_a_lie(lie: str) -> None:
+    found = checked(lie)
+    assert not found.right
+    # Closest hits and any hits are both compared, and counted apart.
+    assert (found.errors.wrong_any_hit > 0) == (lie == "wrong_any_hit")
