@@ -115,3 +115,14 @@ def test_bad_points_and_distances_are_refused(where: Any, distance: Any, error: 
     for call in (structure.closest_points, structure.points_within):
         with pytest.raises(error, match=message):
             call(where, distance)
+
+
+def test_nothing_has_no_nearest_triangle_and_no_overlap() -> None:
+    nothing = native.build(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), "bvh-sah")
+    found = nothing.closest_points(np.zeros((2, 3)))
+    assert (found.triangle.tolist(), found.distance.tolist()) == ([-1, -1], [math.inf, math.inf])
+    assert nothing.points_within(np.zeros((2, 3)), 9.0)[0].tolist() == [0, 0, 0]
+    assert nothing.overlaps(nothing).shape == (0, 2)
+    some = native.build(*soup(1, 3), "bvh-sah")
+    assert some.closest_points(np.zeros((1, 3)), -1.0).triangle.tolist() == [-1]
+    assert len(some.closest_points(np.zeros((0, 3)))) == 0

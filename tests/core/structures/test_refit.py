@@ -40,6 +40,8 @@ def test_answers_are_those_of_the_moved_triangles(spec: str) -> None:
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name
     assert fitted.validate() == []
     assert (fitted.spec, fitted.statistics["refits"], built.statistics["refits"]) == (spec, 1, 0)
+    nothing = np.empty((0, 3), np.float32), np.empty((0, 3), np.int32)
+    assert native.build(*nothing, spec).refit(nothing[0]).statistics["references"] == 0
     broken = vertices.copy()
     broken[::3] = np.nan
     assert built.refit(broken).statistics["dropped_triangles"] > 0
