@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rooms_of_triangles
 from lying_native import LIES, Lying, LyingNative, altered
 
 from addon.core.base.background import Background
@@ -26,11 +27,9 @@ native = pytest.importorskip("halfspace_native")
 
 @pytest.fixture
 def soup() -> Workload:
-    rng = np.random.default_rng(5)
-    centres = rng.random((600, 1, 3)) * [4, 3, 2]
-    vertices = (centres + 0.2 * rng.standard_normal((600, 3, 3))).astype(np.float32).reshape(-1, 3)
+    triangles = rooms_of_triangles.soup(600, 5, box=[4, 3, 2], size=0.2)
     view = View(np.array([2.0, -6.0, 3.0]), np.array([2.0, 1.5, 1.0]), np.array([0.0, 0.0, 1.0]), 40.0)
-    return Workload("soup", vertices, np.arange(1800, dtype=np.int32).reshape(-1, 3), view)
+    return Workload("soup", *triangles, view)
 
 
 def chosen_of(module: Any, soup: Workload, tried: list[str], plan: Plan | None = None) -> Any:

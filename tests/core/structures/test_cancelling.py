@@ -11,15 +11,9 @@ import halfspace_native as native
 import numpy as np
 import pytest
 from kinds import KINDS
+from rooms_of_triangles import soup
 
 SPECS = (*KINDS, "kd:traversal=rope", "rbsp:traversal=projected", "octree-beam:traversal=polygon")
-
-
-def soup(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Small triangles in a cube."""
-    rng = np.random.default_rng(3)
-    corners = rng.random((count, 1, 3)) + 0.02 * rng.standard_normal((count, 3, 3))
-    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def rays(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +56,7 @@ def words(found: Any) -> str:
 
 @pytest.mark.parametrize("spec", SPECS)
 def test_a_monitor_changes_no_result_and_cancels_all_work(spec: str) -> None:
-    tree: Any = native.build(*soup(300), spec)
+    tree: Any = native.build(*soup(300, 3, size=0.02), spec)
     placed = native.build_instances([tree], np.zeros(1, np.int32), np.eye(4)[None])
     cancelled = native.Monitor()
     cancelled.cancel()
@@ -87,7 +81,7 @@ def cancelled_within(work: Callable[[native.Monitor], Any], seconds: float = 0.0
 
 @pytest.mark.parametrize("spec", [one for one in SPECS if not one.startswith(("kd-", "bsp", "bbox", "beam"))])
 def test_counted_rays_end_before_all_are_traced(spec: str) -> None:
-    tree: Any = native.build(*soup(20_000), spec)
+    tree: Any = native.build(*soup(20_000, 3, size=0.02), spec)
     placed = native.build_instances([tree], np.zeros(1, np.int32), np.eye(4)[None])
     some = rays(2_000_000)
     for tracer in (tree, placed):
@@ -96,7 +90,7 @@ def test_counted_rays_end_before_all_are_traced(spec: str) -> None:
 
 
 def test_builds_and_rays_are_cancelled_from_another_thread() -> None:
-    scene = soup(200_000)
+    scene = soup(200_000, 3, size=0.02)
     monitor = cancelled_within(lambda monitor: native.build(*scene, "kd-sah", threads=1, monitor=monitor), 0.02)
     assert monitor.cancelled
     assert monitor.progress < 1

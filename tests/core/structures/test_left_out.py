@@ -10,6 +10,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 from kinds import KINDS
+from rooms_of_triangles import soup
 
 from addon.core.structures import catalogue
 
@@ -46,12 +47,11 @@ def room() -> tuple[Any, Any]:
     return corners(*found)
 
 
-RANDOM = np.random.default_rng(3)
 SCENES = {
     "nothing": corners(),
     "one triangle": corners(((0, 0, 0), (1, 0, 0), (0, 1, 1))),
     "room": room(),
-    "soup": corners(*(RANDOM.random((400, 1, 3)) * 8 + 0.4 * RANDOM.standard_normal((400, 3, 3)))),
+    "soup": soup(400, 3, box=8, size=0.4),
     # In one plane, so that a grid has one layer of cells.
     "strip": corners(*(((i, 0, 0), (i + 1, 0, 0), (i, 1, 0)) for i in range(40))),
 }

@@ -13,6 +13,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 from kinds import KINDS
+from rooms_of_triangles import soup
 
 from addon.core.scene import workload
 from addon.lab.stability import leaks
@@ -21,13 +22,6 @@ SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
 DOWN = np.array([[0.25, 0.25, 1.0]], np.float32), np.array([[0.0, 0.0, -2.0]], np.float32)
-
-
-def soup(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Random triangles in a unit cube: vertices (3n, 3) float32, triangles (n, 3) int32."""
-    random = np.random.default_rng(seed)
-    corners = random.random((count, 1, 3)) + 0.1 * random.standard_normal((count, 3, 3))
-    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def random_rays(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +48,7 @@ def test_a_miss_is_infinite_and_minus_one() -> None:
 
 
 def test_any_layout_of_the_arrays_gives_the_same_answer() -> None:
-    vertices, triangles = soup(200)
+    vertices, triangles = soup(200, 0)
     origins, directions = random_rays(500)
     expected = native.build(vertices, triangles).closest(origins, directions)
     wide = np.zeros((500, 6), np.float32)
@@ -70,7 +64,7 @@ def test_any_layout_of_the_arrays_gives_the_same_answer() -> None:
 
 @pytest.mark.parametrize("spec", KINDS)
 def test_threads_and_counting_change_nothing(spec: str) -> None:
-    vertices, triangles = soup(300)
+    vertices, triangles = soup(300, 0)
     rays = random_rays(10_000)
     tree = native.build(vertices, triangles, spec)
     one, many = tree.closest(*rays, threads=1), tree.closest(*rays, threads=3, counters=True)
@@ -91,7 +85,7 @@ def test_threads_and_counting_change_nothing(spec: str) -> None:
 
 @pytest.mark.parametrize("robust", ["widen", "none"])
 def test_ta_b_counts_its_cases(robust: str) -> None:
-    tree = native.build(*soup(300), f"kd:traversal=ta-b,robust={robust}")
+    tree = native.build(*soup(300, 0), f"kd:traversal=ta-b,robust={robust}")
     found = tree.closest(*random_rays(10_000), counters=True).counters
     cases = {name: count for name, count in found.items() if name.startswith("case_")}
     assert len(cases) == 13
@@ -106,7 +100,7 @@ def test_ta_b_counts_its_cases(robust: str) -> None:
     assert {name for name, count in found.items() if name.startswith("case_") and count.any()} <= {
         *("case_n2", "case_p2", "case_n3", "case_n4", "case_n5"),
     }
-    other = native.build(*soup(300), f"kd:traversal=dir,robust={robust}")
+    other = native.build(*soup(300, 0), f"kd:traversal=dir,robust={robust}")
     assert "case_n1" not in other.closest(*up, counters=True).counters
 
 
@@ -166,7 +160,7 @@ def test_planes_through_edges_of_the_teapot_part_their_cells() -> None:
 
 @pytest.mark.parametrize("spec", ["kd", "bih", "bih5", "bih1", "bih4", "bih-n"])
 def test_split_polygons_lie_in_their_planes_and_in_the_scene(spec: str) -> None:
-    vertices, triangles = soup(400)
+    vertices, triangles = soup(400, 0)
     tree = native.build(vertices, triangles, spec)
     polygons = tree.split_polygons(max_depth=6, max_count=40)
     assert polygons["vertices"].shape == (polygons["offsets"][-1], 3)
@@ -255,7 +249,7 @@ def test_rejects_bad_rays_by_name(method: str, error: str, message: str, argumen
 @pytest.mark.parametrize("method", ["closest", "occluded"])
 def test_rejects_the_first_bad_ray_of_many(method: str, threads: int) -> None:
     # More than one thread takes at once, in random order over a tree beyond the caches, where they are sorted.
-    tree = native.build(*soup(40_000))
+    tree = native.build(*soup(40_000, 0))
     rng = np.random.default_rng(2)
     origins, directions = rng.uniform(-1, 1, (2, 60_000, 3)).astype(np.float32)
     ask = getattr(tree, method)
@@ -270,14 +264,14 @@ def test_rejects_the_first_bad_ray_of_many(method: str, threads: int) -> None:
 
 @pytest.mark.parametrize("spec", ["kd", "kd:traversal=tile8", "bvh-sah:traversal=tile16", "bvh-sah:traversal=p16"])
 def test_a_tile_that_looks_away_remembers_nothing_of_the_one_before(spec: str) -> None:
-    tree = native.build(*soup(400), spec)
+    tree = native.build(*soup(400, 0), spec)
     rng = np.random.default_rng(4)
     towards, away = np.float32([0, 0, 1]), np.float32([0, 0, -1])
     aims = np.repeat(np.stack([towards, away] * 4), 256, axis=0)
     directions = (aims + 0.2 * rng.uniform(-1, 1, aims.shape)).astype(np.float32)
     origins = np.broadcast_to(np.float32([0.5, 0.5, -3]), directions.shape)
     hits = tree.closest(origins, directions, order="tile8", threads=1)
-    alone = native.build(*soup(400), "brute").closest(origins, directions)
+    alone = native.build(*soup(400, 0), "brute").closest(origins, directions)
     assert (hits.triangle >= 0).any()
     assert (hits.triangle[aims[:, 2] < 0] == -1).all()
     assert np.array_equal(hits.triangle, alone.triangle)
@@ -301,7 +295,7 @@ def test_errors_are_what_python_programmers_catch() -> None:
 @pytest.mark.parametrize("spec", ["kd", "kd:lazy=1", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah"])
 def test_progress_ends_at_one(spec: str) -> None:
     monitor = native.Monitor()
-    native.build(*soup(1000), spec, monitor=monitor)
+    native.build(*soup(1000, 0), spec, monitor=monitor)
     assert monitor.progress == pytest.approx(1, abs=1e-6)
 
 
@@ -368,7 +362,7 @@ def test_ulps_are_counted_through_zero() -> None:
 
 
 def test_recorded_walks_are_replayed() -> None:
-    tree = native.build(*soup(300), "kd:traversal=dir")
+    tree = native.build(*soup(300, 0), "kd:traversal=dir")
     rays = random_rays(3000)
     recording = tree.record(*rays)
     assert len(recording) == 3000
@@ -381,4 +375,4 @@ def test_recorded_walks_are_replayed() -> None:
     _, shadows = tree.occluded(*rays, counters=True)
     np.testing.assert_array_equal(tree.record(*rays, any_hit=True).counters["steps"], shadows["steps"])
     with pytest.raises(native.SpecError, match="brute"):
-        native.build(*soup(3), "brute").record(*rays)
+        native.build(*soup(3, 0), "brute").record(*rays)
