@@ -292,7 +292,7 @@ class Closure:
     def as_dict(self) -> dict[str, Any]:
         """The closure as the native module takes it."""
         own = shallow(self)
-        return {**own.pop("inputs"), **own}
+        return {"kind": own.pop("kind"), **own.pop("inputs"), **own}
 
 
 @dataclass(frozen=True)
