@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from addon.core.scene.scene import Camera, Geometry, Material, Scene, World
-from addon.core.session.preview import View
+from addon.core.session.cleaning import Cleaning
+from addon.core.session.preview import Picture, Preview, View
+from addon.core.session.stock import Stock
 from addon.core.structures.settings import RenderSettings
 
 CHANNELS = {
@@ -162,3 +165,31 @@ def view_from(height: float) -> View:
     to_world = np.eye(4)
     to_world[2, 3] = height
     return View(Camera("perspective", to_world, (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0), 64, 48)
+
+
+def preview(
+    native: FakeNative,
+    *,
+    stock: Stock | None = None,
+    cleaning: Cleaning | None = None,
+    clean_from: int = 0,
+    scene: Scene | None = None,
+) -> Preview:
+    """A preview of a triangle, seen from above."""
+    seen = Preview(native, stock or Stock(), cleaning)
+    seen.edit(scene or scene_of(), "kd", None, SETTINGS, clean_from)
+    seen.look(view_from(5))
+    return seen
+
+
+def until(seen: Preview, done: Callable[[], bool] | None = None) -> list[Picture]:
+    """Advance until `done`, or until nothing is left to do. Returns the new pictures."""
+    shown: list[Picture] = []
+    end = time.monotonic() + LONG
+    while time.monotonic() < end:
+        if seen.advance() and seen.picture is not None:
+            shown.append(seen.picture)
+        if done() if done is not None else not seen.busy:
+            return shown
+        time.sleep(0.001)
+    raise AssertionError("it never happens")

@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import halfspace_native
 import numpy as np
 
 from addon.core.measure.accuracy import Answers
+
+
+def altered(**changes: Any) -> Any:
+    """The module with other functions in place of some."""
+    return SimpleNamespace(**{**vars(halfspace_native), **changes})
+
 
 LIES = ("false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "late")
 """Kinds of wrong answers. late: the distance is one unit in the last place too large."""

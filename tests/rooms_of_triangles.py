@@ -14,11 +14,17 @@ from addon.core.tree import table
 SIZE = (48, 32)
 
 
+def soup(count: int, seed: int, *, box: Any = 1.0, size: float = 0.1) -> tuple[Any, Any]:
+    """Vertices and triangles of any direction, around points of a box that begins at the origin."""
+    rng = np.random.default_rng(seed)
+    corners = rng.random((count, 1, 3)) * box + size * rng.standard_normal((count, 3, 3))
+    return corners.astype(np.float32).reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
 def scene() -> Workload:
-    rng = np.random.default_rng(11)
-    corners = (rng.random((300, 1, 3)) * [6, 6, 3] + 0.4 * rng.standard_normal((300, 3, 3))).astype(np.float32)
+    corners, _ = soup(300, 11, box=[6, 6, 3], size=0.4)
     floor = np.array([[-2, -2, -1], [8, -2, -1], [8, 8, -1], [-2, -2, -1], [8, 8, -1], [-2, 8, -1]], np.float32)
-    vertices = np.concatenate([corners.reshape(-1, 3), floor])
+    vertices = np.concatenate([corners, floor])
     triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
     return Workload("triangles", vertices, triangles, framing_view(vertices, triangles))
 

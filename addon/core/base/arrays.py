@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of the array types; shapes stand in the docstrings."""
+"""Names of the array types; docstrings give the shapes."""
 
 from __future__ import annotations
 

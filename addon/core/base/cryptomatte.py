@@ -38,14 +38,14 @@ def _rotated(word: int, bits: int) -> int:
 
 
 def identity(name: str) -> int:
-    """The bits of the float that stands for a name in pictures: its hash, with an exponent of a normal number."""
+    """The bits of the float of a name in pictures: its hash, with an exponent of a normal number."""
     value = murmur3(name)
     exponent = min(max(value >> 23 & 0xFF, 1), 254)
     return value & 0x807FFFFF | exponent << 23
 
 
 def identities(names: Iterable[str]) -> F32:
-    """(n,) float32: the float that stands for each name."""
+    """(n,) float32: the float of each name."""
     names = list(names)
     found = {name: identity(name) for name in set(names)}
     return np.array([found[name] for name in names], np.uint32).view(np.float32)

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         Instances,
         LeafCells,
         Monitor,
-        NearestPoints,
         Parameter,
         RayPath,
         Recording,
@@ -45,7 +44,6 @@ if TYPE_CHECKING:
         "LeafCells",
         "Monitor",
         "Native",
-        "NearestPoints",
         "Order",
         "Parameter",
         "RayOptions",
@@ -62,7 +60,7 @@ if TYPE_CHECKING:
     ]
 
 Order = Literal["none", "tile8"]
-"""What is promised about the order of rays: nothing, or that every 64 consecutive rays are a tile of 8×8 pixels."""
+"""The promised order of rays: none, or that every 64 consecutive rays are a tile of 8×8 pixels."""
 
 
 class RayOptions(TypedDict):
@@ -177,22 +175,6 @@ class Native(Protocol):
         t_max: NDArray[np.float32] | None = None,
         threads: int = 0,
     ) -> Hits: ...
-
-    def exact_closest_points(
-        self,
-        vertices: NDArray[np.float32],
-        triangles: NDArray[np.int32],
-        points: NDArray[np.float32],
-        max_distance: float | NDArray[np.float32] | None = None,
-    ) -> NearestPoints: ...
-
-    def exact_overlaps(
-        self,
-        vertices: NDArray[np.float32],
-        triangles: NDArray[np.int32],
-        other_vertices: NDArray[np.float32],
-        other_triangles: NDArray[np.int32],
-    ) -> NDArray[np.int32]: ...
 
     def evaluate_program(self, request: Mapping[str, Any]) -> NDArray[np.float32]: ...
 

@@ -92,9 +92,7 @@ def read(path: Path) -> Picture:
         raise OSError(f"{path}: cannot be read: it is incomplete")
     wishes = oiio.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), wishes)
-    if source is None:
-        raise OSError(f"{path}: cannot be read: {_first(oiio.geterror())}")
+    source = _opened(path, wishes)
     is_displayed = str(source.spec().format).startswith("uint")
     parts: list[F32] = []
     names: list[str] = []
@@ -115,12 +113,18 @@ def read(path: Path) -> Picture:
     return Picture(np.concatenate(parts, axis=2, dtype=np.float32), tuple(names), is_displayed, attributes)
 
 
-def size(path: Path) -> tuple[int, int]:
-    """Width and height of the pixels in a file. Raises OSError with the file's name and the reason."""
+def _opened(path: Path, *wishes: Any) -> Any:
+    """A file that is read. Raises OSError with the file's name and the reason."""
     oiio = module()
-    source = oiio.ImageInput.open(str(path))
+    source = oiio.ImageInput.open(str(path), *wishes)
     if source is None:
         raise OSError(f"{path}: cannot be read: {_first(oiio.geterror())}")
+    return source
+
+
+def size(path: Path) -> tuple[int, int]:
+    """Width and height of the pixels in a file. Raises OSError with the file's name and the reason."""
+    source = _opened(path)
     spec = source.spec()
     source.close()
     return spec.width, spec.height
@@ -163,10 +167,7 @@ def describe(path: Path, attributes: Mapping[str, Any], compression: str) -> Non
 
     Raises OSError, which names the file.
     """
-    oiio = module()
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise OSError(f"{path}: cannot be read: {_first(oiio.geterror())}")
+    oiio, source = module(), _opened(path)
     # Half precision is exact in single, and back.
     parts: list[tuple[Any, Any]] = []
     try:

@@ -23,7 +23,7 @@ SETS = ("primary", "shadow", "diffuse")
 """The ray sets whose speeds represent camera rays, shadow rays, and all other rays."""
 
 NOT_COMPARED = "answers not compared"
-"""Text beside a speed whose structure's answers were not checked."""
+"""Text next to a speed whose structure's answers were not checked."""
 
 BOUNDS: tuple[Bound, ...] = ("med", "max", "min")
 """Keys of speeds, in the order of the times they give: predicted, smallest, largest."""

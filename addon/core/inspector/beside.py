@@ -11,10 +11,10 @@ from .levels import Level, Levels
 from .ray_costs import BLOCK, RayCosts
 
 Row = tuple[str, str, str]
-"""What is counted, and its number in the first and in the second structure."""
+"""A counter, and its number in the first and in the second structure."""
 
 NOTHING = "–"
-"""Stands for a number that is not known."""
+"""Text of an unknown number."""
 
 COLUMNS = {"NODES": "Nodes", "SAH": "SAH", "OVERLAP": "EPO", "TIME": "ns, fitted"}
 """The quantities of a level, with their titles."""

@@ -81,7 +81,7 @@ class Times:
 
     @property
     def answers(self) -> str:
-        """How many answers were compared, and were wrong."""
+        """The number of wrong answers, of those compared, as text."""
         return f"{self.wrong:,} of {self.compared:,} answers wrong"
 
 

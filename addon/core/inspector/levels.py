@@ -163,7 +163,7 @@ def _positive(columns: F64, wanted: F64) -> F64:
 
 
 def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequence[str]:
-    """What the levels add up to. wrong: of `checked` answers, because every time is shown with its errors."""
+    """The sums of the levels in words. wrong: of `checked` answers, because every time is shown with its errors."""
     prices = found.prices
     answers = "" if wrong is None else f"; {wrong:,} of {checked:,} answers wrong"
     total = sum(level.overlap for level in found.levels)

@@ -112,7 +112,7 @@ def percent(share: float) -> str:
 
 
 def _saving(table: Table, node: int) -> list[str]:
-    """What the split of a node saves against a leaf with its triangles."""
+    """The saving of a node's split against a leaf with its triangles."""
     leaf = float(table.shares[node]) * TEST_COST * len(table.triangles_of(node))
     below = float(table.costs_below[node])
     return [f"The split saves {1 - below / leaf:.1%} of the cost as a leaf"] if leaf > 0 else []

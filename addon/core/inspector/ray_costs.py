@@ -27,7 +27,7 @@ SETS = {"primary": "Camera", "shadow": "Shadow", "diffuse": "Bounce"}
 """The ray sets of the inspector, with their names on panels."""
 
 KEYS = {"STEPS": "steps", "TESTS": "tests", "TIME": "ns"}
-"""What rays can be ordered by, with the unit of the numbers."""
+"""The orders of rays, with the unit of the numbers."""
 
 BLOCK = rays.TILE**2
 """Number of rays that are timed together."""

@@ -96,7 +96,7 @@ def _verb(path: Path) -> str:
 
 
 def _along(table: Table, path: Path, replay: Replay) -> list[str]:
-    """How the ray lies in the tree: its length, and the kind of planes along which it runs."""
+    """The position of the ray in the tree: its length, and the kind of planes along which it runs."""
     direction = path.direction / np.linalg.norm(path.direction)
     known = path.leave[np.isfinite(path.leave)]
     end = path.t if np.isfinite(path.t) else float(known.max(initial=0.0))

@@ -150,7 +150,7 @@ def span(table: Table, path: Path, node: int) -> tuple[float, float]:
 
 
 def against(replay: Replay, counted: int) -> str:
-    """How the number of steps that are shown differs from the counted number of visited nodes; empty if it does not.
+    """The difference of the steps that are shown to the counted number of visited nodes, in words; empty if none.
 
     Kernels of planes step over an empty child without a visit; here it is a step, since the ray passes it.
     """

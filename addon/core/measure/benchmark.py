@@ -233,10 +233,10 @@ class _Run:
             except FAILURES as error:
                 yield self._failed(candidate.spec, error)
         # Time the anchor with every group. Later groups use a copy, which is not checked again and gets no second row.
-        beside = None
+        timed_anchor = None
         if anchor is not None and anchor.timed:
-            beside = anchor if anchor in sound else anchor.again()
-        timed = sound if beside is None or beside in sound else [beside, *sound]
+            timed_anchor = anchor if anchor in sound else anchor.again()
+        timed = sound if timed_anchor is None or timed_anchor in sound else [timed_anchor, *sound]
         # Time the ray sets, and everything that needs sound answers.
         for rays_of_set in self._prepared.ray_sets:
             steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
@@ -250,11 +250,11 @@ class _Run:
         # Time pictures, then complete the rows.
         pictures = Rounds()
         if self._prepared.pictures is not None and not self._options.brief:
-            steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
+            steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.anchor, ours, self._options)
             yield from map(self._step, steps)
         round_id = uuid.uuid4().hex[:12]
         for candidate in sound:
-            yield Finished(self._row(candidate, beside, timed, pictures, round_id))
+            yield Finished(self._row(candidate, timed_anchor, timed, pictures, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         """Repeat short builds up to BUILDS times, interleaved."""

@@ -8,7 +8,7 @@ import math
 import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -134,9 +134,7 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
     structure: native, over the workload's triangles. size: width and height, multiples of 8. key: of QUANTITIES.
     Raises table.TreeError for quantities that need the nodes of a tree.
     """
-    width, height = size
     (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
-    tiles = rays.tile_order(width, height)
     values: dict[str, Callable[[], NDArray[Any]]] = {
         "STEPS": lambda: counting.counters(structure, primary, 0)["visits"],
         "TESTS": lambda: pixel_costs.shared(structure, primary, "tests"),
@@ -148,9 +146,7 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
         "ANY_HIT": lambda: pixel_costs.any_hit(structure, workload, size),
         "DEPTH": lambda: pixel_costs.leaf_depths(structure, workload, primary),
     }
-    picture = np.empty(width * height)
-    picture[tiles] = values[key]()
-    return picture.reshape(height, width)[::-1].copy()
+    return as_map(values[key](), size)
 
 
 def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F64:
@@ -158,21 +154,15 @@ def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F64:
 
     view: the primary rays of `size` pixels in tiles. If a tile is traversed as a whole, its rays share the sum evenly.
     """
+    return as_map(pixel_costs.shared(structure, view, "steps", "tests"), size)
+
+
+def as_map(values: NDArray[Any], size: tuple[int, int]) -> F64:
+    """(height, width) float64, rows from the bottom, of the values of rays in tiles, (width * height,)."""
     width, height = size
-    # Count once in tiles and once as single rays; different counts mean that tiles are traversed as a whole.
-    counted, alone = (_steps_and_tests(structure, one) for one in (view, replace(view, order="none")))
-    if not np.array_equal(counted, alone):
-        side = rays.TILE**2
-        counted = np.repeat(counted.reshape(-1, side).mean(axis=1), side)
     picture = np.empty(width * height)
-    picture[rays.tile_order(width, height)] = counted
+    picture[rays.tile_order(width, height)] = values
     return picture.reshape(height, width)[::-1].copy()
-
-
-def _steps_and_tests(structure: Structure, view: rays.RaySet) -> F64:
-    """(n,) nodes visited and triangles tested by each ray together."""
-    counters = counting.counters(structure, view, 0)
-    return counters["steps"].astype(np.float64) + counters["tests"]
 
 
 def packed(values: F64) -> dict[str, Any]:
@@ -185,8 +175,8 @@ def packed(values: F64) -> dict[str, Any]:
 
 
 def unpacked(stored: Mapping[str, Any]) -> F64:
-    """The inverse of `packed`; maps of earlier versions, which state no type, have whole numbers below 65,536."""
-    flat = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), stored.get("type", TYPES[0]))
+    """The inverse of `packed`."""
+    flat = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), stored["type"])
     return flat.reshape(stored["height"], stored["width"]).astype(np.float64)
 
 

@@ -60,9 +60,7 @@ def mark(columns: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: S
 
 
 def counts_timed_traversal(row: Mapping[str, Any], name: str) -> bool:
-    """Whether a row's counters of a ray set are those of the timed traversal; True for rows of earlier versions, which
-    lack the entry.
-    """
+    """Whether a row's counters of a ray set are those of the timed traversal; True for Embree, which counts nothing."""
     return bool(row["rays"][name].get("counts_timed_walk", True))
 
 

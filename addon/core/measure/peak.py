@@ -132,7 +132,7 @@ def of_builds(
 
 
 def _resident() -> tuple[int, int]:
-    """Resident bytes now and at their peak. Only Linux reports both; elsewhere the peak stands for both."""
+    """Resident bytes now and at their peak. Only Linux reports both; elsewhere the peak is given for both."""
     status = Path("/proc/self/status")
     if status.exists():
         lines = dict(line.split(":", 1) for line in status.read_text(encoding="utf-8").splitlines())

@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 
-def shared(structure: Structure, primary: rays.RaySet, name: str) -> F64:
-    """(n,), a counter of tests; the rays of a tile that is traced as a whole share its number evenly.
+def shared(structure: Structure, primary: rays.RaySet, *names: str) -> F64:
+    """(n,), the sum of counters; the rays of a tile that is traced as a whole share its number evenly.
 
     Such a tile counts its tests for one of its rays. primary: in tiles.
     """
+    # Count once in tiles and once as single rays; different counts mean that tiles are traced as a whole.
     counted, alone = (
-        counting.counters(structure, one, 0)[name].astype(np.float64)
-        for one in (primary, replace(primary, order="none"))
+        np.sum([found[name].astype(np.float64) for name in names], axis=0)
+        for found in (counting.counters(structure, one, 0) for one in (primary, replace(primary, order="none")))
     )
     if np.array_equal(counted, alone):
         return counted

@@ -103,8 +103,8 @@ class Progress:
 class Prepared:
     """The rays of a scene, the reference's answers to those that are checked, and other data that all structures share.
 
-    beside: the anchor for picture times; None without pictures or if it is too large to be kept. portrait: a PNG of the
-    scene, None without pictures.
+    anchor: of picture times; None without pictures or if it is too large to be kept. portrait: a PNG of the scene, None
+    without pictures.
     """
 
     workload: Workload
@@ -117,7 +117,7 @@ class Prepared:
     moved: Moved | None
     map_view: RaySet | None = None
     map_size: tuple[int, int] = (0, 0)
-    beside: Structure | None = None
+    anchor: Structure | None = None
     tradeoff: Tradeoff | None = None
     portrait: bytes | None = None
 
@@ -178,17 +178,12 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
         pairs = {name: (some, expected[name]) for name, some in checked.items()}
         made.tradeoff = Tradeoff(native, workload, pairs, options.seed, Limits(options.threads, options.memory_limit))
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
-        made.beside = tracer
+        made.anchor = tracer
     if options.maps:
-        width, height = (_scaled(side, options.size) for side in options.size)
+        width, height = (round(side * MAP_SIDE / max(options.size)) for side in options.size)
         made.map_size = costmap.rounded((width, height))
         (made.map_view,) = rays.make(workload, tracer, size=made.map_size, seed=options.seed, names=("primary",))[:1]
     return made
-
-
-def _scaled(side: int, size: tuple[int, int]) -> int:
-    """A side of the view in pixels of a map."""
-    return round(side * MAP_SIDE / max(size))
 
 
 def prepared(native: Native, workload: Workload, options: Options) -> Prepared:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,23 +130,8 @@ Bound = Literal["min", "med", "max"]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *(
-        "seconds",
-        "seconds_with_build",
-        "first_s",
-        "render_s",
-        "image_s",
-        "image",
-        "map",
-        "machine",
-        "round_id",
-        "anchor",
-        "scaling",
-        "too_slow",
-        "ns",
-        "peer",
-        "portrait",
-    ),
+    *("seconds", "seconds_with_build", "first_s", "render_s", "image_s", "image", "map", "machine", "round_id"),
+    *("anchor", "scaling", "too_slow", "ns", "peer", "portrait"),
 }
 """Keys whose values vary between runs. All others are equal on every machine."""
 
@@ -159,11 +144,11 @@ SINCE_TABLES = {"table", "tables", "tree", "label", "nodes", "ways"}
 """Columns that rows of journals may lack: earlier versions had one table."""
 
 
-OF_RAYS = (
-    *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("steps", "steps_axis", "steps_oblique", "steps_boxes", "tests", "hits"),
-)
-"""Columns of a row for each ray set."""
+NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait"}
+"""Columns that only complete rows have."""
+
+OF_RAYS = tuple(name for name in RayColumns.__annotations__ if name not in ("cases", "counts_timed_walk"))
+"""Columns of every row for each ray set."""
 
 OF_ERRORS = (
     *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "wrong"),
@@ -174,43 +159,10 @@ OF_ERRORS = (
 
 def blank() -> Row:
     """A row with every key and no values."""
-    return {
-        "scene": "",
-        "triangles": 0,
-        "spec": "",
-        "structure": "",
-        "table": None,
-        "tables": [],
-        "tree": "",
-        "label": "",
-        "nodes": None,
-        "ways": None,
-        "k": None,
-        "alpha": None,
-        "seed": None,
-        "threads": 0,
-        "machine": platform.node(),
-        "round_id": None,
-        "anchor": None,
-        "build_s": None,
-        "first_s": None,
-        "bytes": None,
-        "peak_bytes": None,
-        "statistics": None,
-        "rays": None,
-        "errors": None,
-        "image_s": None,
-        "image": None,
-        "map": None,
-        "curve": None,
-        "independent": None,
-        "scaling": None,
-        "offsets": None,
-        "render_s": None,
-        "left_out": [],
-        "too_slow": [],
-        "error": None,
-    }
+    nothing = dict.fromkeys(name for name in Row.__annotations__ if name not in NOT_OF_ALL)
+    texts = dict.fromkeys(("scene", "spec", "structure", "tree", "label"), "") | {"machine": platform.node()}
+    lists: dict[str, Any] = {name: [] for name in ("tables", "left_out", "too_slow")}
+    return cast("Row", {**nothing, **texts, **lists, "triangles": 0, "threads": 0})
 
 
 def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
@@ -310,8 +262,7 @@ def is_lazy(spec: str) -> bool:
 
 def eager(spec: str) -> str:
     """The same configuration, built at once."""
-    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if (key, value) != LAZY)
-    return specs.joined(specs.structure_of(spec), *kept)
+    return specs.without(spec, LAZY[:1])
 
 
 def building(row: Row, which: Bound = "med") -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables of Hoobergs 2019, measured again: times in percent of the kd-tree's, beside the published numbers.
+"""The tables of Hoobergs 2019, measured again: times in percent of the kd-tree's, and the published numbers.
 
 The published ones come from a file outside the project; without it the tables contain only ours.
 """
@@ -140,8 +140,7 @@ def configuration(row: Row) -> str:
 
 @lru_cache(1 << 17)
 def _without_swept(spec: str) -> str:
-    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if key not in SWEPT)
-    return specs.joined(specs.structure_of(spec), *kept)
+    return specs.without(spec, SWEPT)
 
 
 def labels(rows: Iterable[Row]) -> dict[str, str]:

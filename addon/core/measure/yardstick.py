@@ -85,4 +85,4 @@ class EmbreeStructure:
 
 if TYPE_CHECKING:
     Traced = Structure | EmbreeStructure
-    """What is measured: a native structure, or the yardstick."""
+    """A measured structure: native, or the yardstick."""

@@ -147,9 +147,7 @@ def levels(beam: Beam, opacity: float, width: float) -> list[Level]:
         share = found.count / len(beam.t)
         rgb = colours.false_colour(colours.CELLS_FROM + (1 - colours.CELLS_FROM) * share)
         strength = (opacity * (0.35 + 0.55 * share)).astype(np.float32)
-        faces = np.diff(found.cells)
-        shape = Shape(found.vertices, found.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
-        made.append(planes.level(shape, np.arange(found.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+        made.append(found.level(rgb, strength, width))
     if len(beam.hits):
         made.append(cells.triangles(beam.hits, cells.HIT_RGB, opacity, 1.0, 0.8))
     made.append(_sides(beam, opacity, width))

@@ -48,6 +48,16 @@ class Cells:
     def __len__(self) -> int:
         return len(self.count)
 
+    def shape(self, rgb: F32, strength: F32) -> Shape:
+        """The polygons in the colour, (c, 3), and the strength, (c,), of their cells."""
+        faces = np.diff(self.cells)
+        return Shape(self.vertices, self.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+
+    def level(self, rgb: F32, strength: F32, width: float) -> Level:
+        """The cells along rays as one level. width: of the strongest lines of the picture, in pixels."""
+        polygons = np.arange(self.cells[-1])
+        return planes.level(self.shape(rgb, strength), polygons, 0, max(0.6 * width, 1.0), (0.05, 0.1))
+
 
 def choose(structure: Structure, least: int, most: int) -> Cells:
     """The leaves of a native structure with at least `least` triangles; `most` limits their polygons in total."""
@@ -73,8 +83,7 @@ def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
     share = colours.shares(cells.count)
     crowd = min(1.0, planes.CROWD / len(cells)) ** (planes.CROWD_FADE / 2)
     strength = (opacity * crowd * (FAINTEST + (1 - FAINTEST) * share)).astype(np.float32)
-    faces = np.diff(cells.cells)
-    shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+    shape = cells.shape(rgb, strength)
     # Draw from the emptiest bundle to the fullest; cells are sorted in the opposite order.
     made = []
     for part in reversed(np.array_split(np.arange(len(cells)), min(BUNDLES, len(cells)))):
@@ -214,9 +223,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
             np.array(PASSED_RGB, np.float32),
         ).astype(np.float32)
         strength = np.where(path.tested, 0.9 * opacity, 0.3 * opacity).astype(np.float32)
-        faces = np.diff(cells.cells)
-        shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
-        made.append(planes.level(shape, np.arange(cells.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+        made.append(cells.level(rgb, strength, width))
     # Add the tested triangles, with the hit on top.
     if len(path.ids):
         made.append(triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))

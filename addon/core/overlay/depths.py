@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which kinds of planes a structure has, and what of it can be seen through when it is shown at first."""
+"""The kinds of planes of a structure, and the levels of it that are shown at first, which can be seen through."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_SHOWN = 300
 
 @dataclass(frozen=True)
 class First:
-    """What is shown at first: levels low to high, or, of a grid, the layer (axis, place) of its cells."""
+    """The first view: levels low to high, or, of a grid, the layer (axis, place) of its cells."""
 
     low: int
     high: int
@@ -49,7 +49,7 @@ class Survey:
     grid: Grid | None = None
 
     def first(self, eye: F64) -> First:
-        """What a viewer at `eye`, (3,) in the scene frame, sees at first: the levels from the root on of which a line
+        """The first view of a viewer at `eye`, (3,) in the scene frame: the levels from the root on of which a line
         of sight crosses up to CLEAR surfaces in the mean and that have up to MOST_SHOWN polygons together, but at least
         the first level that has polygons.
         """

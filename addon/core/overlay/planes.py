@@ -121,7 +121,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Panes:
-    """How the surfaces of planes are drawn. bare: (p,) bool, polygons without a surface. strength: of the others, 0 to
+    """The drawing of the surfaces of planes. bare: (p,) bool, polygons without a surface. strength: of the others, 0 to
     1.
     """
 

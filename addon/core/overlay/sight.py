@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the directions around a viewer the polygons of a structure cover, and which of them would be fog."""
+"""The share of directions around a viewer that polygons of a structure cover, and polygons that would be fog."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..tree.regions import box_faces
 
 STEP = 64
 """Steps to which places of the viewer are rounded, per diagonal of the structure, or per distance to it if it is far:
@@ -16,7 +17,7 @@ what is drawn changes only from step to step.
 """
 
 FAR = 1000.0
-"""Distance in diagonals of the structure of a viewer that stands for parallel lines of sight."""
+"""Distance of a viewer with parallel lines of sight, in diagonals of the structure."""
 
 NEAR = np.pi / 2
 """Solid angle in steradians, an eighth of all directions, from which a polygon is drawn without its surface."""
@@ -69,14 +70,8 @@ def whole(box: F64, eye: F64) -> float:
     if ((eye >= box[0]) & (eye <= box[1])).all():
         return 4.0 * np.pi
     # Each line of sight through the box meets two of its faces.
-    corners = []
-    for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        for end in box:
-            ring = np.tile(box[0], (4, 1))
-            ring[1:3, first], ring[2:, second], ring[:, axis] = box[1, first], box[1, second], end[axis]
-            corners.append(ring)
-    return max(float(solid_angles(np.concatenate(corners), np.arange(0, 25, 4), eye).sum()) / 2, 1e-12)
+    corners = np.concatenate(box_faces(box.reshape(6)))
+    return max(float(solid_angles(corners, np.arange(0, 25, 4), eye).sum()) / 2, 1e-12)
 
 
 def around(vertices: NDArray[Any], offsets: NDArray[Any], boxes: NDArray[np.bool_], eye: F64) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.arrays import F32, F64, I32
 from .faulty import faulty
-from .scene import Geometry, ObjectFrame, SceneError, check
+from .scene import Geometry, ObjectFrame, SceneError, check, check_range
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,8 +57,7 @@ class Mesh:
             check("slots", self.slots, np.int32, (count,))
         if self.corner_normals is not None:
             check("corner_normals", self.corner_normals, np.float32, (count, 3, 3))
-        if count and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < len(self.vertices):
-            raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
+        check_range("triangles", self.triangles, len(self.vertices), "vertices")
 
     @cached_property
     def shape(self) -> bytes:
@@ -110,8 +109,7 @@ class InstancedGeometry:
                 check(name, rows, np.float32, (self.size, 3, numbers))
         if len(self.objects) not in (0, count):
             raise SceneError(f"objects: expected one of each of {count} instances, got {len(self.objects)}")
-        if count and not 0 <= int(self.mesh.min()) <= int(self.mesh.max()) < len(self.meshes):
-            raise SceneError(f"mesh: an index is out of range for {len(self.meshes)} meshes")
+        check_range("mesh", self.mesh, len(self.meshes), "meshes")
 
     @property
     def count(self) -> int:

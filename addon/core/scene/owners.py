@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects triangles belong to."""
+"""The objects of triangles."""
 
 from __future__ import annotations
 

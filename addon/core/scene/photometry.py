@@ -66,7 +66,7 @@ def parse(text: str) -> Photometry:
         case 2:
             vertical, rows = _turned(vertical, rows)
         case 3:
-            vertical, rows = [angle + 90 for angle in vertical], _beside(rows)
+            vertical, rows = [angle + 90 for angle in vertical], _opposite(rows)
         case _:
             raise PhotometricError(f"photometric type {kind:g}")
     return _checked(vertical, rows)
@@ -148,7 +148,7 @@ def _turned(vertical: list[float], rows: Rows) -> tuple[list[float], Rows]:
     return second, list(zip(first, columns, strict=True))
 
 
-def _beside(rows: Rows) -> Rows:
+def _opposite(rows: Rows) -> Rows:
     """Rows of type A, whose horizontal angles go from 90 down to -90 degrees: as 90 to 270."""
     turned = [(180 - angle, values) for angle, values in reversed(rows)]
     if abs(rows[0][0]) < CLOSE:

@@ -42,6 +42,17 @@ def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> N
         raise SceneError(f"{name}: expected a C-contiguous array")
 
 
+def check_range(name: str, indices: Any, count: int, what: str) -> None:
+    """Raise SceneError unless all `indices` are those of `count` things."""
+    if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < count:
+        raise SceneError(f"{name}: an index is out of range for {count} {what}")
+
+
+def shallow(item: Any) -> dict[str, Any]:
+    """The fields of a dataclass; unlike `asdict` it copies no array, so a million lights take seconds, not minutes."""
+    return {entry.name: getattr(item, entry.name) for entry in fields(item)}
+
+
 @dataclass(frozen=True)
 class Source:
     """The origin of a run of triangles: one mesh, placed once for each name.
@@ -118,20 +129,12 @@ class Geometry:
                 check(f"layers[{number}]", layer, np.float32, (count, 3, None))
         if self.object_index is not None:
             check("object_index", self.object_index, np.uint32, (count,))
-        if count and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < len(self.vertices):
-            raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
+        check_range("triangles", self.triangles, len(self.vertices), "vertices")
         if not np.isfinite(self.origin).all():
             raise SceneError("origin: expected finite numbers")
         # Freeze the arrays, which sessions share.
-        for array in (
-            self.vertices,
-            self.triangles,
-            self.material_index,
-            self.corner_normals,
-            self.uvs,
-            self.origin,
-            *self.layers,
-        ):
+        always = self.vertices, self.triangles, self.material_index, self.origin
+        for array in (*always, self.corner_normals, self.uvs, *self.layers):
             if array is not None:
                 array.flags.writeable = False
 
@@ -171,13 +174,7 @@ class Geometry:
 
 
 PANORAMIC = (
-    "equirectangular",
-    "equidistant",
-    "equisolid",
-    "polynomial",
-    "mirror_ball",
-    "central_cylindrical",
-    "cube_face",
+    *("equirectangular", "equidistant", "equisolid", "polynomial", "mirror_ball", "central_cylindrical", "cube_face"),
 )
 """Panoramic kinds of cameras."""
 
@@ -217,10 +214,10 @@ class Camera:
 
     def as_dict(self) -> dict[str, Any]:
         """The camera as the native module takes it."""
-        apart = ("panorama", "motion")
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in apart}
-        moved = {} if self.motion is None else {"motion": tuple(side.as_dict() for side in self.motion)}
-        return own | dict(self.panorama) | moved
+        own = shallow(self)
+        panorama, motion = own.pop("panorama"), own.pop("motion")
+        moved = {} if motion is None else {"motion": tuple(side.as_dict() for side in motion)}
+        return own | dict(panorama) | moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,14 +291,8 @@ class Closure:
 
     def as_dict(self) -> dict[str, Any]:
         """The closure as the native module takes it."""
-        return {
-            "kind": self.kind,
-            **self.inputs,
-            "normal": self.normal,
-            "multiscatter": self.multiscatter,
-            "distribution": self.distribution,
-            "method": self.method,
-        }
+        own = shallow(self)
+        return {"kind": own.pop("kind"), **own.pop("inputs"), **own}
 
 
 @dataclass(frozen=True)
@@ -346,8 +337,8 @@ class Material:
 
     def as_dict(self) -> dict[str, Any]:
         """The material as the native module takes it."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {**values, "closures": [closure.as_dict() for closure in self.closures], "program": list(self.program)}
+        own = shallow(self)
+        return own | {"closures": [closure.as_dict() for closure in self.closures], "program": list(self.program)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -466,8 +457,7 @@ class Scene:
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)
         indices = self.geometry.material_index if flattened else self.geometry.materials  # type: ignore[union-attr]
-        if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < len(self.materials):
-            raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")
+        check_range("material_index", indices, len(self.materials), "materials")
 
     def for_passes(self) -> dict[str, Any] | None:
         """The data that only passes need, as the native module takes it; None if there is none."""

@@ -32,7 +32,7 @@ MOST_PIECES = 8
 """Pieces of a curve between two of its points."""
 
 DEVIATION = 0.125
-"""Largest distance in pixels between a tube and the curve that it stands for, while the limits above allow it."""
+"""Largest distance in pixels between a tube and its curve, while the limits above allow it."""
 
 
 THIN = 1e-5
@@ -179,7 +179,7 @@ class Tubes:
 def tubes(found: Strands, pieces: int, sides: int, *, directions: bool = False) -> Tubes:
     """Tubes of this number of sides around curves, each divided into `pieces` between two points.
 
-    The polygons are wider than the circle that they stand for by the factor that gives a tube the circle's mean
+    The polygons are wider than the circle that they replace by the factor that gives a tube the circle's mean
     breadth over all directions (Cauchy: the perimeter over pi). directions: whether those of the curves are wanted.
     """
     # Divide the curves.
@@ -251,7 +251,7 @@ def _as_float64(values: F32) -> F64:
 def _segments(found: Strands) -> tuple[NDArray[np.int64], ...]:
     """For each pair of adjacent points of a curve the point before, both points, and the point after, each (s,).
 
-    At the ends the pair's own points stand for the missing neighbours.
+    At the ends the pair's own points replace the missing neighbours.
     """
     curve = found.curve_of_point()
     begin = np.flatnonzero(curve[1:] == curve[:-1])

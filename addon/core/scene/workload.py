@@ -233,8 +233,8 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
     """A scene in NumPy's format; docs/manual.md lists the keys. Raises WorkloadError.
 
     memory_limit: bytes that its arrays may use; they are compressed, and may be a thousand times larger than the file.
-    published: as it was measured in a publication, where the file records it: without the triangles that stand for
-    quadrics, and only the rendered part of the film.
+    published: as it was measured in a publication, where the file records it: without the triangles that
+    replace quadrics, and only the rendered part of the film.
     """
     arrays = _arrays(path, (*_KEYS, *_OPTIONAL, *(_PUBLISHED if published else ())), memory_limit)
     with _naming(path):

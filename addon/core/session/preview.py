@@ -217,7 +217,7 @@ class Preview:
 
     @property
     def followed(self) -> str:
-        """What was done with the structure when the scene last changed: "refitted", or "rebuilt" with the reason; "" if
+        """The update of the structure when the scene last changed: "refitted", or "rebuilt" with the reason; "" if
         it is the first of its triangles, or if structures of its kind are built again after each change.
         """
         session = None if self._ready is None else self._ready.session

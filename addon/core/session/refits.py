@@ -8,13 +8,12 @@ only the time of its rays differs.
 from __future__ import annotations
 
 import hashlib
-import threading
-import weakref
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ..base.native import first_line
 from ..structures import specs
+from ..structures.trees import InUse
 
 if TYPE_CHECKING:
     from ..base.interface import Monitor, Native, Structure
@@ -67,28 +66,14 @@ def can_fit(native: Native, spec: str) -> bool:
 
 
 def duration(statistics: dict[str, Any]) -> str:
-    """How the structure of a picture was made and in what time, as shown to the user."""
+    """The origin of a picture's structure, a build or a refit, and its time, as shown to the user."""
     if statistics.get("refits"):
         return f"Refitted {statistics['refit_seconds']:.3f} s"
     return f"Build {statistics['build_seconds']:.2f} s"
 
 
-class Followed:
-    """Weak references to the newest structure in use of each topology and configuration. Thread-safe."""
-
-    def __init__(self) -> None:
-        self._known: weakref.WeakValueDictionary[tuple[bytes, str], Structure] = weakref.WeakValueDictionary()
-        self._lock = threading.Lock()
-
-    def find(self, shape: bytes, spec: str) -> Structure | None:
-        """The structure in use of this configuration over triangles of this topology, or None."""
-        with self._lock:
-            return self._known.get((shape, spec))
-
-    def keep(self, shape: bytes, spec: str, structure: Structure) -> None:
-        """Remember a structure while it is in use."""
-        with self._lock:
-            self._known[shape, spec] = structure
+class Followed(InUse):
+    """The newest structure in use of each topology and configuration."""
 
 
 FOLLOWED = Followed()

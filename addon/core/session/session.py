@@ -9,11 +9,12 @@ import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from ..scene.instances import InstancedGeometry
+from ..scene.scene import shallow
 from ..structures.trees import TREES, Trees
 from . import refits
 
@@ -135,7 +136,7 @@ class Session:
 
     @property
     def done(self) -> str:
-        """How structures of the same triangles at other places were reused: "refitted", or "rebuilt" with the reason;
+        """The reuse of structures of the same triangles at other positions: "refitted", or "rebuilt" with the reason;
         "" if there were none.
         """
         return ", ".join(dict.fromkeys(self._done))
@@ -185,8 +186,8 @@ class Session:
     ) -> RenderJob:
         """Start a native job for one picture and return it at once.
 
-        times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it stands
-        still. points: of surfaces that the pixels show in place of what the camera sees, as the native module takes
+        times: sessions of the same scene at the times that samples take in turn, in place of this one; none: it does
+        not move. points: of surfaces that the pixels show in place of what the camera sees, as the native module takes
         them.
         """
         scenes = [session.render_scene for session in times] or self.render_scene
@@ -236,11 +237,6 @@ class Session:
         return structure
 
 
-def asdict_shallow(item: Any) -> dict[str, Any]:
-    """The fields of a dataclass; unlike `asdict` it copies no array, so a million lights take seconds, not minutes."""
-    return {entry.name: getattr(item, entry.name) for entry in fields(item)}
-
-
 class SceneArguments(TypedDict, total=False):
     """The keyword arguments of the native `RenderScene`, documented in its stub."""
 
@@ -273,15 +269,15 @@ def arguments(scene: Scene) -> SceneArguments:
             "object_index": geometry.object_index,
         }
     if scene.grids:
-        carried["grids"] = [asdict_shallow(grid) for grid in scene.grids]
+        carried["grids"] = [shallow(grid) for grid in scene.grids]
     x, y, z = geometry.origin
     return {
         **carried,
         "layers": list(geometry.layers),
         "objects": [asdict(frame) for frame in geometry.objects],
         "materials": [material.as_dict() for material in scene.materials],
-        "lights": [asdict_shallow(light) for light in scene.lights],
-        "world": asdict_shallow(scene.world),
+        "lights": [shallow(light) for light in scene.lights],
+        "world": shallow(scene.world),
         "images": [image.as_dict() for image in scene.images],
         "indices": scene.for_passes(),
         "origin": (float(x), float(y), float(z)),

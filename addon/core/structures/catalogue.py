@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any
 
@@ -138,40 +138,16 @@ def of(structures: Iterable[Mapping[str, Any]]) -> Catalogue:
 
 
 def _structure(row: Mapping[str, Any]) -> Structure:
-    return Structure(
-        id=row["id"],
-        code=int(row["code"]),
-        label=row["label"],
-        family=row["family"],
-        summary=row["summary"],
-        paper=row["paper"],
-        parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
-        aliases=tuple(row["aliases"]),
-        ways=tuple(_way(way) for way in row["ways"]),
-        heading=row["heading"],
-        menu=row["menu"],
-        literature=tuple((name, spec) for name, spec in row["literature"]),
-    )
-
-
-def _way(row: Mapping[str, Any]) -> Way:
-    return Way(row["nodes"], row["traversal"], row["rays"], row["label"], row["doc"])
+    own = {item.name: row[item.name] for item in fields(Structure)}
+    lists = {name: tuple(own[name]) for name in ("aliases", "literature")}
+    parameters, ways = tuple(map(_parameter, row["parameters"])), tuple(Way(**way) for way in row["ways"])
+    return Structure(**{**own, **lists, "parameters": parameters, "ways": ways})
 
 
 def _parameter(row: Mapping[str, Any]) -> Parameter:
-    return Parameter(
-        name=row["name"],
-        label=row["label"],
-        doc=row["doc"],
-        unit=row["unit"],
-        kind=row["kind"],
-        default=row["default"],
-        minimum=row["min"],
-        maximum=row["max"],
-        options=tuple(row["options"] or ()),
-        labels=tuple(row["labels"] or ()),
-        group=row["group"],
-    )
+    own = {name: row[name] for name in ("name", "label", "doc", "unit", "kind", "default", "group")}
+    options, labels = (tuple(row[name] or ()) for name in ("options", "labels"))
+    return Parameter(**own, minimum=row["min"], maximum=row["max"], options=options, labels=labels)
 
 
 def _widen(a: Parameter, b: Parameter) -> Parameter:
@@ -179,16 +155,10 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
     names = dict(zip(a.options, a.labels, strict=True))
     for option, label in zip(b.options, b.labels, strict=True):
         names.setdefault(option, label)
-    return Parameter(
-        name=a.name,
-        label=a.label,
-        doc=a.doc,
-        unit=a.unit,
-        kind=a.kind,
-        default=a.default,
+    return replace(
+        a,
         minimum=None if a.minimum is None or b.minimum is None else min(a.minimum, b.minimum),
         maximum=None if a.maximum is None or b.maximum is None else max(a.maximum, b.maximum),
         options=tuple(names),
         labels=tuple(names.values()),
-        group=a.group,
     )

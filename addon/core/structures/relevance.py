@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which parameters of a structure have an effect in a configuration, and where a panel shows them.
+"""The parameters of a structure that have an effect in a configuration, and their parts of a panel.
 
 The native module decides. A parameter without effect is neither shown nor written into a configuration.
 `tests/core/structures/test_relevance.py` builds every structure with several values of every parameter and compares the

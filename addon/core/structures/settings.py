@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -128,30 +128,5 @@ class RenderSettings:
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as the native `render` takes them."""
-        return {
-            "width": self.width,
-            "height": self.height,
-            "border": self.border,
-            "samples": self.samples,
-            "max_bounces": self.max_bounces,
-            "volume_bounces": self.volume_bounces,
-            "transparent_bounces": self.transparent_bounces,
-            "integrator": self.integrator,
-            "ambient_distance": self.ambient_distance,
-            "clamp_direct": self.clamp_direct,
-            "clamp_indirect": self.clamp_indirect,
-            "filter_glossy": self.filter_glossy,
-            "caustics_reflective": self.caustics_reflective,
-            "caustics_refractive": self.caustics_refractive,
-            "secondary_beams": self.secondary_beams,
-            "exposure": self.exposure,
-            "filter": self.filter,
-            "filter_width": self.filter_width,
-            "seed": self.seed,
-            "film_transparent": self.film_transparent,
-            "transparent_glass": self.transparent_glass,
-            "passes": list(self.passes),
-            "noise_threshold": self.noise_threshold,
-            "time_limit": self.time_limit,
-            "mist": asdict(self.mist),
-        }
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "threads"}
+        return {**values, "passes": list(self.passes), "mist": asdict(self.mist)}

@@ -136,7 +136,7 @@ def expand(
 ) -> list[str]:
     """The configurations selected by `--structures` and parameter ranges, each once, in order.
 
-    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all"; aliases of
+    text: configurations, in which `k=2..10` and `k=2|6` mean several, names of families, or "all"; aliases of
     structures are accepted. structures: the native registry. ranges: parameter to values; a structure that lacks the
     parameter, or whose configuration sets it, is taken unchanged, and values out of a structure's range are skipped.
     left_out: gets one line for each structure with skipped values. Raises SpecError.

@@ -2,7 +2,7 @@
 """Comparable configurations of a structure: one ray at a time, and as fast as it goes.
 
 A benchmark shows two tables. *single* traces every structure one ray at a time through its own nodes; *fastest* traces
-each with the quickest kernels for each kind of its nodes. Configurations that fit neither stand in *chosen*.
+each with the quickest kernels for each kind of its nodes. Other configurations are in *chosen*.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ def is_spelled(spec: str) -> bool:
 
 def tree_of(spec: str) -> str:
     """A configuration without the keys of its nodes and its traversal: what remains is the tree."""
-    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if key not in KEYS)
-    return specs.joined(specs.structure_of(spec), *kept)
+    return specs.without(spec, KEYS)
 
 
 def own_nodes(structure: Structure) -> str:
@@ -112,8 +111,8 @@ def compared(
 ) -> tuple[list[str], int]:
     """The configurations to measure so that like is compared with like, each once, and the number of trees.
 
-    A configuration that names neither nodes nor traversal stands for its tree traced one ray at a time, and as fast as
-    it goes through each kind of its nodes; all others are taken as they are spelled. left_out: gets a line for each
+    A configuration that names neither nodes nor traversal means its tree traced one ray at a time, and as fast as it
+    goes through each kind of its nodes; all others are taken as they are spelled. left_out: gets a line for each
     combination that the native module refuses. Raises specs.SpecError.
     """
     wanted: list[str] = []

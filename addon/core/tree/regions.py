@@ -40,6 +40,18 @@ class Faces:
         return areas(self.vertices, self.offsets)
 
 
+def box_faces(box: F64) -> list[F64]:
+    """The six faces of a box, (4, 3) each, two across each axis. box: (6,), lower and upper corner."""
+    made = []
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        for height in (box[axis], box[3 + axis]):
+            ring = np.tile(box[:3], (4, 1))
+            ring[1:3, first], ring[2:, second], ring[:, axis] = box[3 + first], box[3 + second], height
+            made.append(ring)
+    return made
+
+
 def areas(vertices: F64, offsets: NDArray[np.int64]) -> F64:
     """(f,), area of plane polygons. vertices: (v, 3). offsets: (f + 1,), first vertex of each; none is empty."""
     sizes = np.diff(offsets)

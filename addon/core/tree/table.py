@@ -151,7 +151,7 @@ class Table:
         """The polygons of the faces of a node's region, (v, 3) each."""
         start, end = self.wall_offsets[node : node + 2]
         if start == end:
-            return _box_faces(self.bounds[node])
+            return regions.box_faces(self.bounds[node])
         found = regions.faces(self.walls[start:end], np.array([0, end - start]), self.bounds[node : node + 1])
         return np.split(found.vertices, found.offsets[1:-1])
 
@@ -214,17 +214,3 @@ def _box_areas(low: F64, high: F64) -> F64:
     x, y, z = (high - low).T
     areas: F64 = 2.0 * (x * y + y * z + z * x)
     return areas
-
-
-def _box_faces(box: F64) -> list[F64]:
-    """The six faces of a box, (4, 3) each."""
-    made = []
-    for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        ring = np.tile(box[:3], (4, 1))
-        ring[1:3, first], ring[2:, second] = box[3 + first], box[3 + second]
-        for height in (box[axis], box[3 + axis]):
-            face = ring.copy()
-            face[:, axis] = height
-            made.append(face)
-    return made

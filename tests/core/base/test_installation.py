@@ -77,7 +77,7 @@ def test_a_build_that_was_not_unpacked_or_lost_a_part_is_said_to_be_absent(wheel
         ("dlopen(a.so):\n  tried: 'a.so'", "cannot be loaded on Linux on x86-64: dlopen(a.so): tried: 'a.so'"),
     ],
 )
-def test_what_the_loader_says_becomes_one_sentence(wheels: Path, text: str, words: str) -> None:
+def test_an_error_of_the_loader_becomes_one_sentence(wheels: Path, text: str, words: str) -> None:
     assert installation.why_missing(ImportError(text, name="halfspace_native")).endswith(words)
 
 

@@ -25,15 +25,12 @@ def _fresh() -> Iterator[None]:
     native.load.cache_clear()
 
 
-def test_a_missing_module_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_module_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "halfspace_native", None)
-    problem = native.problem()
-    assert problem is not None
-    assert problem == (
+    assert native.problem() == (
         "The native module of Halfspace is not installed: "
         "install the Python package halfspace-rt again, or run scripts/demo.py in a clone"
     )
-    assert "\n" not in problem
     with pytest.raises(native.NativeError):
         native.load()
 
@@ -41,8 +38,7 @@ def test_a_missing_module_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -
 def test_another_version_asks_for_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
     other = types.SimpleNamespace(__version__="9.9.9")
     monkeypatch.setitem(sys.modules, "halfspace_native", other)
-    problem = native.problem()
-    assert problem is not None
+    problem = native.problem() or ""
     assert "9.9.9" in problem
     assert "restart Blender" in problem
 

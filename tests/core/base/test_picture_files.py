@@ -64,7 +64,7 @@ def test_a_broken_file_is_one_line_with_its_name(
         picture_files.read(tmp_path / "none.png")
 
 
-def test_what_was_not_written_is_told_with_the_picture_s_name(tmp_path: Path) -> None:
+def test_a_missing_picture_is_an_error_with_its_name(tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     with pytest.raises(OSError, match="nothing was written") as told, picture_files.replacing(path):
         pass
@@ -134,16 +134,7 @@ def test_light_of_a_transparent_picture_is_multiplied_after_it_was_made_linear(t
 
 def test_the_colour_of_a_file_is_that_of_its_combined_pass() -> None:
     pixels = np.arange(8, dtype=np.float32).reshape(1, 1, 8)
-    names = (
-        "L.Normal.R",
-        "L.Normal.G",
-        "L.Normal.B",
-        "L.Combined.A",
-        "L.Combined.B",
-        "L.Combined.G",
-        "L.Combined.R",
-        "Z",
-    )
+    names = (*(f"L.Normal.{one}" for one in "RGB"), *(f"L.Combined.{one}" for one in "ABGR"), "Z")
     assert Picture(pixels, names).colour().tolist() == [[[6.0, 5.0, 4.0]]]
     assert Picture(pixels[..., :1], ("Y",)).colour().tolist() == [[[0.0, 0.0, 0.0]]]
     with pytest.raises(ValueError, match="no colour among the channels Z"):

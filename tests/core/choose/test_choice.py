@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lying_native import LIES, Lying, LyingNative
+import rooms_of_triangles
+from lying_native import LIES, Lying, LyingNative, altered
 
 from addon.core.base.background import Background
 from addon.core.choose import auto, choice
@@ -26,11 +27,18 @@ native = pytest.importorskip("halfspace_native")
 
 @pytest.fixture
 def soup() -> Workload:
-    rng = np.random.default_rng(5)
-    centres = rng.random((600, 1, 3)) * [4, 3, 2]
-    vertices = (centres + 0.2 * rng.standard_normal((600, 3, 3))).astype(np.float32).reshape(-1, 3)
+    triangles = rooms_of_triangles.soup(600, 5, box=[4, 3, 2], size=0.2)
     view = View(np.array([2.0, -6.0, 3.0]), np.array([2.0, 1.5, 1.0]), np.array([0.0, 0.0, 1.0]), 40.0)
-    return Workload("soup", vertices, np.arange(1800, dtype=np.int32).reshape(-1, 3), view)
+    return Workload("soup", *triangles, view)
+
+
+def chosen_of(module: Any, soup: Workload, tried: list[str], plan: Plan | None = None) -> Any:
+    """The choice among these configurations."""
+    chooser = auto.Chooser(module, soup, plan or Plan(1 << 20, 64), tried, 1)
+    for _ in chooser.steps():
+        pass
+    assert chooser.result is not None
+    return chooser.result
 
 
 def test_a_picture_takes_its_rays_at_their_speeds() -> None:
@@ -53,7 +61,7 @@ def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
     assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
 
 
-def test_what_the_repeats_do_not_separate_is_said_to_be_equal() -> None:
+def test_configurations_that_the_repeats_do_not_separate_are_equal() -> None:
     plan = Plan(100, 1)
     best, close = Line("kd", 1.0, 2.0, least=2.0, most=2.4), Line("bvh-sah", 0.5, 2.8, least=2.8, most=3.5)
     far = Line("grid", 1.0, 3.0, least=3.0, most=3.2)
@@ -65,9 +73,7 @@ def test_what_the_repeats_do_not_separate_is_said_to_be_equal() -> None:
     # Wrong answers are no rivals, however fast.
     wrong = Line("brute", 0.0, 1.0, 3, 10, "3 of 10 answers are wrong")
     assert Comparison(plan, (best, far, wrong)).equal == ()
-
-
-def test_many_that_are_equal_are_three_names_and_a_number() -> None:
+    # Many equal ones are three names and a number.
     lines = [Line(f"s{n}", 1.0, 2.0 + n / 100, least=2.0, most=2.5) for n in range(9)]
     assert "those of s1, s2, s3 and 5 more overlap them" in Comparison(Plan(100, 1), tuple(lines)).reason()
 
@@ -93,7 +99,7 @@ def test_two_comparisons_agree_or_leave_the_best_open() -> None:
     assert one.beside(Comparison(plan, (Line("x", problem="broken"),)), "Compare") == ""
 
 
-def test_choosing_and_comparing_say_the_same_of_the_same_speeds(soup: Workload) -> None:
+def test_choosing_and_comparing_agree_on_the_same_speeds(soup: Workload) -> None:
     options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=3, check_rays=64)
     chosen = ["kd:traversal=dir", "octree-net"]
     rows = list(benchmark.measure(native, soup, chosen, options, lambda _text: None))
@@ -111,10 +117,8 @@ def test_choosing_and_comparing_say_the_same_of_the_same_speeds(soup: Workload) 
 
 
 def test_of_each_tree_its_best_way_is_compared_and_what_was_asked_for() -> None:
-    lines = [
-        Line(spec, 1.0, float(n)) for n, spec in enumerate(["kd:nodes=boxes", "bvh-sah", "kd", "kd:traversal=dir"])
-    ]
-    found = Comparison(Plan(100, 1), tuple(lines))
+    chosen = ["kd:nodes=boxes", "bvh-sah", "kd", "kd:traversal=dir"]
+    found = Comparison(Plan(100, 1), tuple(Line(spec, 1.0, float(n)) for n, spec in enumerate(chosen)))
     assert [line.spec for line in found.of_trees().lines] == ["kd:nodes=boxes", "bvh-sah"]
     kept = found.of_trees("kd:traversal=dir")
     assert [line.spec for line in kept.lines] == ["kd:nodes=boxes", "bvh-sah", "kd:traversal=dir"]
@@ -161,7 +165,7 @@ def test_choosing_gives_a_built_structure_and_says_why(soup: Workload) -> None:
     assert 0 < chosen.own <= chosen.seconds
     assert chosen.spec in chosen.notes[0]
     assert any("Choosing took" in note for note in chosen.notes)
-    # Every candidate was tried in full, or it is said why not.
+    # Every candidate was tried in full, or a note has the reason.
     told = {line.spec for line in chosen.comparison.lines} | {note.split(": ")[0] for note in chosen.notes}
     assert set(auto.candidates(known)) <= told
 
@@ -181,15 +185,11 @@ def test_a_candidate_that_the_catalogue_lacks_is_named_with_the_reason(soup: Wor
 def test_every_full_trial_is_compared_with_brute_force_which_is_asked_once(soup: Workload) -> None:
     built: list[str] = []
 
-    class Counting:
-        def __getattr__(self, name: str) -> Any:
-            return getattr(native, name)
+    def build(vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+        built.append(spec)
+        return native.build(vertices, triangles, spec, **options)
 
-        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
-            built.append(spec)
-            return native.build(vertices, triangles, spec, **options)
-
-    chosen = auto.choose(Counting(), soup, Plan(1 << 20, 64), catalogue.load(), threads=1)
+    chosen = auto.choose(altered(build=build), soup, Plan(1 << 20, 64), catalogue.load(), threads=1)
     assert built.count("brute") == 1
     assert len(chosen.comparison.lines) > 1
     for line in chosen.comparison.lines:
@@ -204,33 +204,26 @@ def test_who_errs_is_not_chosen_however_fast(soup: Workload, monkeypatch: pytest
     rates(monkeypatch, lambda structure: 100.0 if isinstance(structure, Lying) else 1.0)
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
     for tried in (["bvh-sah", "kd"], ["kd", "bvh-sah"]):
-        chooser = auto.Chooser(LyingNative(lie), soup, Plan(1 << 20, 64), tried, 1)
-        for _ in chooser.steps():
-            pass
-        assert chooser.result is not None
-        assert chooser.result.spec == "bvh-sah"
-        assert chooser.result.structure.spec == "bvh-sah"
-        worst = chooser.result.comparison.lines[-1]
-        assert (worst.spec, worst.total < chooser.result.comparison.lines[0].total) == ("kd", True)
+        found = chosen_of(LyingNative(lie), soup, tried)
+        assert found.spec == found.structure.spec == "bvh-sah"
+        worst = found.comparison.lines[-1]
+        assert (worst.spec, worst.total < found.comparison.lines[0].total) == ("kd", True)
         assert 0 < worst.wrong <= worst.checked
         assert worst.problem == f"{worst.wrong} of {worst.checked:,} answers are wrong"
-        assert any(note == f"kd: left out, {worst.problem}" for note in chooser.result.notes)
+        assert f"kd: left out, {worst.problem}" in found.notes
 
 
 def test_after_a_wrong_first_no_trial_is_too_long(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(auto, "SMALL_BUDGET", 0.0)
-    chooser = auto.Chooser(LyingNative("wrong_any_hit"), soup, Plan(1 << 20, 64), ["kd", "bvh-sah"], 1)
-    assert list(chooser.steps())
-    assert chooser.result is not None
-    assert chooser.result.spec == "bvh-sah"
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    assert chosen_of(LyingNative("wrong_any_hit"), soup, ["kd", "bvh-sah"]).spec == "bvh-sah"
 
 
 def test_nothing_is_chosen_when_all_err(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
-    chooser = auto.Chooser(LyingNative("false_miss"), soup, Plan(1 << 20, 64), ["kd"], 1)
-    told = r"No configuration gives right answers\. kd: \d+ of [\d,]+ answers are wrong"
-    with pytest.raises(RuntimeError, match=told):
-        list(chooser.steps())
+    words = r"No configuration gives right answers\. kd: \d+ of [\d,]+ answers are wrong"
+    with pytest.raises(RuntimeError, match=words):
+        chosen_of(LyingNative("false_miss"), soup, ["kd"])
 
 
 def test_a_tree_that_rays_build_is_charged_all_of_its_build(soup: Workload) -> None:
@@ -253,19 +246,12 @@ def test_a_row_that_errs_never_says_that_none_is_wrong(soup: Workload, lie: str)
     assert not line.problem.startswith("0 of")
 
 
-def test_the_command_prints_wrong_answers_beside_times(
+def test_the_command_prints_wrong_answers_with_times(
     soup: Workload, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    view = soup.view
-    np.savez(
-        tmp_path / "soup.npz",
-        vertices=soup.vertices,
-        triangles=soup.triangles,
-        camera_eye=view.eye,
-        camera_target=view.target,
-        camera_up=view.up,
-        camera_vfov_deg=np.float64(view.vertical_fov),
-    )
+    camera: dict[str, Any] = {f"camera_{name}": getattr(soup.view, name) for name in ("eye", "target", "up")}
+    camera["camera_vfov_deg"] = np.float64(soup.view.vertical_fov)
+    np.savez(tmp_path / "soup.npz", vertices=soup.vertices, triangles=soup.triangles, **camera)
     assert choose.main([str(tmp_path / "soup.npz"), "--samples", "4", "--pixels", "100000"]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if "trace" in line and "total" in line]
     assert len(lines) == len(auto.candidates(catalogue.load()))
@@ -292,7 +278,7 @@ def test_rays_are_timed_about_as_close_as_those_of_the_picture(soup: Workload, m
 
     def most(pixels: int, samples: int) -> int:
         asked.clear()
-        list(auto.Chooser(native, soup, Plan(pixels, samples), ["kd"], 1).steps())
+        chosen_of(native, soup, ["kd"], Plan(pixels, samples))
         return max(asked)
 
     assert most(1920 * 1080, 32) == 480 * 320
@@ -307,25 +293,9 @@ def rates(monkeypatch: pytest.MonkeyPatch, speed: Callable[[Any], float]) -> Non
     monkeypatch.setattr(check, "rates", lambda structure, *_: [speed(structure)] * 3)
 
 
-class Clocked:
-    """A native module whose structures take times that are told beforehand; time goes by only here."""
-
-    def __init__(self, speeds: dict[str, float], builds: dict[str, float]) -> None:
-        self.built: list[tuple[str, int]] = []
-        self.speeds, self.builds = speeds, builds
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(native, name)
-
-    def build(self, vertices: Any, triangles: Any, spec: str, **arguments: Any) -> Any:
-        if spec == "brute":
-            return native.build(vertices, triangles, spec, **arguments)
-        self.built.append((spec, len(triangles)))
-        real = native.build(vertices, triangles, "kd", **arguments)
-        return Slow(real, self.speeds[spec], self.builds[spec] * len(triangles))
-
-
 class Slow:
+    """A structure with a given speed and build time."""
+
     def __init__(self, real: Any, speed: float, build: float) -> None:
         self.real, self.speed = real, speed
         self.statistics = {**real.statistics, "build_seconds": build}
@@ -339,32 +309,30 @@ def timed_build(module: Any, scene: Workload, spec: str, *_: Any) -> tuple[Any, 
     return built, built.statistics["build_seconds"]
 
 
-def choose_with(
-    monkeypatch: pytest.MonkeyPatch, soup: Workload, samples: int, speeds: dict[str, float], builds: dict[str, float]
-) -> tuple[Any, Clocked]:
-    module = Clocked(speeds, builds)
-    rates(monkeypatch, lambda structure: structure.speed)
-    monkeypatch.setattr(auto.check, "timed_build", timed_build)
-    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
-    monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
-    chooser = auto.Chooser(module, soup, Plan(1_000_000, samples), list(speeds), 1)
-    for _ in chooser.steps():
-        pass
-    return chooser.result, module
-
-
 def test_long_pictures_try_dear_structures_and_short_ones_do_not(
     soup: Workload, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     speeds = {"quick": 1.0, "dear": 4.0, "slow": 0.1}
     builds = {"quick": 1e-4, "dear": 1e-2, "slow": 1e-3}
-    short, module = choose_with(monkeypatch, soup, 1, speeds, builds)
-    assert short.spec == "quick"
-    assert ("dear", 600) not in module.built
-    long, module = choose_with(monkeypatch, soup, 500, speeds, builds)
+    built: list[tuple[str, int]] = []
+
+    def build(vertices: Any, triangles: Any, spec: str, **arguments: Any) -> Any:
+        if spec == "brute":
+            return native.build(vertices, triangles, spec, **arguments)
+        built.append((spec, len(triangles)))
+        return Slow(native.build(vertices, triangles, "kd"), speeds[spec], builds[spec] * len(triangles))
+
+    rates(monkeypatch, lambda structure: structure.speed)
+    monkeypatch.setattr(auto.check, "timed_build", timed_build)
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
+    module = altered(build=build)
+    assert chosen_of(module, soup, list(speeds), Plan(1_000_000, 1)).spec == "quick"
+    assert ("dear", 600) not in built
+    long = chosen_of(module, soup, list(speeds), Plan(1_000_000, 500))
     assert long.spec == "dear"
-    assert ("dear", 600) in module.built
-    assert ("slow", 600) not in module.built
+    assert ("dear", 600) in built
+    assert ("slow", 600) not in built
     assert any(note.startswith("slow: left out") for note in long.notes)
 
 

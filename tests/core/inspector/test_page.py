@@ -69,7 +69,7 @@ def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch
         assert len(entry["levels"]) == int(table.depth.max()) + 1
 
 
-def test_a_page_links_the_report_beside_it() -> None:
+def test_a_page_links_the_report_in_its_folder() -> None:
     structures = [("kd", built("kd")[0])]
     text = page.inspect(native.load(), WORKLOAD, structures, (16, 8), report='"&.html').html
     assert '<a href="&quot;&amp;.html">Report of speed and errors</a></nav>' in text

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,15 +21,19 @@ EXACT = {"kd", "bsp-wn-plus-kd", "bvh-sah"}
 """Structures whose traversals count one step for each inner node on the ray."""
 
 
+def replayed(structure: Any, nodes: Any, costs: Any, index: int) -> tuple[Any, Any]:
+    """The path of the ray at `index`, and its steps."""
+    path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
+    return path, replay.replay(nodes, path)
+
+
 @pytest.mark.parametrize("spec", SPECS)
 def test_steps_are_those_that_the_traversal_counts(spec: str) -> None:
     structure, nodes = built(spec)
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
     inner = counted = 0
     for index in range(0, len(costs), 37):
-        origin, direction = costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist()
-        path = cells.follow(structure, origin, direction)
-        made = replay.replay(nodes, path)
+        path, made = replayed(structure, nodes, costs, index)
         assert made.tested(len(made)) == path.tests == costs.tests[index]
         reached = [step.reached for step in made.steps if step.tests]
         assert reached == path.reached[path.tested].tolist()
@@ -89,7 +94,7 @@ def test_a_hit_on_the_side_of_its_leaf_lies_in_it(spec: str) -> None:
     assert replay.words(nodes, step)[1] == f"Ray interval: {path.t:.4g} to {path.t:.4g}"
 
 
-def test_a_ray_beside_the_scene_visits_nothing_or_the_root() -> None:
+def test_a_ray_that_misses_the_scene_visits_nothing_or_the_root() -> None:
     structure, nodes = built("bvh-sah")
     path = cells.follow(structure, [0.0, 0.0, 100.0], [0.0, 0.0, 1.0])
     made = replay.replay(nodes, path)
@@ -105,8 +110,7 @@ def test_reasons_name_the_work_in_vain() -> None:
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
     hit = structure.closest(costs.rays.origins, costs.rays.directions).triangle >= 0
     index = next(int(one) for one in ray_costs.worst(costs, "TESTS", 500) if hit[one])
-    path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
-    made = replay.replay(nodes, path)
+    path, made = replayed(structure, nodes, costs, index)
     lines = reasons.reasons(nodes, path, made)
     # Count the tests in leaves without the hit independently, from the native path.
     visits = structure.trace_path(path.origin.tolist(), path.direction.tolist())["visits"]
@@ -119,20 +123,19 @@ def test_reasons_name_the_work_in_vain() -> None:
     assert reasons.summary(costs, index)[2].startswith(f"{costs.tests[index]:,} tests, ")
     median = np.median(costs.tests[costs.tests > 0])
     assert f", {costs.tests[index] / median:.1f} times the median" in reasons.summary(costs, index)[2]
-    # The tests in vain stand beside what is usual.
+    # The tests in vain are compared with the usual share.
     wasted = f"{costs.wasted[index]:,} tests wasted, {costs.wasted[index] / costs.tests[index]:.0%} of its own"
     usual = costs.wasted.sum() / costs.tests.sum()
     assert reasons.summary(costs, index)[3] == f"{wasted}; {usual:.0%} of those of all these rays"
     assert f"It hits triangle {path.triangle:,} at distance {path.t:.4g}" in lines
 
 
-def test_reasons_begin_with_what_the_order_is_about() -> None:
+def test_reasons_begin_with_the_quantity_of_the_order() -> None:
     structure, nodes = built("kd")
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
     orders = []
     for index in ray_costs.worst(costs, "STEPS", 50).tolist():
-        path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
-        made = replay.replay(nodes, path)
+        path, made = replayed(structure, nodes, costs, index)
         by_steps, by_tests = (reasons.reasons(nodes, path, made, key) for key in ("STEPS", "TESTS"))
         assert sorted(by_steps) == sorted(by_tests)
         if any("of the tests" in line for line in by_steps) and any("empty leaves" in line for line in by_steps):
@@ -146,8 +149,7 @@ def test_steps_that_the_counters_lack_are_explained() -> None:
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["primary"]
     more = 0
     for index in ray_costs.worst(costs, "STEPS", 50).tolist():
-        path = cells.follow(structure, costs.rays.origins[index].tolist(), costs.rays.directions[index].tolist())
-        made = replay.replay(nodes, path)
+        _, made = replayed(structure, nodes, costs, index)
         note = replay.against(made, int(costs.steps[index]))
         difference = len(made) - int(costs.steps[index])
         # What is shown beyond the count are empty leaves.

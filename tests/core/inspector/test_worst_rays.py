@@ -121,13 +121,8 @@ def test_levels_sum_to_the_whole(spec: str) -> None:
 
 
 def test_small_shares_keep_two_digits() -> None:
-    assert [node_view.percent(share) for share in (0, 0.00004321, 0.0099, 0.01, 0.9994)] == [
-        "0.0%",
-        "0.0043%",
-        "0.99%",
-        "1.0%",
-        "99.9%",
-    ]
+    texts = [node_view.percent(share) for share in (0, 0.00004321, 0.0099, 0.01, 0.9994)]
+    assert texts == ["0.0%", "0.0043%", "0.99%", "1.0%", "99.9%"]
 
 
 def test_levels_share_the_measured_time(monkeypatch: pytest.MonkeyPatch) -> None:

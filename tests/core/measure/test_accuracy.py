@@ -12,13 +12,8 @@ from addon.core.measure.accuracy import Answers, Errors
 
 
 def answers(t: list[float], triangle: list[int], u: float = 0.25, v: float = 0.25) -> Answers:
-    n = len(t)
-    return Answers(
-        np.array(t, np.float32),
-        np.array(triangle, np.int32),
-        np.full(n, u, np.float32),
-        np.full(n, v, np.float32),
-    )
+    weights = (np.full(len(t), weight, np.float32) for weight in (u, v))
+    return Answers(np.array(t, np.float32), np.array(triangle, np.int32), *weights)
 
 
 REFERENCE = answers([1.0, 2.0, np.inf, 4.0], [5, 6, -1, 7])
@@ -69,14 +64,10 @@ def test_a_tie_is_an_error_only_bitwise() -> None:
     assert compare(far, bitwise=False).wrong_triangle == 1
 
 
-def test_any_hits_are_compared_too() -> None:
+def test_any_hits_are_compared_too_and_a_ray_wrong_in_both_questions_counts_once() -> None:
     errors = compare(None, [True, False, True, True])
     assert (errors.false_miss, errors.false_hit, errors.wrong_any_hit) == (1, 1, 2)
-
-
-def test_a_ray_wrong_in_both_questions_counts_once() -> None:
-    errors = compare(answers([1, np.inf, np.inf, 4], [5, -1, -1, 7]), [True, False, False, True])
-    assert errors.false_miss == 1
+    assert compare(answers([1, np.inf, np.inf, 4], [5, -1, -1, 7]), [True, False, False, True]).false_miss == 1
 
 
 def test_a_ray_that_differs_in_anything_counts_once() -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, Lying, LyingNative
+from lying_native import LIES, Lying, LyingNative, altered
 
 from addon.core.measure import benchmark, check, costmap, offsets, peak, timing, yardstick
 from addon.core.measure.benchmark import Options, Row
@@ -21,26 +22,15 @@ QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 
 KEYS = {
-    *(
-        "scene",
-        "triangles",
-        "spec",
-        "structure",
-        "k",
-        "alpha",
-        "seed",
-        "threads",
-        "build_s",
-        "first_s",
-        "bytes",
-        "statistics",
-    ),
-    *("rays", "errors", "curve", "render_s", "left_out"),
+    *("scene", "triangles", "spec", "structure", "k", "alpha", "seed", "threads", "build_s", "first_s", "bytes"),
+    *("statistics", "rays", "errors", "curve", "render_s", "left_out"),
 }
 RAY_KEYS = {"n", "mrays_s", "steps", "tests", "hits"}
 ERROR_KEYS = {
     *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "t_ulp_max", "t_ulp_p999", "on_boundary"),
 }
+
+needs_embree = pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
 
 
 def measure(chosen: list[str], options: Options = QUICK, native: Any = halfspace_native) -> dict[str, Row]:
@@ -77,7 +67,7 @@ def test_a_lie_is_seen(lie: str) -> None:
     assert (row["errors"]["wrong_any_hit"] > 0) == (lie == "wrong_any_hit")
 
 
-@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+@needs_embree
 def test_speeds_are_related_to_the_yardstick_round_by_round() -> None:
     rows = measure(["embree", "kd"])
     for name in rays.NAMES:
@@ -94,7 +84,7 @@ def test_a_sweep_over_k_is_anchored_at_its_kd_tree() -> None:
     assert benchmark.anchor_of(["bsp-wn:k=3"]) is None
 
 
-@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+@needs_embree
 def test_embree_is_an_ordinary_row_if_it_is_not_the_anchor() -> None:
     rows = measure(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=4"])
     assert {row["anchor"] for row in rows.values()} == {"kd-sah"}
@@ -103,7 +93,7 @@ def test_embree_is_an_ordinary_row_if_it_is_not_the_anchor() -> None:
         assert len(rows["embree"]["rays"][name]["anchor_rounds"]) == len(rows["embree"]["rays"][name]["rounds"])
 
 
-@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+@needs_embree
 def test_embree_hits_the_same_triangles_on_a_scene_without_ties() -> None:
     rng = np.random.default_rng(5)
     corners = rng.normal(size=(300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
@@ -134,66 +124,50 @@ def test_first_pictures_are_timed_and_compared_if_a_tree_is_lazy() -> None:
     assert "with kd; 0 rays differ" in sentence
     assert measure(["kd"])["kd"]["first_s"] is None, "without a lazy tree nothing is timed"
 
-    class LateLiar:
-        """The module, whose lazily built tree is wrong from its repeated builds on."""
+    built = []
 
-        built = 0
+    def build(vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+        """A lazily built tree is wrong from its repeated builds on."""
+        structure = halfspace_native.build(vertices, triangles, spec, **options)
+        built.append(spec)
+        late = spec == "kd:lazy=1" and built.count(spec) > QUICK.repeats
+        return Lying(structure, "late") if late else structure
 
-        def __getattr__(self, name: str) -> Any:
-            return getattr(halfspace_native, name)
-
-        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
-            structure = halfspace_native.build(vertices, triangles, spec, **options)
-            self.built += spec == "kd:lazy=1"
-            return Lying(structure, "late") if spec == "kd:lazy=1" and self.built > QUICK.repeats else structure
-
-    wrong = measure(["kd", "kd:lazy=1"], native=LateLiar())["kd:lazy=1"]
+    wrong = measure(["kd", "kd:lazy=1"], native=altered(build=build))["kd:lazy=1"]
     assert wrong["errors"]["differing_pixels"] > 0
     assert not benchmark.agrees(wrong)
 
 
-def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() -> None:
-    class Failing:
-        def __getattr__(self, name: str) -> Any:
-            return getattr(halfspace_native, name)
+@pytest.mark.parametrize("when", ["build", "query"])
+def test_a_configuration_that_fails_is_a_row_and_the_others_go_on(when: str) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise RuntimeError("too many references\nsecond line")
 
-        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
-            if spec == "kd-sah":
-                raise RuntimeError("too many references\nsecond line")
+    def build(vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+        if spec != "kd-sah":
             return halfspace_native.build(vertices, triangles, spec, **options)
+        statistics = {"build_seconds": 0.1, "bytes": 1}
+        return fail() if when == "build" else SimpleNamespace(spec=spec, statistics=statistics, closest=fail)
 
-    rows = measure(["kd-sah", "kd"], native=Failing())
+    rows = measure(["kd-sah", "kd"], native=altered(build=build))
     assert rows["kd-sah"]["error"] == "too many references"
     assert rows["kd-sah"]["errors"] is None
     assert not benchmark.agrees(rows["kd-sah"])
     assert benchmark.agrees(rows["kd"])
 
 
-class Recording:
-    """A structure that records the query of each pass."""
-
-    def __init__(self, structure: Any) -> None:
-        self._structure = structure
-        self.queries: list[str] = []
-
-    def closest(self, *arguments: Any, **options: Any) -> Any:
-        self.queries.append("closest")
-        return self._structure.closest(*arguments, **options)
-
-    def occluded(self, *arguments: Any, **options: Any) -> Any:
-        self.queries.append("occluded")
-        return self._structure.occluded(*arguments, **options)
-
-
 def test_shadow_rays_are_timed_by_any_hits_and_all_others_by_closest_ones() -> None:
     scene = grid.workload(boxes=2, rays=64)
-    recorder = Recording(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
-    for some in rays.make(scene, recorder._structure, size=(8, 8), seed=1, names=rays.NAMES):
-        expected = "occluded" if some.name == "shadow" else "closest"
+    tree = halfspace_native.build(scene.vertices, scene.triangles, "kd")
+    queries: list[str] = []
+    names = ("closest", "occluded")
+    recorder: Any = SimpleNamespace(**{name: lambda *_, name=name, **__: queries.append(name) for name in names})
+    for some in rays.make(scene, tree, size=(8, 8), seed=1, names=rays.NAMES):
         timing.one_pass(timing.Candidate("kd", recorder), some, 1)
         check.rate(recorder, some, 1)
-        assert recorder.queries == [expected] * 3, some.name  # one pass, one to warm up, one timed
-        recorder.queries.clear()
+        # One pass, one to warm up, one timed.
+        assert queries == ["occluded" if some.name == "shadow" else "closest"] * 3, some.name
+        queries.clear()
 
 
 class Cached:
@@ -264,12 +238,10 @@ def test_optional_measurements_are_in_the_row() -> None:
 
 def test_a_cost_map_is_the_work_of_each_pixel_or_of_tiles_traversed_as_a_whole() -> None:
     scene, size = grid.workload(2, 64), (32, 16)
-    trees = {
-        spec: halfspace_native.build(scene.vertices, scene.triangles, spec) for spec in ("octree-net", "octree-beam")
-    }
-    (view,) = rays.make(scene, trees["octree-net"], size=size, seed=1, names=("primary",))[:1]
-    alone, together = (costmap.work(tree, view, size) for tree in trees.values())
-    counters = trees["octree-net"].closest(view.origins, view.directions, counters=True).counters
+    trees = [halfspace_native.build(scene.vertices, scene.triangles, f"octree-{name}") for name in ("net", "beam")]
+    (view,) = rays.make(scene, trees[0], size=size, seed=1, names=("primary",))[:1]
+    alone, together = (costmap.work(tree, view, size) for tree in trees)
+    counters = trees[0].closest(view.origins, view.directions, counters=True).counters
     expected = counters["steps"] + counters["tests"]
     order = rays.tile_order(*size)
     assert np.array_equal(alone[::-1].reshape(-1)[order], expected.astype(np.float32))
@@ -287,23 +259,6 @@ def test_a_memory_measurement_that_fails_is_noted_and_leaves_the_row(monkeypatch
     assert any(reason.startswith("peak memory: the process that measured it ended") for reason in row["left_out"])
 
 
-def test_a_structure_that_fails_during_a_query_is_a_row_with_its_error() -> None:
-    class Broken:
-        spec = "kd-sah"
-        statistics: ClassVar[dict[str, Any]] = {"build_seconds": 0.1, "bytes": 1}
-
-        def closest(self, *_: Any, **__: Any) -> Any:
-            raise RuntimeError("the traversal failed")
-
-    class Failing(LyingNative):
-        def build(self, vertices: Any, triangles: Any, spec: str, **_: Any) -> Any:
-            return Broken() if spec == "kd-sah" else halfspace_native.build(vertices, triangles, spec)
-
-    rows = measure(["kd-sah", "kd"], native=Failing(""))
-    assert rows["kd-sah"]["error"] == "the traversal failed"
-    assert benchmark.agrees(rows["kd"])
-
-
 @pytest.mark.parametrize("name", ["killeroo-feet", "sponza-dabrovic"])
 def test_real_scenes_agree(name: str) -> None:
     path = SCENES / f"{name}.npz"
@@ -318,3 +273,28 @@ def test_real_scenes_agree(name: str) -> None:
 def test_a_wrong_answer_far_from_the_origin_is_counted(lie: str) -> None:
     for native, wrong in ((halfspace_native, 0), (LyingNative(lie, "kd", 0), 1)):
         assert [entry["wrong"] for entry in offsets.Moved(native, (0.0, 1e3), 1).errors("kd")] == [wrong, wrong]
+
+
+def checked(lie: str) -> check.Check:
+    """The complete check of a kd-tree that lies so, or of an honest one."""
+    scene = grid.workload(boxes=2, rays=64)
+    structure = Lying(halfspace_native.build(scene.vertices, scene.triangles, "kd"), lie)
+    *_, found = check.steps(halfspace_native, structure, scene, threads=1)
+    return found
+
+
+def test_a_check_of_an_honest_structure_is_right_and_measures_every_set() -> None:
+    found = checked("")
+    assert found.right
+    assert found.errors.rays >= 64 * 4
+    for means in (found.mrays_s, found.steps, found.tests):
+        assert tuple(means) == (*check.SETS, "walls")
+        assert all(mean > 0 for mean in means.values())
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_check_sees_a_lie(lie: str) -> None:
+    found = checked(lie)
+    assert not found.right
+    # Closest hits and any hits are both compared, and counted apart.
+    assert (found.errors.wrong_any_hit > 0) == (lie == "wrong_any_hit")

@@ -36,7 +36,7 @@ def test_a_row_marks_counters_of_the_timed_traversal() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_not_counted_as_timed_is_counted_as_single_rays(name: str) -> None:
+def test_kernels_that_do_not_count_themselves_count_single_rays(name: str) -> None:
     """Where a kernel does not count itself, the counters are those of single rays; else the mark would be wrong."""
     one = catalogue.load()[name]
     scene = grid.workload(3, 64)
@@ -68,14 +68,10 @@ def test_counters_of_another_traversal_explain_nothing() -> None:
     rows = row("a", 4.0), row("b", 2.0)
     assert "because its steps are cheaper: it needs about as many" in finding(*rows)
     rows[0]["rays"]["primary"]["counts_timed_walk"] = False
-    assert (
-        "counters do not explain it: rays of a are counted one by one, though they may be traced together."
-        in finding(*rows)
-    )
+    words = "counters do not explain it: rays of a are counted one by one, though they may be traced together."
+    assert words in finding(*rows)
     assert "because" not in finding(*rows)
-
-
-def test_counters_without_steps_explain_nothing() -> None:
+    # Nor do counters without steps.
     rows = row("a", 4.0), row("b", 2.0)
     for one in rows:
         one["rays"]["primary"] |= {"steps": 0.0, "tests": 0.0}
@@ -90,23 +86,18 @@ def test_times_of_traversals_that_are_not_counted_are_not_fitted() -> None:
     assert found.specs == tuple(one["spec"] for one in rows[1:])
     if plots.problem() is None:
         (picture,) = (one for one in plots.scene_figures(rows) if one.title == "Fitted costs")
-        assert (
-            "Left out, as their rays are counted one by one, though they may be traced together: bsp-wn:k=3."
-            in picture.caption
-        )
-
-
-class Silent:
-    """A native module with an octree whose kernel of camera rays does not count itself."""
-
-    def build(self, _vertices: Any, _triangles: Any, spec: str, **_: Any) -> Any:
-        counted = not spec.startswith("octree")
-        return SimpleNamespace(spec=spec, routes={"closest": {"counted": True}, "tiles": {"counted": counted}})
+        words = "Left out, as their rays are counted one by one, though they may be traced together: bsp-wn:k=3."
+        assert words in picture.caption
 
 
 def test_a_remark_names_configurations_counted_in_another_traversal() -> None:
+    def build(_vertices: Any, _triangles: Any, spec: str, **_: Any) -> Any:
+        """The kernel of camera rays of octrees does not count itself."""
+        counted = not spec.startswith("octree")
+        return SimpleNamespace(spec=spec, routes={"closest": {"counted": True}, "tiles": {"counted": counted}})
+
     chosen = {"kd": "kd:traversal=dir", "boxes": "bvh-sah", "a tree": "octree-net"}
     assert counting.remark(chosen, halfspace_native) == ""
-    silent: Any = Silent()
+    silent: Any = SimpleNamespace(build=build)
     remark = counting.remark(chosen, silent)
     assert remark == " (rays of a tree are counted one by one, though they may be traced together)"

@@ -10,6 +10,7 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
+from lying_native import altered
 
 from addon.core.measure import benchmark, curve, flip, picture_times
 from addon.core.measure.benchmark import Options
@@ -17,30 +18,29 @@ from addon.core.scene import grid
 from addon.core.scene.workload import Workload
 
 
-def test_rmse_and_relmse_follow_their_definitions() -> None:
-    reference = np.full((1000, 3), 2.0, np.float32)
-    picture = reference + np.float32(0.5)
-    found = curve.errors(picture, reference)
-    assert found["rmse"] == pytest.approx(0.5)
-    assert found["relmse"] == pytest.approx(0.25 / 4.01)
-    assert found["not_finite"] == 0
+@pytest.fixture(autouse=True)
+def _small_portrait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "PORTRAIT", 16)
 
 
-def test_no_pixel_is_left_out_of_an_error() -> None:
-    reference = np.ones((1000, 3), np.float32)
-    picture = reference.copy()
-    picture[7] = 1000.0
-    found = curve.errors(picture, reference)
+def grey(value: float, count: int = 1000) -> Any:
+    """A picture of one value, (count, 3)."""
+    return np.full((count, 3), value, np.float32)
+
+
+def test_errors_follow_their_definitions_and_leave_no_pixel_out() -> None:
+    found = curve.errors(grey(2.5), grey(2.0))
+    assert found == {"rmse": pytest.approx(0.5), "relmse": pytest.approx(0.25 / 4.01), "not_finite": 0}
+    bright = grey(1.0)
+    bright[7] = 1000.0
+    found = curve.errors(bright, grey(1.0))
     assert found["relmse"] == pytest.approx(999.0**2 / 1.01 / 1000)
     assert found["rmse"] == pytest.approx(999.0 / 1000**0.5)
-
-
-def test_pixels_that_are_not_finite_are_counted_and_black() -> None:
-    reference = np.ones((4, 3), np.float32)
-    picture = reference.copy()
-    picture[0, 1], picture[2, 0] = np.nan, np.inf
+    # Pixels that are not finite are counted and black.
+    broken = grey(1.0, 4)
+    broken[0, 1], broken[2, 0] = np.nan, np.inf
     expected = {"rmse": pytest.approx(0.5**0.5), "relmse": pytest.approx(0.5 / 1.01), "not_finite": 2}
-    assert curve.errors(picture, reference) == expected
+    assert curve.errors(broken, grey(1.0, 4)) == expected
 
 
 def mirror(angle: float) -> tuple[Any, dict[str, Any]]:
@@ -50,16 +50,14 @@ def mirror(angle: float) -> tuple[Any, dict[str, Any]]:
     z = 0.04 * np.sin(9 * x) * np.cos(7 * y)
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    triangles = np.concatenate(
-        [np.stack([corner, corner + side, corner + 1], 1), np.stack([corner + 1, corner + side, corner + side + 1], 1)]
-    ).astype(np.int32)
+    quads = corner[:, None] + np.array([0, side, 1, 1, side, side + 1])
     scene = {
         "materials": [{"name": "Mirror", "base_color": (0.9, 0.9, 0.9), "metallic": 1.0, "roughness": 0.05}],
         "lights": [{"kind": "sun", "to_world": np.eye(4), "power": (3.0, 3.0, 3.0), "angle": angle}],
         "world": {"color": (0.3, 0.4, 0.5)},
     }
     view = curve.View(np.array([0.3, -0.4, 3.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 40.0)
-    return Workload("mirror", vertices, np.ascontiguousarray(triangles), view), scene
+    return Workload("mirror", vertices, quads.reshape(-1, 3).astype(np.int32), view), scene
 
 
 def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,18 +103,16 @@ def test_another_renderer_is_compared_with_the_same_reference(monkeypatch: pytes
     assert row["portrait"].startswith("iVBORw0KGgo")
 
 
-def test_a_picture_without_noise_has_no_slope() -> None:
-    assert math.isnan(curve.slope([{"spp": 1, "rmse": 0.0}, {"spp": 4, "rmse": 0.0}]))
-    assert math.isnan(curve.slope([{"spp": 1, "rmse": 1.0}]))
+def outside() -> Workload:
+    """The grid of boxes, seen from outside."""
+    view = curve.View(np.array([-3.0, -4.0, 4.0]), np.ones(3), np.array([0.0, 0.0, 1.0]), 40.0)
+    return replace(grid.workload(boxes=2, rays=64), view=view)
 
 
 def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curve, "SIZE", 32)
     options = Options(size=(64, 64), repeats=1, check_rays=64, curve=(1, 16))
-    small = grid.workload(boxes=2, rays=64)
-    outside = curve.View(np.array([-3.0, -4.0, 4.0]), np.ones(3), np.array([0.0, 0.0, 1.0]), 40.0)
-    workload = type(small)(small.name, small.vertices, small.triangles, outside)
-    rows = list(benchmark.measure(halfspace_native, workload, ["kd", "kd-sah"], options, lambda _: None))
+    rows = list(benchmark.measure(halfspace_native, outside(), ["kd", "kd-sah"], options, lambda _: None))
     first, second = ([point["rmse"] for point in row["curve"]] for row in rows)
     assert first == second
     assert [row["errors"]["differing_pixels"] for row in rows] == [0, 0]
@@ -127,7 +123,7 @@ def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatc
     assert all(row["render_s"] == row["curve"][-1]["seconds"] for row in rows)
 
 
-def test_the_time_of_a_picture_is_of_interleaved_rounds_beside_the_same_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_of_a_picture_is_of_interleaved_rounds_with_the_same_anchor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curve, "SIZE", 16)
     monkeypatch.setattr(benchmark, "GROUP", 1)
     options = Options(size=(16, 16), repeats=3, check_rays=64, curve=(1, 2))
@@ -148,29 +144,20 @@ def test_the_time_of_a_picture_is_of_interleaved_rounds_beside_the_same_tree(mon
         assert times["noise"] >= 0
         # Of the picture that is timed, with as many rays in more pixels.
         assert (times["samples"], times["pixels"]) == (1, 23 * 23)
-        assert row["image_s"] == {
-            "min": min(times["rounds_s"]),
-            "med": sorted(times["rounds_s"])[1],
-            "max": max(times["rounds_s"]),
-        }
+        assert row["image_s"] == dict(zip(("min", "med", "max"), sorted(times["rounds_s"]), strict=True))
         assert times["rounds_s"][0] > 0
 
 
 def test_a_picture_is_timed_in_many_pixels_rather_than_with_many_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rays as far apart as in few pixels do not go together as they do in the picture that is told of."""
     small, asked = grid.workload(2, 64), []
-    made = halfspace_native.render
 
-    class Heard:
-        def __getattr__(self, name: str) -> object:
-            return getattr(halfspace_native, name)
-
-        def render(self, scene: object, camera: object, settings: dict[str, int], *, threads: int) -> object:
-            asked.append(tuple(settings[key] for key in ("width", "height", "samples")))
-            return made(scene, camera, settings, threads=threads)
+    def render(scene: Any, camera: Any, settings: dict[str, int], *, threads: int) -> object:
+        asked.append(tuple(settings[key] for key in ("width", "height", "samples")))
+        return halfspace_native.render(scene, camera, settings, threads=threads)
 
     monkeypatch.setattr(curve, "SIZE", 16)
-    pictures = curve.Curve(Heard(), small, (64, 32), (1, 16), 1)
+    pictures = curve.Curve(altered(render=render), small, (64, 32), (1, 16), 1)
     tree = halfspace_native.build(small.vertices, small.triangles, "kd")
     seconds, differing = pictures.timed(tree, 16, 1)
     assert asked == [(128, 64, 1)]
@@ -189,10 +176,9 @@ def test_a_picture_that_takes_long_is_timed_once(monkeypatch: pytest.MonkeyPatch
 
 
 def test_independent_samples_converge_with_the_root() -> None:
-    outside = curve.View(np.array([-3.0, -4.0, 4.0]), np.ones(3), np.array([0.0, 0.0, 1.0]), 40.0)
-    small = grid.workload(boxes=2, rays=64)
-    pictures = curve.Curve(halfspace_native, replace(small, view=outside), (64, 64), (1, 2, 4, 8, 16, 32), 1)
-    pictures.converge(halfspace_native.build(small.vertices, small.triangles, "kd"))
+    scene = outside()
+    pictures = curve.Curve(halfspace_native, scene, (64, 64), (1, 2, 4, 8, 16, 32), 1)
+    pictures.converge(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
     assert curve.slope(pictures.independent) == pytest.approx(-0.5, abs=0.05)
 
 
@@ -214,6 +200,9 @@ def test_a_few_bright_pixels_do_not_tilt_the_line_and_a_wrong_reference_does() -
 def test_the_slope_is_that_of_the_logarithms() -> None:
     points = [{"spp": float(n), "rmse": 3.0 * n**-0.5} for n in (1, 4, 16)]
     assert curve.slope(points) == pytest.approx(-0.5)
+    # One picture has none, nor has a picture without noise.
+    assert math.isnan(curve.slope([{"spp": 1, "rmse": 0.0}, {"spp": 4, "rmse": 0.0}]))
+    assert math.isnan(curve.slope([{"spp": 1, "rmse": 1.0}]))
 
 
 @pytest.mark.skipif(flip.problem() is not None, reason=str(flip.problem()))
@@ -227,7 +216,7 @@ def test_flip_is_zero_for_equal_and_one_for_opposite_pictures() -> None:
     assert flip.mean(np.full_like(green, np.nan), np.zeros_like(green)) == 0.0
 
 
-def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_that_would_take_too_long_are_left_out_and_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curve, "SIZE", 8)
     monkeypatch.setattr(curve, "POINT_SECONDS", 0.0)
     options = Options(size=(8, 8), repeats=1, check_rays=64, curve=(1,))

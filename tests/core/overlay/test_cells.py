@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kinds import KINDS
+from rooms_of_triangles import soup
 
 from addon.core.base import colours
 from addon.core.overlay import cells, planes
@@ -22,23 +24,14 @@ EARLY = ("bvh-sah", "bih", "brute")
 FAMILY = {row["id"]: row["family"] for row in native.structures()}
 
 
-def soup(count: int = 80) -> tuple[Any, Any]:
-    rng = np.random.default_rng(5)
-    centres = rng.random((count, 1, 3)) * [4, 3, 2]
-    vertices = (centres + 0.3 * rng.standard_normal((count, 3, 3))).astype(np.float32).reshape(-1, 3)
-    return vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+SOUP = soup(80, 5, box=[4, 3, 2], size=0.3)
 
 
-def representatives() -> list[str]:
-    """One structure for each family and set of polygon kinds."""
-    chosen: dict[Any, str] = {}
-    for spec, family in FAMILY.items():
-        kinds = native.build(*soup(), spec).split_polygons()["kind"]
-        chosen.setdefault((family, frozenset(kinds.tolist())), spec)
-    return list(chosen.values())
-
-
-IDS = representatives()
+def some_rays(seed: int) -> tuple[Any, Any]:
+    """Rays from around the soup towards its middle."""
+    rng = np.random.default_rng(seed)
+    origins = (rng.random((RAYS, 3)) * 8 - 2).astype(np.float32)
+    return origins, (np.array([2, 1.5, 1]) + 0.5 * rng.standard_normal((RAYS, 3)) - origins).astype(np.float32)
 
 
 def faces(found: Any) -> list[list[Any]]:
@@ -58,9 +51,9 @@ def volume(cell: list[Any]) -> float:
     return total
 
 
-@pytest.mark.parametrize("spec", IDS)
+@pytest.mark.parametrize("spec", KINDS)
 def test_leaves_hold_all_references_and_fill_space(spec: str) -> None:
-    tree = native.build(*soup(), spec)
+    tree = native.build(*SOUP, spec)
     every = tree.leaf_cells(0, 1_000_000)
     assert every["hidden"] == 0
     assert every["count"].sum() == tree.statistics["references"]
@@ -76,21 +69,10 @@ def test_leaves_hold_all_references_and_fill_space(spec: str) -> None:
     assert few["count"].tolist() == full["count"][:3].tolist()
 
 
-@pytest.mark.parametrize("spec", FAMILY)
-def test_every_structure_has_leaves_and_paths(spec: str) -> None:
-    tree = native.build(*soup(), spec)
-    assert tree.leaf_cells(0, 1_000_000)["count"].sum() == tree.statistics["references"]
-    found = tree.trace_path([-3.0, 1.5, 1.0], [1.0, 0.0, 0.0])
-    hits = tree.closest(np.array([[-3.0, 1.5, 1.0]], np.float32), np.array([[1.0, 0.0, 0.0]], np.float32))
-    assert (found["t"], found["triangle"]) == (hits.t[0], hits.triangle[0])
-
-
-@pytest.mark.parametrize("spec", [*IDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
+@pytest.mark.parametrize("spec", [*KINDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
 def test_paths_are_those_of_the_traversal(spec: str) -> None:
-    tree = native.build(*soup(), spec)
-    rng = np.random.default_rng(6)
-    origins = (rng.random((RAYS, 3)) * 8 - 2).astype(np.float32)
-    directions = (np.array([2, 1.5, 1]) + 0.5 * rng.standard_normal((RAYS, 3)) - origins).astype(np.float32)
+    tree = native.build(*SOUP, spec)
+    origins, directions = some_rays(6)
     hits = tree.closest(origins, directions, counters=True)
     assert (hits.triangle >= 0).sum() > RAYS // 8
     for i in range(len(origins)):
@@ -129,12 +111,10 @@ def test_paths_are_those_of_the_traversal(spec: str) -> None:
             assert (point <= polygon.max(axis=0) + 1e-5).all()
 
 
-@pytest.mark.parametrize("spec", FAMILY)
+@pytest.mark.parametrize("spec", KINDS)
 def test_paths_of_any_hit_rays_end_where_the_traversal_ends(spec: str) -> None:
-    tree = native.build(*soup(), spec)
-    rng = np.random.default_rng(7)
-    origins = (rng.random((RAYS, 3)) * 8 - 2).astype(np.float32)
-    directions = (np.array([2, 1.5, 1]) + 0.5 * rng.standard_normal((RAYS, 3)) - origins).astype(np.float32)
+    tree = native.build(*SOUP, spec)
+    origins, directions = some_rays(7)
     occluded = tree.occluded(origins, directions)
     counted = None if spec == "brute" else tree.record(origins, directions, any_hit=True).counters
     nearer = 0
@@ -156,7 +136,7 @@ def test_paths_of_any_hit_rays_end_where_the_traversal_ends(spec: str) -> None:
 
 
 def test_leaves_that_were_tested_before_a_nearer_hit_was_known_have_an_interval() -> None:
-    tree = native.build(*soup(), "bvh-sah")
+    tree = native.build(*SOUP, "bvh-sah")
     rng = np.random.default_rng(8)
     beyond = 0
     for _ in range(20 * RAYS):
@@ -171,7 +151,7 @@ def test_leaves_that_were_tested_before_a_nearer_hit_was_known_have_an_interval(
 
 
 def test_a_path_that_misses_the_scene_is_empty() -> None:
-    tree = native.build(*soup(), "kd")
+    tree = native.build(*SOUP, "kd")
     found = tree.trace_path([100, 100, 100], [1, 0, 0])
     assert found["triangle"] == -1
     assert len(found["visits"]["enter"]) == 0
@@ -180,9 +160,9 @@ def test_a_path_that_misses_the_scene_is_empty() -> None:
         tree.trace_path([np.nan, 0, 0], [1, 0, 0])
 
 
-@pytest.mark.parametrize("spec", IDS)
+@pytest.mark.parametrize("spec", KINDS)
 def test_cells_and_paths_become_levels(spec: str) -> None:
-    tree = native.build(*soup(), spec)
+    tree = native.build(*SOUP, spec)
     chosen = cells.choose(tree, 1, 600)
     assert 0 < len(chosen) <= 100
     made = cells.levels(chosen, 0.9, 2.0)

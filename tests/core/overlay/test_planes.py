@@ -24,9 +24,8 @@ POLYGONS: list[tuple[int, int, list[list[float]]]] = [
 class Tree:
     """Answers as the native module does."""
 
-    def __init__(self, hidden: int = 0) -> None:
-        self.hidden = hidden
-        self.asked: tuple[int, int] | None = None
+    hidden = 0
+    asked: tuple[int, int] | None = None
 
     def split_polygons(self, max_depth: int, max_count: int) -> dict[str, Any]:
         self.asked = max_depth, max_count
@@ -85,8 +84,9 @@ def test_the_limit_hides_the_deepest_and_counts_them() -> None:
     assert corners(choose((1, 2), most=1)) == [POLYGONS[1][2]]
 
 
-def test_more_than_a_structure_lists_is_told() -> None:
-    tree = Tree(hidden=7)
+def test_more_than_a_structure_lists_is_marked() -> None:
+    tree = Tree()
+    tree.hidden = 7
     assert not planes.choose(tree, (0, 2), planes.KINDS, 100).complete
     assert tree.asked == (2, planes.MOST_FETCHED)
 
@@ -113,7 +113,7 @@ def test_panes_cover_their_polygons_exactly() -> None:
         assert areas.sum() == pytest.approx(wanted, rel=1e-6)
 
 
-def test_colours_tell_the_kind_and_strength_the_depth() -> None:
+def test_colours_show_the_kind_and_strength_the_depth() -> None:
     made = planes.levels(choose(), COLOURS, 0.8, 4.0)
     for level in made:
         kinds = np.concatenate([[k] * len(p) for d, k, p in POLYGONS if d == level.depth])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is shown at first lets the scene be seen: rays from inside and outside count the surfaces in front of pixels."""
+"""The first view of a structure lets the scene be seen: rays count the surfaces in front of pixels."""
 
 from __future__ import annotations
 

@@ -10,14 +10,7 @@ import pytest
 from addon.core.scene.photometry import CANDELA_TO_WATT, PhotometricError, parse
 
 
-def text(
-    vertical: tuple[float, ...],
-    horizontal: tuple[float, ...],
-    *,
-    kind: int = 1,
-    tilt: str = "NONE",
-    factor: float = 1.0,
-) -> str:
+def text(vertical: tuple[float, ...], horizontal: tuple[float, ...], *, kind: int = 1, factor: float = 1.0) -> str:
     """A file whose values are 1, 2, 3, ..., multiplied by `factor`."""
     count = len(vertical) * len(horizontal)
     head = f"1 -1 {factor} {len(vertical)} {len(horizontal)} {kind} 2 0 0 0 1 1 60"
@@ -77,6 +70,6 @@ def test_commas_tilts_and_factors_are_read() -> None:
         ("TILT=NONE\n1 1 1 1e300 2 1 2 0 0 0 1 1 60", "angles"),
     ],
 )
-def test_wrong_files_are_named(wrong: str, reason: str) -> None:
+def test_rejects_wrong_files_with_a_reason(wrong: str, reason: str) -> None:
     with pytest.raises(PhotometricError, match=reason):
         parse(wrong)

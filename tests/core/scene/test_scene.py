@@ -35,17 +35,14 @@ def geometry(rows: list[list[int]], **changes: object) -> Geometry:
         ("origin", np.array([0.0, 0.0, np.inf])),
     ],
 )
-def test_a_wrong_array_is_named(name: str, value: object) -> None:
+def test_rejects_a_wrong_array_by_name(name: str, value: object) -> None:
     with pytest.raises(SceneError, match=name):
         geometry([[0, 1, 2]], **{name: value})
 
 
-def test_arrays_are_frozen() -> None:
+def test_arrays_are_frozen_and_a_material_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match="read-only"):
         geometry([[0, 1, 2]]).vertices[0, 0] = 1.0
-
-
-def test_a_material_out_of_range_is_refused() -> None:
     one = geometry([[0, 1, 2]], material_index=np.ones(1, np.int32))
     with pytest.raises(SceneError, match="material_index"):
         Scene(one, (Material("only"),), (), World())
@@ -61,7 +58,7 @@ def test_faulty_triangles_are_counted_by_object() -> None:
 @pytest.mark.parametrize("scale", [2.0**-149, 2.0**-90, 1.0, 2.0**90])
 def test_faulty_triangles_are_those_without_area_at_any_scale(scale: float) -> None:
     rng = np.random.default_rng(7)
-    # Three points in a line, which differences rounded to f32 put beside it, and beside them points almost there.
+    # Three points in a line, which differences rounded to f32 move off it, and next to them points almost there.
     start, step = rng.integers(-(2**24), -(2**24) + 2**20, (500, 3)), rng.integers(2**23, 10_500_000, (500, 3))
     line = np.stack([start, start + step, start + 3 * step], axis=1)
     line[250:, 1] += rng.integers(-1, 2, (250, 3))

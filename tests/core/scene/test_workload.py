@@ -37,7 +37,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
     assert found.diagonal() == pytest.approx(2**0.5)
 
 
-def test_what_was_published_of_a_scene_is_read_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_the_published_part_of_a_scene_is_read_on_request(tmp_path: Path) -> None:
     path = save(
         tmp_path,
         triangles=np.array([[0, 1, 2], [2, 1, 0], [1, 2, 0]]),
@@ -73,13 +73,10 @@ def test_a_crop_is_a_part_of_the_rays_of_the_whole_film(tmp_path: Path) -> None:
         ({"camera_crop": np.array([0.5, 0.5, 0.0, 1.0])}, "camera_crop: expected parts of the film"),
         ({"camera_crop": np.array([0.0, 1.0, 0.0])}, "camera_crop: expected 4 finite numbers"),
         ({"camera_crop": np.array([0.0, 1.0, 0.0, np.nan])}, "camera_crop: expected 4 finite numbers"),
-        (
-            {"camera_crop": np.array([0.0, 0.5, 0.0, 1.0]), "camera_right": np.array(["x"])},
-            "camera_right: expected numbers",
-        ),
+        ({"camera_crop": np.array([0, 0.5, 0, 1]), "camera_right": np.array(["x"])}, "camera_right: expected numbers"),
     ],
 )
-def test_what_is_wrong_with_what_was_published_is_told(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+def test_rejects_a_wrong_published_part(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     workload.load_npz(save(tmp_path, **changes))
     with pytest.raises(WorkloadError, match=message) as caught:
         workload.load_npz(save(tmp_path, **changes), published=True)
@@ -102,16 +99,13 @@ def test_what_is_wrong_with_what_was_published_is_told(tmp_path: Path, changes: 
         ({"vertices": np.full((3, 3), np.nan)}, "none is finite"),
         ({"camera_vfov_deg": np.float64(180.0)}, "between 0 and 180"),
         ({"camera_eye": np.array([0.0, np.nan, 0.0])}, "three finite numbers"),
-        (
-            {"camera_eye": np.array([0.0, 0.0, 1e300])},
-            "camera_eye: expected three finite numbers of at most 1e.37, got",
-        ),
+        ({"camera_eye": np.array([0.0, 0.0, 1e300])}, "camera_eye: .* finite numbers of at most 1e.37, got"),
         ({"camera_target": np.array([0.0, 0.0, -1e38])}, "camera_target: expected three finite numbers of at most"),
         ({"camera_eye": np.zeros(3)}, "its own place"),
         ({"camera_up": np.array([0.0, 0.0, 1.0])}, "up direction"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+def test_rejects_wrong_files_in_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(WorkloadError, match=message) as caught:
         workload.load_npz(save(tmp_path, **changes))
     assert "scene.npz" in str(caught.value) or "scene:" in str(caught.value)
@@ -157,9 +151,8 @@ def test_a_file_that_changes_while_it_is_read(
 
 def test_objects_in_a_file_are_never_loaded(tmp_path: Path) -> None:
     path = save(tmp_path, vertices=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(
-        WorkloadError, match=r"cannot be read as \.npz: vertices: expected numbers, got objects"
-    ) as error:
+    words = r"cannot be read as \.npz: vertices: expected numbers, got objects"
+    with pytest.raises(WorkloadError, match=words) as error:
         workload.load_npz(path)
     assert "pickle" not in str(error.value)
 
@@ -173,14 +166,6 @@ def test_another_file_of_this_name_is_refused_without_advice(tmp_path: Path, con
     with pytest.raises(WorkloadError) as error:
         workload.load_npz(path)
     assert str(error.value) == f"{path}: cannot be read as .npz: it is no NumPy archive"
-
-
-def test_a_single_array_is_no_scene(tmp_path: Path) -> None:
-    path = tmp_path / "array.npz"
-    with path.open("wb") as file:
-        np.save(file, np.zeros(3))
-    with pytest.raises(WorkloadError, match="cannot be read"):
-        workload.load_npz(path)
 
 
 def test_the_framing_view_sees_everything() -> None:

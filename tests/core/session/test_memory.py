@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What would need more memory than there is ends with an error, before the system ends the process."""
+"""Work that needs more memory than there is ends with an error, before the system ends the process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
+from kinds import KINDS
+from lying_native import altered
 from one_line import told
+from render_scenes import camera
 
 from addon.core.base import native as loading
 from addon.core.base import room
@@ -20,14 +23,13 @@ from addon.core.scene import grid, rays, workload
 from addon.core.scene.workload import WorkloadError
 from addon.lab.commands import bench
 
-STRUCTURES = [row["id"] for row in native.structures()]
 SOUP = np.random.default_rng(4).normal(size=(9000, 3)).astype(np.float32)
 INDICES = np.arange(9000, dtype=np.int32).reshape(-1, 3)
 ENDLESS = 1 << 45
 """More rows than any machine holds; as a broadcast array they take no memory themselves."""
 
 
-@pytest.mark.parametrize("spec", STRUCTURES)
+@pytest.mark.parametrize("spec", KINDS)
 def test_a_build_beyond_its_limit_is_refused_and_one_within_is_not(spec: str) -> None:
     with pytest.raises(MemoryError, match="memory_limit: the build needs more than the 1 MB"):
         native.build(SOUP, INDICES, spec, memory_limit=200_000)
@@ -79,6 +81,9 @@ def endless(dtype: str) -> Any:
     return np.broadcast_to(np.ones(3, dtype), (ENDLESS, 3))
 
 
+NORMALS = np.broadcast_to(np.float32(1), (ENDLESS, 3, 3))
+
+
 @pytest.mark.parametrize(
     ("name", "work"),
     [
@@ -90,12 +95,7 @@ def endless(dtype: str) -> Any:
         ("directions", lambda: native.build(SOUP, INDICES).occluded(SOUP, endless("f8"))),
         ("t_max", lambda: native.build(SOUP, INDICES).closest(SOUP, SOUP, 0.0, endless("f4")[:, 0])),
         ("material_index", lambda: native.RenderScene(native.build(SOUP, INDICES), material_index=endless("i4")[:, 0])),
-        (
-            "corner_normals",
-            lambda: native.RenderScene(
-                native.build(SOUP, INDICES), corner_normals=np.broadcast_to(endless("f4")[:, :, None], (ENDLESS, 3, 3))
-            ),
-        ),
+        ("corner_normals", lambda: native.RenderScene(native.build(SOUP, INDICES), corner_normals=NORMALS)),
     ],
 )
 def test_an_array_larger_than_memory_is_refused_by_name(name: str, work: Any) -> None:
@@ -105,30 +105,16 @@ def test_an_array_larger_than_memory_is_refused_by_name(name: str, work: Any) ->
 
 def test_a_film_larger_than_memory_is_refused() -> None:
     scene = native.RenderScene(native.build(SOUP, INDICES))
-    camera = {
-        "kind": "perspective",
-        "to_world": np.eye(4),
-        "window": (-1.0, 1.0, -1.0, 1.0),
-        "clip_start": 0.1,
-        "clip_end": 10.0,
-    }
     passes = ["Combined", "Depth", "Normal", "Position"]
     settings = {"width": 1 << 15, "height": 1 << 15, "samples": 1, "passes": passes}
     if native.free_memory() > (1 << 30) * 11 * 8:
         pytest.skip("this machine has room for the largest film")
     with pytest.raises(MemoryError, match="film"):
-        native.render(scene, camera, settings)
+        native.render(scene, camera(), settings)
 
 
-class Narrow:
-    """The module on a machine with a gigabyte of free memory."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(native, name)
-
-    def free_memory(self) -> int:
-        return 1_000_000_000
-
+NARROW = altered(free_memory=lambda: 1_000_000_000)
+"""The module on a machine with a gigabyte of free memory."""
 
 NO_ROOM = r"^the rays of 16384x16384 pixels: needs about \d+ MB, of 1000 MB that are free$"
 
@@ -140,11 +126,11 @@ def test_rays_that_are_larger_than_memory_are_refused_before_they_are_made(
     monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
     options = benchmark.Options(size=(1 << 14, 1 << 14), sets=names)
     with pytest.raises(MemoryError, match=NO_ROOM):
-        preparation.prepared(Narrow(), grid.workload(rays=64), options)
+        preparation.prepared(NARROW, grid.workload(rays=64), options)
 
 
 def test_a_size_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(loading, "load", Narrow)
+    monkeypatch.setattr(loading, "load", lambda: NARROW)
     monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
     said = told(bench, ["grid", "--structures", "kd", "--size", "16384x16384"], capsys)
     assert re.fullmatch(NO_ROOM.strip("^$"), said.removeprefix("bench: grid: ").rstrip())
@@ -154,40 +140,31 @@ def test_a_report_of_rows_that_are_there_needs_no_room_for_rays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = ["grid", "--structures", "kd", "--size", "64x64", "--repeats", "1", "--rays", "primary"]
-    asked += ["--curve", "none", "--out", str(tmp_path)]
+    asked += ["--curve", "none", "--check-rays", "64", "--seconds", "1", "--only-rays", "--out", str(tmp_path)]
     assert bench.main(asked) == 0
     (tmp_path / "report.html").unlink()
     monkeypatch.setattr(room, "SMALL", 0)
-    monkeypatch.setattr(loading, "load", Narrow)
-    monkeypatch.setattr(Narrow, "free_memory", lambda _: 0)
+    monkeypatch.setattr(loading, "load", lambda: altered(free_memory=lambda: 0))
     assert bench.main(asked) == 0
     assert (tmp_path / "report.html").is_file()
 
 
-class Watched:
-    """The module, which keeps the memory limit of each build."""
+def test_a_benchmark_goes_on_without_the_structure_that_is_too_large() -> None:
+    limits: set[int | None] = set()
 
-    def __init__(self) -> None:
-        self.limits: dict[str, list[int | None]] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(native, name)
-
-    def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+    def build(vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
         # A configuration is read by a build of one triangle, which needs no limit.
-        if len(triangles) > 1:
-            self.limits.setdefault(spec, []).append(options.get("memory_limit"))
+        if len(triangles) > 1 and spec in ("kd", "bvh-sah"):
+            limits.add(options.get("memory_limit"))
         return native.build(vertices, triangles, spec, **options)
 
-
-def test_a_benchmark_goes_on_without_the_structure_that_is_too_large() -> None:
-    room, watched = grid.workload(rays=64), Watched()
+    room, watched = grid.workload(rays=64), altered(build=build)
     options = benchmark.Options(size=(8, 8), sets=("primary",), repeats=1, check_rays=64, memory_limit=450_000)
     rows = {row["spec"]: row for row in benchmark.measure(watched, room, ["kd", "bvh-sah"], options, lambda _: None)}
     assert rows["kd"]["error"].startswith("memory_limit: the build needs more than the 1 MB")
     assert rows["bvh-sah"]["error"] is None
-    # What makes the rays has to do with the same room: not with kd, then.
-    assert {*watched.limits["kd"], *watched.limits["bvh-sah"]} == {450_000}
+    # The builds that make the rays have the same limit.
+    assert limits == {450_000}
     with pytest.raises(MemoryError, match="memory_limit"):
         list(benchmark.measure(native, room, ["bih"], replace(options, memory_limit=1000), lambda _: None))
 

@@ -13,13 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_native import LONG, SETTINGS, FakeNative, scene_of, view_from
+from fake_native import LONG, SETTINGS, FakeNative, preview, scene_of, until, view_from
 
 from addon.core.base.denoise import DenoiseError
-from addon.core.scene.scene import Scene
 from addon.core.session.cleaning import Cleaning
-from addon.core.session.preview import Picture, Preview
-from addon.core.session.stock import Stock
+from addon.core.session.preview import Preview
 
 
 class Denoiser:
@@ -47,46 +45,21 @@ class Denoiser:
         return color + 1
 
 
-def begun(denoiser: Denoiser, native: FakeNative, clean_from: int = 1, scene: Scene | None = None) -> Preview:
+def begun(denoiser: Denoiser, native: FakeNative, clean_from: int = 1) -> Preview:
     """A preview of a view that loses its noise."""
-    seen = Preview(native, Stock(), Cleaning(denoiser))
-    seen.edit(scene or scene_of(), "kd", None, SETTINGS, clean_from)
-    seen.look(view_from(5))
-    return seen
-
-
-def until(seen: Preview, done: Callable[[], bool]) -> list[Picture]:
-    """Advance until `done`. Returns the new pictures."""
-    shown: list[Picture] = []
-    end = time.monotonic() + LONG
-    while time.monotonic() < end:
-        if seen.advance() and seen.picture is not None:
-            shown.append(seen.picture)
-        if done():
-            return shown
-        time.sleep(0.001)
-    raise AssertionError("it never happens")
-
-
-def full(native: FakeNative) -> bool:
-    """Whether the newest job has all samples."""
-    return bool(native.jobs) and native.jobs[-1].settings["samples"] == SETTINGS.samples
+    return preview(native, cleaning=Cleaning(denoiser), clean_from=clean_from)
 
 
 def slow_from_the_full_picture_on(seen: Preview, native: FakeNative) -> None:
     """Advance until the picture at full resolution is in work, which does not end by itself."""
-    end = time.monotonic() + LONG
-    while not full(native):
-        assert time.monotonic() < end
-        seen.advance()
-        time.sleep(0.001)
+    until(seen, lambda: bool(native.jobs) and native.jobs[-1].settings["samples"] == SETTINGS.samples)
     native.jobs[-1]._end = math.inf
 
 
 def test_the_last_picture_is_clean_and_guided() -> None:
     denoiser, native = Denoiser(), FakeNative()
     seen = begun(denoiser, native)
-    shown = until(seen, lambda: not seen.busy)
+    shown = until(seen)
     assert not shown[0].clean, "the coarse picture is shown at once"
     assert shown[-1].clean
     assert (shown[-1].samples, shown[-1].scale) == (4, 1)
@@ -107,13 +80,13 @@ def test_the_view_stays_busy_until_the_last_picture_is_clean() -> None:
     assert seen.picture is not None
     assert not seen.picture.clean
     denoiser.open.set()
-    assert until(seen, lambda: not seen.busy)[-1].clean
+    assert until(seen)[-1].clean
 
 
 def test_without_the_setting_nothing_is_rendered_for_it() -> None:
     denoiser, native = Denoiser(), FakeNative()
     seen = begun(denoiser, native, clean_from=0)
-    shown = until(seen, lambda: not seen.busy)
+    shown = until(seen)
     assert not denoiser.calls
     assert not any(picture.clean for picture in shown)
     assert {tuple(job.settings["passes"]) for job in native.jobs} == {("Combined",)}
@@ -122,11 +95,11 @@ def test_without_the_setting_nothing_is_rendered_for_it() -> None:
 def test_only_pictures_at_full_resolution_have_features() -> None:
     native = FakeNative()
     seen = begun(Denoiser(), native)
-    until(seen, lambda: not seen.busy)
+    until(seen)
     wanted = {1: ["Combined"], 4: ["Combined", "Denoising Albedo", "Normal"]}
     assert all(job.settings["passes"] == wanted[job.settings["samples"]] for job in native.jobs)
     seen.edit(scene_of(), "kd", None, replace(SETTINGS, integrator="ao"), 1)
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert native.jobs[-1].settings["passes"] == ["Combined"]
     assert seen.picture is not None
     assert seen.picture.clean
@@ -143,7 +116,7 @@ def test_no_noise_returns_once_a_view_is_clean() -> None:
     native.jobs[-1]._end = 0.0
     assert not until(seen, lambda: len(denoiser.calls) == 2), "the last samples wait for the denoiser"
     denoiser.open.set()
-    assert [(p.samples, p.clean) for p in until(seen, lambda: not seen.busy)] == [(4, True)]
+    assert [(p.samples, p.clean) for p in until(seen)] == [(4, True)]
 
 
 def test_the_last_picture_replaces_one_in_work() -> None:
@@ -155,11 +128,11 @@ def test_the_last_picture_replaces_one_in_work() -> None:
     until(seen, lambda: len(denoiser.calls) == 2)
     assert (denoiser.dropped, denoiser.most) == (1, 1), "one picture at a time"
     denoiser.open.set()
-    assert [p.samples for p in until(seen, lambda: not seen.busy) if p.clean] == [4]
+    assert [p.samples for p in until(seen) if p.clean] == [4]
 
 
 @pytest.mark.parametrize("what", ["move", "edit", "stop", "end"])
-def test_what_is_outdated_is_dropped_without_waiting(what: str) -> None:
+def test_outdated_work_is_dropped_without_waiting(what: str) -> None:
     denoiser, native = Denoiser(closed=True), FakeNative()
     seen = begun(denoiser, native)
     until(seen, lambda: len(denoiser.calls) == 1)
@@ -181,7 +154,7 @@ def test_what_is_outdated_is_dropped_without_waiting(what: str) -> None:
     if what in ("move", "edit"):
         old = seen.picture
         denoiser.open.set()
-        assert all(p is old or p.what != (1, 1) for p in until(seen, lambda: not seen.busy))
+        assert all(p is old or p.what != (1, 1) for p in until(seen))
         assert seen.picture is not None
         assert seen.picture.clean
 
@@ -195,15 +168,12 @@ def test_the_first_samples_stay_noisy_up_to_the_start() -> None:
         seen.advance()
     assert not denoiser.calls
     native.jobs[-1]._end = 0.0
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert len(denoiser.calls) == 1
-
-
-def test_a_start_beyond_the_last_sample_cleans_the_last() -> None:
-    denoiser = Denoiser()
+    # A start beyond the last sample cleans the last one.
     seen = begun(denoiser, FakeNative(), clean_from=1000)
-    until(seen, lambda: not seen.busy)
-    assert len(denoiser.calls) == 1
+    until(seen)
+    assert len(denoiser.calls) == 2
 
 
 def test_a_failure_is_noted_and_the_noise_stays_until_the_next_edit() -> None:
@@ -212,7 +182,7 @@ def test_a_failure_is_noted_and_the_noise_stays_until_the_next_edit() -> None:
     slow_from_the_full_picture_on(seen, native)
     until(seen, lambda: bool(seen.noise))
     native.jobs[-1]._end = 0.0
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert seen.noise == "no library"
     assert seen.problem == ""
     assert seen.picture is not None
@@ -220,7 +190,7 @@ def test_a_failure_is_noted_and_the_noise_stays_until_the_next_edit() -> None:
     assert len(denoiser.calls) == 1
     denoiser.error = None
     seen.edit(scene_of(grey=0.1), "kd", None, SETTINGS, 1)
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert seen.noise == ""
     assert seen.picture.clean
 
@@ -229,7 +199,7 @@ def test_a_part_keeps_its_place() -> None:
     denoiser = Denoiser()
     seen = begun(denoiser, FakeNative())
     seen.look(replace(view_from(5), border=(8, 4, 40, 20)))
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert seen.picture is not None
     assert seen.picture.part == (8, 4, 40, 20)
     assert seen.picture.pixels.size == 32 * 16 * 4
@@ -242,7 +212,7 @@ def test_alpha_loses_its_noise_where_catchers_have_it(catcher: bool, film: bool,
     scene = replace(plain, materials=(replace(plain.materials[0], catcher=catcher),))
     seen = begun(denoiser, FakeNative(), clean_from=4)
     seen.edit(scene, "kd", None, replace(SETTINGS, film_transparent=film), 4)
-    until(seen, lambda: not seen.busy)
+    until(seen)
     assert seen.picture is not None
     assert seen.picture.clean
     assert len(denoiser.calls) == calls

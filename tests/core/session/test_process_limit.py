@@ -68,7 +68,7 @@ def run(work: str, *, room: int, count: int = 1000) -> tuple[int, list[str], str
     ],
     ids=["build", "objects", "rays", "film"],
 )
-def test_what_does_not_fit_is_refused(work: str, count: int, room: int, said: str) -> None:
+def test_rejects_work_that_does_not_fit(work: str, count: int, room: int, said: str) -> None:
     status, lines, errors = run(work, room=room, count=count)
     assert (status, errors) == (0, "")
     assert lines[0].startswith(said)

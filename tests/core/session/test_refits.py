@@ -95,15 +95,12 @@ def test_only_equal_triangles_in_use_of_equal_spec_are_followed() -> None:
 
 def test_planes_are_built_again_and_say_so() -> None:
     followed = Followed()
-    first = built(geometry(0), "kd", followed)
-    done = built(geometry(1), "kd", followed).done
-    assert done.startswith(refits.REFUSED + "kd cannot be fitted")
-    assert not refits.can_fit(native, "kd")
-    assert refits.can_fit(native, "bvh-sah")
-    assert first.done == ""
+    first, second = (built(geometry(frame), "kd", followed) for frame in (0, 1))
+    assert (first.done, second.done.startswith(refits.REFUSED + "kd cannot be fitted")) == ("", True)
+    assert [refits.can_fit(native, spec) for spec in ("kd", "bvh-sah")] == [False, True]
 
 
-def test_a_stock_fits_what_it_holds() -> None:
+def test_a_stock_fits_the_structures_that_it_holds() -> None:
     stock = Stock()
     first = stock.take(native, geometry(0), "bih-sah")
     first.wait()

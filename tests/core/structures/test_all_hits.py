@@ -8,9 +8,6 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-
-SPECS = KINDS
 
 
 def pile(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -22,22 +19,17 @@ def pile(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 UP = np.array([[0.1, 0.2, -1.0], [5.0, 5.0, -1.0], [0.1, 0.2, 2.5]], np.float32), np.array([[0, 0, 1]] * 3, np.float32)
-"""Rays below, beside and in the middle of a pile."""
+"""Rays below, next to and in the middle of a pile."""
 
 
-@pytest.mark.parametrize("spec", SPECS)
-def test_every_structure_returns_all_hits_nearest_first(spec: str) -> None:
-    structure = native.build(*pile(6), spec)
+def test_all_hits_come_nearest_first_and_within_their_intervals() -> None:
+    structure = native.build(*pile(6))
     offsets, hits = structure.all_hits(*UP)
     assert offsets.dtype == np.int64
     assert offsets.tolist() == [0, 6, 6, 9]
     assert hits.triangle.tolist() == [5, 4, 3, 2, 1, 0, 2, 1, 0]
     assert hits.t.tolist() == [1, 2, 3, 4, 5, 6, 0.5, 1.5, 2.5]
     assert structure.count_hits(*UP).tolist() == [6, 0, 3]
-
-
-def test_the_nearest_are_kept_and_intervals_are_obeyed() -> None:
-    structure = native.build(*pile(6))
     offsets, hits = structure.all_hits(*UP, max_hits=2)
     assert offsets.tolist() == [0, 2, 2, 4]
     assert hits.triangle.tolist() == [5, 4, 2, 1]
@@ -73,11 +65,7 @@ def test_instances_answer_like_their_copies() -> None:
 
 
 WRONG: list[tuple[dict[str, Any], type[Exception], str]] = [
-    (
-        {"triangle_mask": np.zeros(3, np.uint32)},
-        native.ShapeError,
-        "triangle_mask: expected one per triangle, 4, got 3",
-    ),
+    ({"triangle_mask": np.zeros(3, np.uint32)}, native.ShapeError, "triangle_mask: .* one per triangle, 4, got 3"),
     ({"triangle_mask": np.zeros(4, np.int32)}, native.ShapeError, "triangle_mask: expected an .m,. uint32 array"),
     ({"triangle_mask": np.zeros(8, np.uint32)[::2]}, native.ShapeError, "triangle_mask: expected a contiguous array"),
     ({"ray_mask": 1}, native.SpecError, "ray_mask: needs triangle_mask"),
@@ -99,14 +87,11 @@ def test_bad_masks_are_refused_by_name(arguments: dict[str, Any], error: type[Ex
             trace(*UP, **arguments)
 
 
-@pytest.mark.parametrize("most", [-1, 1 << 70])
-def test_an_impossible_number_of_hits_is_refused(most: int) -> None:
-    with pytest.raises(native.SpecError, match="max_hits: expected a whole number"):
-        native.build(*pile(1)).all_hits(*UP, max_hits=most)
-
-
-def test_a_ray_that_is_not_finite_is_refused() -> None:
+def test_an_impossible_number_of_hits_and_a_ray_that_is_not_finite_are_refused() -> None:
     structure = native.build(*pile(1))
+    for most in (-1, 1 << 70):
+        with pytest.raises(native.SpecError, match="max_hits: expected a whole number"):
+            structure.all_hits(*UP, max_hits=most)
     bad = np.full((1, 3), np.nan, np.float32)
     for trace in (structure.all_hits, structure.count_hits):
         with pytest.raises(native.NonFiniteError, match="origins"):

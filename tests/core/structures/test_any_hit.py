@@ -9,9 +9,6 @@ import pytest
 
 from addon.core.base.arrays import F32
 
-SPECS = ("bvh-sah:", "kd:", "bsp-wn:nodes=boxes,", "bih:", "octree-param:")
-"""Structures that choose by coherence, up to their traversal."""
-
 
 def cloud(count: int, size: float, seed: int) -> tuple[F32, np.ndarray]:
     """Small triangles in the cube from -1 to 1."""
@@ -36,14 +33,13 @@ def same_counters(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> b
     return all((one[name] == other[name]).all() for name in ("steps", "leaves", "tests", "visits"))
 
 
-@pytest.mark.parametrize("spec", SPECS)
+@pytest.mark.parametrize("spec", ["bvh-sah:", "kd:", "bsp-wn:nodes=boxes,", "bih:", "octree-param:"])
 def test_any_hits_go_in_the_way_that_suits_the_batch(spec: str) -> None:
     triangles = cloud(2000, 0.05, 1)
-    ways = {way: halfspace_native.build(*triangles, f"{spec}traversal={way}") for way in ("tile", "packet", "stream")}
-    brute, auto = (
-        halfspace_native.build(*triangles, "brute"),
-        halfspace_native.build(*triangles, f"{spec}traversal=auto"),
-    )
+    names = "tile", "packet", "stream"
+    ways = {way: halfspace_native.build(*triangles, f"{spec}traversal={way}") for way in names}
+    brute = halfspace_native.build(*triangles, "brute")
+    auto = halfspace_native.build(*triangles, f"{spec}traversal=auto")
     rng = np.random.default_rng(2)
     # Dense and sparse rays to a point, rays to a large light, and bounces.
     for step, light, bounce, own in (
@@ -66,19 +62,3 @@ def test_any_hits_go_in_the_way_that_suits_the_batch(spec: str) -> None:
         ]
         assert found == [own], (step, light, bounce)
         assert same_counters(auto.occluded(*rays, t_max=0.999, threads=2, counters=True)[1], counters)
-
-
-@pytest.mark.parametrize("spec", ["bvh-sah", "kd"])
-def test_rays_in_random_order_get_their_own_answers(spec: str) -> None:
-    """The tree exceeds the caches, and each ray starts far from the one before: they are sorted, then traced."""
-    triangles = cloud(130_000, 0.01, 3)
-    rng = np.random.default_rng(4)
-    origins, directions = (rng.uniform(-1, 1, (20_000, 3)).astype(np.float32) for _ in range(2))
-    alone = halfspace_native.build(*triangles, "bvh-sah:traversal=ordered")
-    expected = alone.occluded(origins, directions, t_max=0.7)
-    assert 1000 < expected.sum() < 19_000
-    structure = halfspace_native.build(*triangles, spec)
-    for threads in (1, 2):
-        assert (structure.occluded(origins, directions, t_max=0.7, threads=threads) == expected).all()
-        hits = structure.closest(origins, directions, t_max=0.7, threads=threads)
-        assert ((hits.triangle >= 0) == expected).all()

@@ -106,18 +106,16 @@ def test_overlaps_are_pairs_of_polygons(module: Any) -> None:
 
 def test_bad_arguments_are_refused(module: Any) -> None:
     make = module.BVHTree.FromPolygons
-    with pytest.raises(ValueError, match=r"polygons\[1\]: index 14 is out of range for 14 vertices"):
-        make(VERTICES, [(0, 1, 2), (3, 14, 5)])
-    with pytest.raises(ValueError, match=r"polygons\[0\]: index -1 is out of range"):
-        make(VERTICES, [(0, -1, 2)], all_triangles=True)
-    with pytest.raises(ValueError, match=r"polygons\[1\]: expected 3 vertices, got 4"):
-        make(VERTICES, [(0, 1, 2), (0, 1, 2, 3)], all_triangles=True)
-    tree = make(VERTICES, [*POLYGONS, (0, 1), ()])
-    for call in (
-        tree.find_nearest,
-        lambda bad: tree.ray_cast(bad, (0, 0, 1)),
-        lambda bad: tree.ray_cast((0, 0, 0), bad),
+    for polygons, only, words in (
+        ([(0, 1, 2), (3, 14, 5)], False, r"polygons\[1\]: index 14 is out of range for 14 vertices"),
+        ([(0, -1, 2)], True, r"polygons\[0\]: index -1 is out of range"),
+        ([(0, 1, 2), (0, 1, 2, 3)], True, r"polygons\[1\]: expected 3 vertices, got 4"),
     ):
+        with pytest.raises(ValueError, match=words):
+            make(VERTICES, polygons, all_triangles=only)
+    tree = make(VERTICES, [*POLYGONS, (0, 1), ()])
+    at = (0, 0, 1)
+    for call in (tree.find_nearest, lambda bad: tree.ray_cast(bad, at), lambda bad: tree.ray_cast(at, bad)):
         with pytest.raises(native.NonFiniteError):
             call((0, math.nan, 0))
         with pytest.raises(ValueError, match=r"expected three numbers, got shape \(2,\)"):
@@ -144,11 +142,8 @@ def test_generators_are_read_once(module: Any) -> None:
         made = module.BVHTree.FromPolygons(vertices, polygons)
         for point in ((0.3, 0.2, 2.0), (5, 5, 5)):
             assert str(made.find_nearest(point)) == str(whole.find_nearest(point))
-    triangles = (polygon[:3] for polygon in POLYGONS)
-    assert (
-        module.BVHTree.FromPolygons(iter(VERTICES), triangles, all_triangles=True).find_nearest((0, 0, 9))[2]
-        is not None
-    )
+    made = module.BVHTree.FromPolygons(iter(VERTICES), (polygon[:3] for polygon in POLYGONS), all_triangles=True)
+    assert made.find_nearest((0, 0, 9))[2] is not None
 
 
 @pytest.mark.parametrize(
@@ -161,7 +156,7 @@ def test_generators_are_read_once(module: Any) -> None:
         (VERTICES, [(0, 1, math.nan)]),
     ],
 )
-def test_what_is_no_vertex_and_no_index_is_refused(module: Any, vertices: Any, polygons: Any) -> None:
+def test_rejects_bad_vertices_and_indices(module: Any, vertices: Any, polygons: Any) -> None:
     for all_triangles in (False, True):
         with pytest.raises(ValueError, match=r"expected shape|out of range|no whole number"):
             module.BVHTree.FromPolygons(vertices, polygons, all_triangles)

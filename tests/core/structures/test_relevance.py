@@ -62,7 +62,7 @@ def sheets(rng: np.random.Generator, count: int) -> Any:
 
 
 def crowd(count: int) -> Any:
-    """Large triangles of one size, each a little beside the one before: all of them fit best beside one another."""
+    """Large triangles of one size, each a little next to the one before: all of them fit best next to one another."""
     corners = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1]])
     steps = np.arange(count)[:, None, None] * np.array([0.001, 0, 0])
     return (corners[None] + steps).reshape(-1, 3)
@@ -126,7 +126,7 @@ def acts(structure: Structure, parameter: Parameter, context: dict[str, Any], pl
 
 
 @pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
-def test_exactly_what_changes_nothing_is_hidden(structure: Structure) -> None:
+def test_exactly_the_parameters_without_effect_are_hidden(structure: Structure) -> None:
     for context in CONTEXTS:
         if any(structure.parameter(name) is None for name in context):
             continue
@@ -190,35 +190,30 @@ def test_every_parameter_has_its_place() -> None:
 
 def test_only_traversals_of_the_chosen_nodes_are_offered() -> None:
     one = KNOWN["kd"]
-    for nodes in ("planes", "wide", "boxes"):
+    for nodes, shadows in (
+        ("planes", ["none", "cache", "beam"]),
+        ("wide", ["none", "cache"]),
+        ("boxes", ["none", "cache"]),
+    ):
         able = {way.traversal for way in one.ways if way.nodes == nodes}
-        assert set(relevance.options(one, {"nodes": nodes})["traversal"]) == able
-    # A stored traversal that the nodes do not have is replaced, and comes back with its nodes.
+        offered = relevance.options(one, {"nodes": nodes})
+        assert (set(offered["traversal"]), offered["shadow"]) == (able, shadows)
+    # A stored choice that the nodes do not have is replaced, and comes back with its nodes.
     stored = {"nodes": "wide", "traversal": "sung"}
     found = relevance.effective(one, stored)
     assert (found["nodes"], found["traversal"]) == ("wide", "auto")
     assert settings.spec(one, stored) == "kd:nodes=wide"
     assert settings.spec(one, {**stored, "nodes": "planes"}) == "kd:traversal=sung"
+    stored = {"nodes": "boxes", "shadow": "beam"}
+    assert settings.spec(one, stored) == "kd:nodes=boxes"
+    assert settings.spec(one, {**stored, "nodes": "planes"}) == "kd:shadow=beam"
     # A width of nodes that is not the default keeps the traversals that have it.
     narrow = {"width": "4", "traversal": "packet8"}
     assert settings.spec(KNOWN["bvh-sah"], narrow) == "bvh-sah:width=4"
 
 
-def test_shadow_beams_are_offered_where_the_tree_has_them() -> None:
-    kd = KNOWN["kd"]
-    for nodes, names in (
-        ("planes", ["none", "cache", "beam"]),
-        ("wide", ["none", "cache"]),
-        ("boxes", ["none", "cache"]),
-    ):
-        assert relevance.options(kd, {"nodes": nodes})["shadow"] == names
-    stored = {"nodes": "boxes", "shadow": "beam"}
-    assert settings.spec(kd, stored) == "kd:nodes=boxes"
-    assert settings.spec(kd, {**stored, "nodes": "planes"}) == "kd:shadow=beam", "the choice comes back with the nodes"
-
-
 @pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
-def test_what_is_offered_is_understood(structure: Structure) -> None:
+def test_offered_traversals_are_understood(structure: Structure) -> None:
     """Every traversal that a menu offers builds, and every other one of the registry is refused."""
     parameter = structure.parameter(relevance.TRAVERSAL)
     nodes = structure.parameter(relevance.NODES)
@@ -236,7 +231,7 @@ def test_what_is_offered_is_understood(structure: Structure) -> None:
 
 
 @pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
-def test_what_is_hidden_is_refused(structure: Structure) -> None:
+def test_rejects_hidden_values(structure: Structure) -> None:
     """A value other than the default that has no effect is an error that names it and what it needs."""
     for context in CONTEXTS:
         if any(structure.parameter(name) is None for name in context):
@@ -257,16 +252,8 @@ def test_choices_have_names() -> None:
             labels = [parameter.label_of(option) for option in parameter.options]
             assert len(set(labels)) == len(labels)
             assert all(label[0].isupper() or label[0].isdecimal() for label in labels), labels
-    row = {"name": "a", "label": "A", "doc": "", "unit": "", "kind": "choice", "default": "x", "min": None, "max": None}
-    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs"}
-    parameter = catalogue._parameter(row)
-    assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
-    assert parameter.group == "costs"
-
-
-def test_no_choice_is_shown_as_a_code_word() -> None:
-    words = {"auto", "widen", "clean", "dir", "seq", "pbrt", "fitted"}
-    for structure in KNOWN.structures:
-        for parameter in structure.parameters:
-            labels = {parameter.label_of(option).lower() for option in parameter.options}
-            assert not labels & words, (structure.id, parameter.name)
+            # No choice is shown as a code word.
+            words = {"auto", "widen", "clean", "dir", "seq", "pbrt", "fitted"}
+            assert not words & {label.lower() for label in labels}, (structure.id, parameter.name)
+    one = Parameter("a", "A", "", "", "choice", "x", None, None, ("x", "y"), ("One", "Two"))
+    assert [one.label_of(option) for option in "xyz"] == ["One", "Two", "z"]

@@ -132,7 +132,7 @@ def work(counters: Mapping[str, NDArray[np.uint32]], hit: NDArray[np.bool_]) -> 
 
 
 def value(row: Mapping[str, Any], *path: str) -> Any:
-    """The value at a path within a row's statistics; None if any part is missing, as in rows of earlier versions."""
+    """The value at a path within a row's statistics; None if any part is missing, as in rows of Embree."""
     found: Any = row.get("field")
     for key in path:
         if not isinstance(found, Mapping):
