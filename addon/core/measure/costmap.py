@@ -185,8 +185,8 @@ def packed(values: F64) -> dict[str, Any]:
 
 
 def unpacked(stored: Mapping[str, Any]) -> F64:
-    """The inverse of `packed`; maps of earlier versions, which state no type, have whole numbers below 65,536."""
-    flat = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), stored.get("type", TYPES[0]))
+    """The inverse of `packed`."""
+    flat = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), stored["type"])
     return flat.reshape(stored["height"], stored["width"]).astype(np.float64)
 
 

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.base import command, native
 from ...core.base.native import first_line
-from ...core.measure import benchmark, curve, offsets, preparation, ranking, thesis, yardstick
+from ...core.measure import benchmark, curve, offsets, preparation, ranking, yardstick
 from ...core.measure.rows import agrees_moved
-from ...core.report import page, report, results, tables
+from ...core.report import report, results, tables
 from ...core.scene import rays, workload
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
@@ -31,6 +31,7 @@ from ..bench import cluster, inspecting, merging, scenes, sweep
 from ..bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from ..export import files
 from ..motion import animations, motion
+from ..report import page, thesis
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
@@ -259,8 +260,6 @@ def merge(asked: argparse.Namespace) -> int:
         print(f"bench: {line}: the answers or the trees differ", file=sys.stderr)
     for line in missing:
         print(f"bench: {line}", file=sys.stderr)
-    if not merged.asked.specs:
-        say("the journal does not record the requested rows, so missing ones cannot be named")
     save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published, formats)
     found = 1 if merged.disagreements else status(rows)
     return found or (BAD_INPUT if missing else 0)
@@ -291,7 +290,7 @@ def save(
         Path("bench.csv"): report.as_csv(document["rows"]),
         Path("report.html"): page.as_html(document, published),
     }
-    papers = files.of_rows(document["rows"], formats) if formats else {}
+    papers = files.of_rows(document["rows"], formats, published) if formats else {}
     if papers:
         results.prepare_folder(folder / files.FOLDER)
     with results.writing(folder):

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...core.measure.thesis import SCENES, our_id
 from ...core.scene import workload
+from ..report.thesis import SCENES, our_id
 
 FILE = workload.SCENES.parent / "reference" / "thesis_results.json"
 """Where the file is looked for by default."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.measure.thesis import TABLES
 from ..claims.claims import FAILS, HOLDS, UNTESTED
+from ..report.thesis import TABLES
 from .published import Published
 
 NOISE = 5.0

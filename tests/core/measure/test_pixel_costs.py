@@ -98,10 +98,6 @@ def test_a_map_that_is_packed_keeps_every_number() -> None:
         stored = costmap.packed(values)
         assert stored["type"] == kind
         assert np.array_equal(costmap.unpacked(stored), values)
-    # Maps of earlier versions state no type.
-    stored = costmap.packed(np.array([[7.0, 65535.0]]))
-    del stored["type"]
-    assert costmap.unpacked(stored).tolist() == [[7.0, 65535.0]]
 
 
 def test_codes_of_quantities_are_kept_in_files() -> None:

@@ -15,14 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..structures import specs
-from . import ranking, yardstick
-from .rows import Row, agrees
-
-BASES = ("kd-sah:traversal=dir,leaves=scalar", "kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
-"""Candidates for the base of relative times, in order: the kd-tree built as in the thesis, traversed
-like the others.
-"""
+from ...core.measure import ranking, yardstick
+from ...core.measure.benchmark import BASES
+from ...core.measure.rows import Row, agrees
+from ...core.structures import specs
 
 SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
 """Our scenes, and the most similar ones of the thesis by their names there."""
@@ -163,6 +159,48 @@ def labels(rows: Iterable[Row]) -> dict[str, str]:
 def spread(values: Sequence[float]) -> Numbers:
     """Smallest, median and largest; empty without values."""
     return (min(values), float(np.median(values)), max(values)) if values else ()
+
+
+@dataclass(frozen=True)
+class Line:
+    """One configuration of a sweep: smallest, median and largest time over the seeds for each k, in percent of the
+    base.
+
+    label: its name in the plot's legend.
+    """
+
+    structure: str
+    k: tuple[int, ...]
+    low: tuple[float, ...]
+    median: tuple[float, ...]
+    high: tuple[float, ...]
+    label: str
+
+
+def sweeps(rows: Sequence[Row]) -> tuple[str, list[Line]]:
+    """The base's configuration, and a line for each configuration of one scene that was measured with two or more k.
+
+    Times are relative to the anchor's in the same round, so that rows of different hours and machines are comparable.
+    Returns an empty name and no lines when no row can serve as the base.
+    """
+    base = base_of(rows)
+    if base is None:
+        return "", []
+    # Group the times by configuration and k.
+    found: dict[str, dict[int, list[float]]] = {}
+    for row in rows:
+        time = percent(row, base)
+        if row["k"] is not None and time is not None:
+            found.setdefault(configuration(row), {}).setdefault(row["k"], []).append(time)
+    # Make a line of each configuration with several k.
+    names = labels(rows)
+    made = []
+    for one, by_k in found.items():
+        if len(by_k) > 1:
+            ks = sorted(by_k)
+            low, median, high = zip(*(spread(by_k[k]) for k in ks), strict=True)
+            made.append(Line(specs.structure_of(one), tuple(ks), low, median, high, names[one]))
+    return base["spec"], made
 
 
 @dataclass(frozen=True)
