@@ -36,9 +36,6 @@ from ..report import page, thesis
 if TYPE_CHECKING:
     from ...core.base.interface import Native
 
-PUBLISHED = workload.SCENES.parent / "reference" / "thesis_results.json"
-"""Published results, which are not part of the project and may be missing."""
-
 SECONDS = 45.0
 """Seconds of all timed passes of a scene. A run over all structures takes six minutes for 70,000 triangles (Zen 3)."""
 
@@ -156,7 +153,7 @@ def run(asked: argparse.Namespace) -> int:
             "builds timed once, no smaller views, pictures, memory and maps only with --out; as many answers compared"
         )
     shard = read_shard(asked)
-    published, formats, pages = read_published(asked), read_export(asked), inspecting.read(asked, module)
+    published, formats, pages = thesis.published(asked.published), read_export(asked), inspecting.read(asked, module)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
     named = asked.scenes or scenes.of_preset(asked.preset, say)
@@ -248,7 +245,7 @@ def merge(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is None or not asked.scenes:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
-    published, formats = read_published(asked), read_export(asked)
+    published, formats = thesis.published(asked.published), read_export(asked)
     folders = [Path(folder) for folder in dict.fromkeys(asked.scenes)]
     merged = merging.read(folders)
     rows, missing = merged.rows(), merged.missing()
@@ -310,17 +307,6 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     if asked.out is None:
         raise UsageError("--shard: name a folder for the rows with --out")
     return sweep.Shard(int(number), int(count))
-
-
-def read_published(asked: argparse.Namespace) -> thesis.Published | None:
-    """Published results for the plots, or None if there are none. Raises UsageError for an unreadable file."""
-    path = asked.published or PUBLISHED
-    if not path.is_file() and asked.published is None:
-        return None
-    try:
-        return thesis.read(path)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"--published: {path}: {error}") from error
 
 
 def read_export(asked: argparse.Namespace) -> tuple[str, ...]:

@@ -151,7 +151,7 @@ def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[Line], published
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number // len(COLOURS) % len(MARKERS)]
         axes.fill_between(line.k, line.low, line.high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(line.k, line.median, marker + "-", color=colour, label=line.label, markersize=5)
-        other = published.medians(scene, line.structure) if published is not None else {}
+        other = published.by_k(scene, line.structure) if published is not None else {}
         if other:
             axes.plot(sorted(other), [other[k] for k in sorted(other)], "--", color=colour, linewidth=1)
     axes.axhline(100, color=GREY, linewidth=1)

@@ -249,8 +249,8 @@ def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> 
     path = tmp_path / "published.json"
     path.write_text(json.dumps({"final_by_K": [entry]}))
     found = thesis.read(path)
-    assert found.medians("sponza-dabrovic", "bsp-wn-plus-kd") == {6: 80.4}
-    assert found.medians("grid", "bsp-wn-plus-kd") == {}
+    assert found.by_k("sponza-dabrovic", "bsp-wn-plus-kd") == {6: 80.4}
+    assert found.by_k("grid", "bsp-wn-plus-kd") == {}
     for wrong in ("[]", "{}", '{"final_by_K": [{}]}', "nonsense"):
         path.write_text(wrong)
         with pytest.raises(ValueError):  # noqa: PT011 (json's own error is one)
