@@ -83,7 +83,14 @@ def pictured(one: dict[str, Any], seconds: float, spread: float = 0.01, drift: f
     rounds = [each * slower for each, slower in zip(rounds, pace, strict=True)]
     one["image_s"] = {"min": min(rounds), "med": sorted(rounds)[3], "max": max(rounds)}
     anchors = [10.0 * slower for slower in pace]
-    one["image"] = {"samples": 16, "anchor": "kd", "rounds_s": rounds, "anchor_rounds_s": anchors, "noise": 0.01}
+    one["image"] = {
+        "samples": 16,
+        "pixels": 1 << 14,
+        "anchor": "kd",
+        "rounds_s": rounds,
+        "anchor_rounds_s": anchors,
+        "noise": 0.01,
+    }
 
 
 def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, Any]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, cast
 
 import numpy as np
@@ -296,3 +296,16 @@ def without_times(value: Any) -> Any:
     if isinstance(value, list):
         return [without_times(inner) for inner in value]
     return value
+
+
+def by_scene(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """The rows of each scene, in order of appearance."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row["scene"], []).append(row)
+    return found
+
+
+def set_names(rows: Iterable[Row]) -> list[str]:
+    """The ray sets that occur, in order."""
+    return list(dict.fromkeys(name for row in rows for name in row["rays"] or {}))

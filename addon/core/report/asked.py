@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
 from ..base.notes import some
-from ..measure.rows import Row, blank
+from ..measure.rows import Row
 
 Place = tuple[str, str]
 """A run, and a scene as named on its command line: the run may end before it reads the scene's own name."""
 
 Finished = set[tuple[str, str, str]]
-"""Runs, scene names and configurations of finished rows; the run is empty in journals that do not record it."""
+"""Runs, scene names and configurations of finished rows."""
 
 
 def label(scene: str) -> str:
@@ -39,19 +39,6 @@ class Asked:
     options: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[tuple[str, str, str], tuple[tuple[int, int], Row]] = field(default_factory=dict)
 
-    def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
-        """The journal line at the start of a run: the configurations requested for each of these scenes."""
-        request = {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs), "options": options}
-        return {"asked": request}
-
-    def reached(self, run: str, scene: str, name: str) -> dict[str, Any]:
-        """The journal line for a scene that was read."""
-        return {"reached": {"run": run, "scene": label(scene), "name": name}}
-
-    def failed(self, run: str, scene: str, order: tuple[int, int], row: Row) -> dict[str, Any]:
-        """The journal line for a configuration or a whole scene that failed."""
-        return {"failed": {"run": run, "scene": label(scene), "order": order, "row": row}}
-
     def take(self, line: dict[str, Any]) -> bool:
         """Record a journal line; returns whether it is one of this class's lines. Raises KeyError, TypeError and
         ValueError.
@@ -68,9 +55,7 @@ class Asked:
         elif "failed" in line:
             found = line["failed"]
             scene, spec = found["order"]
-            # Failed rows have no measurements: the other columns stay empty, whichever version of the journal wrote the
-            # line.
-            row = blank() | {"machine": ""} | found["row"]
+            row = found["row"]
             self.failures[found["run"], found["scene"], row["spec"]] = (int(scene), int(spec)), row
         else:
             return False
@@ -110,4 +95,4 @@ class Asked:
     def _unfinished(self, place: Place, specs: Iterable[str], finished: Finished) -> list[str]:
         """The configurations without a finished row."""
         name = self.names.get(place)
-        return [spec for spec in specs if not {(place[0], name, spec), ("", name, spec)} & finished]
+        return [spec for spec in specs if (place[0], name, spec) not in finished]

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Costs of a step and of a triangle test on this machine, fitted to the measured times of all structures of a scene."""
+"""Costs of a step and of a triangle test on this machine, fitted to the measured times of all structures of a scene,
+and how well the surface area heuristic orders these times.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..measure import counting
+from ..measure import counting, yardstick
 from ..measure.analysis import field
-from ..measure.rows import Row
-from ..measure.timing import COUNTERS
+from ..measure.rows import Row, agrees
 
 PARTS = {
     "steps_axis": "axis steps",
@@ -26,9 +27,6 @@ PARTS = {
 """Counters that take part in the fit, with their labels. It is eq. 3.1 of Hoobergs (2019), which sums steps and tests,
 with the visits of leaves.
 """
-
-OPTIONAL = ("steps_boxes", "leaves")
-"""Counters that rows of earlier versions lack; they then count as 0."""
 
 LEAST_ROWS = 4
 """Smallest number of structures for a fit."""
@@ -60,7 +58,6 @@ def fit(rows: Sequence[Row]) -> Fit | None:
 
     None with fewer such rows than LEAST_ROWS, or with no more of them than parts that occur.
     """
-    assert set(PARTS) <= {*COUNTERS, *OPTIONAL}
     # Collect counts and times per ray of the rows that have both.
     found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not lacks_timed_counts(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
@@ -98,12 +95,12 @@ def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
 
 
 def _count(row: Row, name: str, key: str) -> float | None:
-    """The mean number of a part per ray of a set; None if it was not counted."""
+    """The mean number of a part per ray of a set; None if it was not counted. Not all kernels count leaves."""
     known: Any = dict(row["rays"][name]).get(key)
     if known is None:
         known = field.value(row, "rays", name, key, "mean")
     if known is None:
-        return 0.0 if key in OPTIONAL else None
+        return 0.0 if key == "leaves" else None
     return float(known)
 
 
@@ -119,3 +116,69 @@ def least_squares(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> ND
             if (x >= 0).all() and error < best_error:
                 best, best_error = x, error
     return best
+
+
+LEAST_CORRELATED = 3
+"""Smallest number of structures for a correlation."""
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Expected cost and measured nanoseconds per ray of the structures of a scene.
+
+    pearson: of the values; spearman: of their ranks; NaN where all values are equal.
+    """
+
+    specs: tuple[str, ...]
+    expected: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    pearson: float
+    spearman: float
+
+
+def nanoseconds(row: Row) -> float:
+    """Nanoseconds per ray, mean over the ray sets; 0 without times."""
+    times = [1e3 / one["mrays_s"]["med"] for one in (row["rays"] or {}).values() if one["mrays_s"]]
+    return float(np.mean(times)) if times else 0.0
+
+
+def expected_cost(row: Row) -> float | None:
+    """Expected cost of a random ray in the thesis's units; None if the structure reports none."""
+    cost = field.value(row, "tree", "sah") or (row["statistics"] or {}).get("sah_cost")
+    return float(cost) if cost else None
+
+
+def correlation(rows: Sequence[Row]) -> Correlation | None:
+    """The correlation over the rows with right answers; None with fewer than LEAST_CORRELATED of them."""
+    found = [
+        (row["spec"], cost, time)
+        for row in rows
+        if row["spec"] != yardstick.SPEC
+        and agrees(row)
+        and (cost := expected_cost(row)) is not None
+        and (time := nanoseconds(row)) > 0
+    ]
+    if len(found) < LEAST_CORRELATED:
+        return None
+    expected, measured = (np.array([one[i] for one in found]) for i in (1, 2))
+    return Correlation(
+        tuple(spec for spec, _, _ in found),
+        expected,
+        measured,
+        pearson(expected, measured),
+        pearson(ranks(expected), ranks(measured)),
+    )
+
+
+def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Pearson's correlation; NaN where either is constant."""
+    with np.errstate(invalid="ignore"):
+        return float(np.corrcoef(x, y)[0, 1])
+
+
+def ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ranks from 1; equal values share the mean of theirs."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    means: NDArray[np.float64] = last - (counts - 1) / 2
+    return means[inverse]

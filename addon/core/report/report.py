@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benchmark rows as CSV and as sentences.
+"""Benchmark rows as CSV and as sentences: the answer of a scene, and what was found on it.
 
 Every time is shown with the error measured for the same configuration.
 """
@@ -13,9 +13,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..base.notes import NAMES_IN_A_SENTENCE, few
 from ..measure import counting, curve, ranking, yardstick
-from ..measure.rows import Row, agrees, building, eager, is_lazy
+from ..measure.rows import Row, agrees, building, by_scene, eager, is_lazy, set_names
+from . import tables
 
 PICTURES = ("map", "portrait")
 """Columns of rows that hold pictures."""
@@ -29,36 +32,14 @@ def names(rows: Sequence[Row]) -> str:
     return " and ".join(filter(None, [", ".join(specs[:-1]), *specs[-1:]]))
 
 
-def heading(scene: str, rows: Sequence[Row]) -> str:
-    """The heading of a scene's table, in one line."""
-    checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
-    reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
-    ours = {row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]}
-    threads = " and ".join(map(str, sorted(ours or {max(row["threads"] for row in rows)})))
-    if ours - {1} and any(row["spec"] == yardstick.SPEC and row["rays"] for row in rows):
-        threads += " (Embree: 1)"
-    return (
-        f"{scene}: {rows[0]['triangles']:,} triangles; speeds in million rays per second (median) and times Embree, "
-        f"threads: {threads}; errors against {reference} on {checked:,} rays"
-    )
-
-
-def by_scene(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    """The rows of each scene, in order of appearance."""
-    found: dict[str, list[Row]] = {}
-    for row in rows:
-        found.setdefault(row["scene"], []).append(row)
-    return found
-
-
-def set_names(rows: Iterable[Row]) -> list[str]:
-    """The ray sets that occur, in order."""
-    return list(dict.fromkeys(name for row in rows for name in row["rays"] or {}))
+def without_pictures(row: Row) -> dict[str, Any]:
+    """The columns of a row but those that hold pictures."""
+    return {key: value for key, value in row.items() if key not in PICTURES}
 
 
 def as_csv(rows: Sequence[Row]) -> str:
     """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
-    flat = [dict(_flatten("", {key: value for key, value in row.items() if key not in PICTURES})) for row in rows]
+    flat = [dict(_flatten("", without_pictures(row))) for row in rows]
     columns = list(dict.fromkeys(name for row in flat for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -77,6 +58,62 @@ def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
         yield prefix, value
 
 
+IMAGE = "1024 × 1024 pixels with 16 samples"
+"""The picture whose time `image_s` of a row predicts, as text."""
+
+QUANTITIES = {
+    ranking.PICTURE: f"the build and one picture of {IMAGE}",
+    ranking.TRACING: "the build and one million rays of each set",
+}
+"""What the answer of a scene ranks, the most useful first."""
+
+
+def answer(rows: Sequence[Row]) -> str:
+    """The quickest structure of a scene's rows, and the errors of all; "" without two comparable rows."""
+    found = winner(rows)
+    compared = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
+    if not found or not compared:
+        return found
+    wrong = [row for row in compared if not agrees(row)]
+    told = f"{names(wrong)} gave wrong ones and are not ranked" if wrong else "all are right"
+    most = max(row["errors"]["rays"] for row in compared)
+    return f"{found} Up to {most:,} answers of each were compared: {told}."
+
+
+def winner(rows: Sequence[Row]) -> str:
+    """The quickest structure of a scene's rows in one sentence; "" without two comparable rows."""
+    by_table = ranking.by_table([row for row in rows if row["spec"] != yardstick.SPEC and row["rays"] and agrees(row)])
+    # The best of all is that which goes as fast as it can.
+    own = next((by_table[name] for name in ("fastest", "", "chosen", "single") if name in by_table), [])
+    return next((told for name in QUANTITIES for told in _about_quantity(own, name)), "")
+
+
+def _about_quantity(rows: Sequence[Row], name: str) -> Iterator[str]:
+    """The quickest of the rows of one table for one of QUANTITIES: one, or several that the rounds do not separate."""
+    found = ranking.rank(rows, name)
+    if found is None:
+        return
+    best, what = found.best["spec"], QUANTITIES[name]
+    known = ranking.part(found.best, name)
+    assert known is not None, "it was ranked"
+    seconds = 1.0 / np.array(known["rounds"], np.float64)
+    median, low, high = (seconds_text(float(of(seconds))) for of in (np.median, np.min, np.max))
+    took = f"{median} (build {seconds_text(building(found.best))}; {low} to {high} over {found.rounds} rounds)"
+    if not found.ranked:
+        yield f"{best} has the best median for {what}, {took}: fewer than {ranking.LEAST_ROUNDS} rounds rank nothing."
+        return
+    text = f"{best} is the quickest for {what}: {took}"
+    if found.equal:
+        text = (
+            f"{names([found.best, *found.equal])} cannot be told apart for {what}: {took} with {best}, the best "
+            f"median, and a noise of {100 * found.noise:.1f} %"
+        )
+    if found.second is not None:
+        times = f"{found.times:.2f} times as long ({found.low:.2f} to {found.high:.2f})"
+        text += f"; the next, {found.second['spec']}, takes {times}"
+    yield text + "."
+
+
 def findings(rows: Sequence[Row]) -> list[str]:
     """The findings of one scene's rows, as sentences."""
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
@@ -84,38 +121,28 @@ def findings(rows: Sequence[Row]) -> list[str]:
     right = [row for row in measured if agrees(row)]
     # Compare like with like: rows of two tables trace their rays in different ways.
     for table, own in ranking.by_table(right).items():
-        about = [*_about_rankings(own, set_names(rows)), *_about_first_pictures(own), *_about_totals(own)]
+        about = [*_about_rankings(own, set_names(rows)), *_about_first_pictures(own)]
+        about += _about_quantity(own, ranking.TRACING)
         if about and table:
-            about[0] = f"{TABLES[table]}: {about[0]}"
+            about[0] = f"{tables.NAMED[table]}: {about[0]}"
         sentences += about
-    sentences += [*_about_pictures(right), *_about_yardstick(rows)]
+    sentences += [*_about_pictures(right), *tables.about_yardstick(rows)]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
     if failed:
         sentences.append(f"Failed, with the reason below: {few(failed)}.")
     return sentences
 
 
-TABLES = {"single": "One ray at a time", "fastest": "As fast as it goes", "chosen": "As chosen"}
-"""Names of the tables of like configurations."""
-
-
 def _about_rankings(right: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
     """The fastest rows of one table, per ray set; those of too few rounds in one sentence."""
-    found = {name: one for name in sets if (one := ranking.rank(right, name)) is not None}
-    unsure = {name: one for name, one in found.items() if not one.ranked}
+    found, unsure = tables.rankings(right, sets)
     if unsure:
-        best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
-        least = min(one.rounds for one in unsure.values())
-        yield (
-            f"The best medians: {best}. {least} rounds are too few for a ranking; it takes {ranking.LEAST_ROUNDS} "
-            "(--repeats)."
-        )
+        yield unsure
     for name, one in found.items():
-        apart = f" The times of {names(one.apart)} are not comparable with theirs." if one.apart else ""
-        if name not in unsure:
-            yield f"{name.capitalize()} rays: {_about_ranking(one, name)}{apart}"
-        elif apart:
-            yield f"{name.capitalize()} rays:{apart}"
+        told = [_about_ranking(one, name)] if one.ranked else []
+        told += [f"The times of {names(one.apart)} are not comparable with theirs."] if one.apart else []
+        if told:
+            yield f"{name.capitalize()} rays: {' '.join(told)}"
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
@@ -155,37 +182,9 @@ def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
             took, other = row["first_s"]["med"], at_once["first_s"]["med"]
             differing = row["errors"]["differing_pixels"] + at_once["errors"]["differing_pixels"]
             yield (
-                f"Build and camera rays together take {_seconds(took)} with {spec}, {took / other:.2f} of the "
-                f"{_seconds(other)} with {at_once['spec']}; {differing} rays differ."
+                f"Build and camera rays together take {seconds_text(took)} with {spec}, {took / other:.2f} of the "
+                f"{seconds_text(other)} with {at_once['spec']}; {differing} rays differ."
             )
-
-
-def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
-    """Build and tracing together, relevant for one build and few rays."""
-    found = ranking.rank(measured, ranking.TRACING)
-    if found is None:
-        return
-    text = f"The build and one million rays of each set together take {_total(found.best)}"
-    if not found.ranked:
-        text += f", the best median of {found.rounds} rounds"
-    elif found.equal:
-        text += f", equal within noise to those with {names(found.equal)} (the noise is {100 * found.noise:.1f} %)"
-    if found.ranked and found.second is not None:
-        # Seconds of other rounds, on a drifting machine, may contradict the ratio relative to the anchor.
-        is_beside = ranking.together(found.best, found.second)
-        other = _total(found.second) if is_beside else f"{found.times:.2f} times as long with {found.second['spec']}"
-        text += f"{',' if found.equal else ''} and {other}, the next"
-    yield text + "."
-
-
-def _total(row: Row) -> str:
-    """Seconds of the build and of one million rays of each set, with the configuration and the build's part: the median
-    of the rounds, as in the answer of the scene.
-    """
-    known = ranking.part(row, ranking.TRACING)
-    assert known is not None, "it was ranked"
-    total = statistics.median(1.0 / speed for speed in known["rounds"])
-    return f"{seconds_text(total)} with {row['spec']} (build {_seconds(building(row))})"
 
 
 def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
@@ -199,8 +198,8 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     (quickest, _), (slowest, _) = times[0], times[-1]
     yield (
         f"The pictures of {len(drawn)} structures are equal bit for bit; with {samples} "
-        f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} to "
-        f"{_seconds(slowest)}."
+        f"{'sample' if samples == 1 else 'samples'} per pixel that took {seconds_text(quickest)} to "
+        f"{seconds_text(slowest)}."
     )
     yield from about_sweeps(drawn)
     points = max((row["curve"] for row in drawn), key=len)
@@ -215,14 +214,13 @@ def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[st
     if len(points) < 3:
         return
     own = curve.slope(points)
-    text = f"Their error (RMSE) falls with the samples to the power {_signed(own)}"
+    text = f"Their error (RMSE) falls with the samples to the power {signed(own)}"
     if own >= 0.0:
-        text = f"Their error (RMSE) does not fall with so few samples (power {_signed(own)}): bright pixels decide it"
+        text = f"Their error (RMSE) does not fall with so few samples (power {signed(own)}): bright pixels decide it"
     if len(alone) > 2:
         apart = curve.slope(alone)
         text += (
-            f"; that of independent samples falls to the power {_signed(apart)}, in theory −0.50 "
-            f"({curve.judged(apart)})"
+            f"; that of independent samples falls to the power {signed(apart)}, in theory −0.50 ({curve.judged(apart)})"
         )
         if own < apart:
             text += ": the difference is the gain of stratified samples"
@@ -234,16 +232,11 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
     found = worth(rows)
     if found is None:
         return
-    took = _seconds(image_total(found.best) or 0.0)
-    text = (
+    took = seconds_text(image_total(found.best) or 0.0)
+    yield (
         f"The build and one picture of {IMAGE}, predicted from smaller ones, take {took} with {found.best['spec']}, "
-        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}"
+        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}."
     )
-    whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
-    if whole is not None and whole.ranked and not whole.equal:
-        seconds = f" with {_seconds(image_total(whole.best) or 0.0)}" * ranking.together(whole.best, found.best)
-        text += f"; {whole.best['spec']} is the best of all{seconds}"
-    yield text + "."
 
 
 def _beside_kd(found: Worth) -> str:
@@ -252,12 +245,8 @@ def _beside_kd(found: Worth) -> str:
     if found.verdict and not is_beside:
         times = statistics.median(ranking.against(found.best, found.plain, ranking.PICTURE))
         return f", {found.verdict} than with kd, which takes {times:.2f} times as long"
-    plain = f"the {_seconds(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
+    plain = f"the {seconds_text(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
     return f", {found.verdict} than {plain}" if found.verdict else f"; equal within noise to {plain}"
-
-
-IMAGE = "1024 × 1024 pixels with 16 samples"
-"""The picture whose time `image_s` of a row predicts, as text."""
 
 
 def image_total(row: Row) -> float | None:
@@ -265,8 +254,7 @@ def image_total(row: Row) -> float | None:
     seconds = row.get("image_s")
     if seconds is None or not row["build_s"]:
         return None
-    # A single number in reports of earlier versions.
-    return building(row) + float(seconds["med"] if isinstance(seconds, dict) else seconds)
+    return building(row) + float(seconds["med"])
 
 
 @dataclass(frozen=True)
@@ -279,19 +267,15 @@ class Worth:
     verdict: str
 
 
-def _oblique(row: Row) -> bool:
-    """Whether the tree contains oblique planes: if all normals are axes, it is a kd-tree."""
-    return bool((row["statistics"] or {}).get("nodes_oblique"))
-
-
 def worth(rows: Sequence[Row]) -> Worth | None:
     """Build plus picture of the best tree with oblique planes against those of kd; None if either is missing."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
-    # Compare the fastest traversals of both sides; rows of earlier versions have no table.
+    # Compare the fastest traversals of both sides.
     totals = [(whole, row) for whole, row in totals if {"fastest", ""} & set(ranking.tables(row))]
     plains = [(whole, row) for whole, row in totals if (row.get("tree") or row["spec"]) == "kd"]
     plain = min(plains, key=lambda item: item[0], default=(0.0, None))[1]
-    sweeps = [(whole, row) for whole, row in totals if _oblique(row)]
+    # If all normals are axes, it is a kd-tree.
+    sweeps = [(whole, row) for whole, row in totals if (row["statistics"] or {}).get("nodes_oblique")]
     if plain is None or not sweeps:
         return None
     _, best = min(sweeps, key=lambda item: item[0])
@@ -303,23 +287,10 @@ def worth(rows: Sequence[Row]) -> Worth | None:
     return Worth(best, plain, len(sweeps), verdict)
 
 
-def worth_it(rows: Sequence[Row], verdict: str = "faster") -> list[str]:
-    """The scenes on which build plus picture are faster with a tree with oblique planes than with kd, beyond noise.
-
-    verdict: select another verdict of `Worth`.
-    """
+def worth_it(rows: Sequence[Row]) -> list[str]:
+    """The scenes on which build plus picture are faster with a tree with oblique planes than with kd, beyond noise."""
     found = {scene: worth(own) for scene, own in by_scene(rows).items()}
-    return [scene for scene, one in found.items() if one is not None and one.verdict == verdict]
-
-
-def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
-    for row in rows:
-        errors = row["errors"]
-        if row["spec"] == yardstick.SPEC and errors:
-            yield (
-                f"Embree, the yardstick, has {errors['false_miss']:,} false misses and {errors['false_hit']:,} false "
-                f"hits on {errors['rays']:,} rays."
-            )
+    return [scene for scene, one in found.items() if one is not None and one.verdict == "faster"]
 
 
 def _about_ranking(found: ranking.Ranking, name: str) -> str:
@@ -363,14 +334,11 @@ def _because(found: ranking.Ranking, name: str) -> str:
     )
 
 
-def _signed(value: float) -> str:
+def signed(value: float) -> str:
+    """A number with two digits and its sign."""
     return f"{value:.2f}".replace("-", "−")
 
 
 def seconds_text(value: float) -> str:
     """Seconds with three digits."""
     return f"{1e3 * value:.3g} ms" if value < 0.9995 else f"{value:.3g} s" if value < 1000 else f"{value:,.0f} s"
-
-
-def _seconds(value: float) -> str:
-    return f"{1e3 * value:.0f} ms" if value < 1 else f"{value:.1f} s"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..measure.rows import lacks, without_times
-from .asked import Asked, Finished
+from .asked import Asked, Finished, label
 
 if TYPE_CHECKING:
     from ..base.interface import Native
@@ -49,10 +49,11 @@ def write_all(files: Mapping[Path, str | bytes]) -> None:
     complete: list[tuple[Path, Path]] = []
     try:
         for path in files:
-            with _naming(path):
-                _check_target(path)
+            with writing(path):
+                if path.is_dir():
+                    raise FolderError(f"{path}: cannot be written: it is a folder")
         for path, content in files.items():
-            with _naming(path):
+            with writing(path):
                 handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
                 complete.append((Path(temporary), path))
                 with os.fdopen(handle, "wb") as file:
@@ -80,7 +81,7 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
         for new, path in complete:
             kept = new.with_name(new.name + ".old") if os.path.lexists(path) else None
             old.append((path, kept))
-            with _naming(path):
+            with writing(path):
                 if kept is not None:
                     _put_aside(path, kept)
                 new.replace(path)
@@ -127,23 +128,6 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _check_target(path: Path) -> None:
-    """Raise FolderError if a new file cannot take this name."""
-    if path.is_dir():
-        raise FolderError(f"{path}: cannot be written: it is a folder")
-
-
-@contextlib.contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Turn an OSError into a FolderError with the file's final name, not that of its temporary file."""
-    try:
-        yield
-    except FolderError:
-        raise
-    except OSError as error:
-        raise _unwritten(path, error) from error
-
-
 def _umask() -> int:
     """The user's umask. Python can only read it by setting another one."""
     kept = os.umask(0o077)
@@ -153,27 +137,21 @@ def _umask() -> int:
 
 def prepare_folder(folder: Path) -> None:
     """Create the folder and check that it is writable. Raises FolderError."""
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise _unwritten(folder, error) from error
 
 
 @contextlib.contextmanager
-def writing(folder: Path | None) -> Iterator[None]:
-    """Turn an OSError, such as a full disk, into a FolderError with the folder's name."""
+def writing(path: Path | None) -> Iterator[None]:
+    """Turn an OSError, such as a full disk, into a FolderError with the name of this file or folder."""
     try:
         yield
     except FolderError:
         raise
     except OSError as error:
-        raise _unwritten(folder, error) from error
-
-
-def _unwritten(path: Path | None, error: OSError) -> FolderError:
-    return FolderError(f"{path}: cannot be written: {error.strerror or error}")
+        raise FolderError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def machine(native: Native) -> dict[str, Any]:
@@ -225,7 +203,7 @@ class Journal:
 
     shard: the name of this process's part of a sweep; parts that share a folder write their own files, and each reads
     the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked: the
-    requested work of all runs; empty in journals of earlier versions. Raises FolderError.
+    requested work of all runs. Raises FolderError.
     """
 
     def __init__(self, folder: Path, shard: str = "") -> None:
@@ -256,15 +234,16 @@ class Journal:
 
     def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
         """Record the requested rows of a run: these configurations of all these scenes, with the recorded options."""
-        self._record(self.asked.begun(run, scenes, specs, self.options))
+        named = list(map(label, scenes))
+        self._record({"asked": {"run": run, "scenes": named, "specs": list(specs), "options": self.options}})
 
     def reach(self, run: str, scene: str, name: str) -> None:
         """Record that a scene of a run was read, and its name in rows."""
-        self._record(self.asked.reached(run, scene, name))
+        self._record({"reached": {"run": run, "scene": label(scene), "name": name}})
 
     def fail(self, run: str, scene: str, order: tuple[int, int], row: Kept) -> None:
         """Record a row that failed, or a whole scene if its configuration is empty."""
-        self._record(self.asked.failed(run, scene, order, row))
+        self._record({"failed": {"run": run, "scene": label(scene), "order": order, "row": row}})
 
     def _record(self, line: dict[str, Any]) -> None:
         self.asked.take(line)
@@ -344,13 +323,10 @@ class Journal:
     def _append(self, line: dict[str, Any]) -> None:
         text = "\n" * self._torn + json.dumps(line, allow_nan=False) + "\n"
         self._torn = True
-        try:
-            with self._path.open("a", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise _unwritten(self._path, error) from error
+        with writing(self._path), self._path.open("a", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
         self._torn = False
 
 

@@ -12,9 +12,8 @@ from collections.abc import Iterator, Sequence
 
 from ..base.notes import few
 from ..measure import ranking, yardstick
-from ..measure.rows import Row, agrees
+from ..measure.rows import Row, agrees, by_scene, set_names
 from ..structures import specs
-from .report import by_scene, set_names
 
 TITLES = {
     "single": "One ray at a time: each structure through its own nodes",
@@ -23,6 +22,9 @@ TITLES = {
     "": "All configurations",
 }
 """Title of each table; the last is of rows of earlier versions."""
+
+NAMED = {table: title.partition(":")[0] for table, title in TITLES.items()}
+"""Name of each table."""
 
 ULPS = "t_ulp_max"
 
@@ -59,7 +61,7 @@ def _of_scene(scene: str, rows: Sequence[Row]) -> Iterator[str]:
         if any(row["spec"] != yardstick.SPEC for row in own):
             yield "\n".join(_table(table, own))
     failed = (f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])
-    reasons = [*_about_yardstick(done), *_gaps(done), *failed]
+    reasons = [*about_yardstick(done), *_gaps(done), *failed]
     if reasons:
         yield "\n".join(map(_wrapped, reasons))
 
@@ -135,9 +137,8 @@ def best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
     """
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found: set[tuple[int, str]] = set()
-    for name in sets:
-        ranked = ranking.rank(ours, name)
-        if ranked is None or not ranked.ranked:
+    for name, ranked in rankings(rows, sets)[0].items():
+        if not ranked.ranked:
             continue
         equal = [ranked.best, *ranked.equal]
         known = set(map(id, equal))
@@ -194,27 +195,33 @@ def _legend(rows: Sequence[Row]) -> Iterator[str]:
     yield from dict.fromkeys(lines)
 
 
+def rankings(rows: Sequence[Row], sets: Sequence[str]) -> tuple[dict[str, ranking.Ranking], str]:
+    """The rankings of one table's rows by ray set, and a sentence on those of too few rounds; "" without any."""
+    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
+    found = {name: one for name in sets if (one := ranking.rank(ours, name)) is not None}
+    unsure = {name: one for name, one in found.items() if not one.ranked}
+    if not unsure:
+        return found, ""
+    least = min(one.rounds for one in unsure.values())
+    best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
+    return found, f"Best medians: {best}. {least} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)."
+
+
 def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
     """The fastest rows of one table, a line per ray set, as far as noise and number of rounds allow."""
-    right = [row for row in rows if row["spec"] != yardstick.SPEC]
-    found = {name: one for name in sets if (one := ranking.rank(right, name)) is not None}
-    unsure = {name: one for name, one in found.items() if not one.ranked}
+    found, unsure = rankings(rows, sets)
     for name, one in found.items():
-        best = one.best["spec"]
-        if name in unsure:
-            continue
-        if one.equal:
-            yield f"Fastest, {name}: {best}; equal within noise: {few([row['spec'] for row in one.equal])}"
-        else:
+        best = f"Fastest, {name}: {one.best['spec']}"
+        if one.ranked and one.equal:
+            yield f"{best}; equal within noise: {few([row['spec'] for row in one.equal])}"
+        elif one.ranked:
             assert one.second is not None, "two rows are ranked"
-            yield f"Fastest, {name}: {best}, {one.times:.2f} times {one.second['spec']}"
+            yield f"{best}, {one.times:.2f} times {one.second['spec']}"
     if unsure:
-        least = min(one.rounds for one in unsure.values())
-        best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
-        yield f"Best medians: {best}. {least} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)."
+        yield unsure
 
 
-def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
+def about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
     """The errors of Embree, whose arithmetic differs."""
     for row in rows:
         if row["spec"] == yardstick.SPEC and row["errors"]:

@@ -42,8 +42,7 @@ def check(merged: Journal) -> None:
     sizes: dict[str, set[int]] = {}
     for entry in merged.entries.values():
         if entry.is_benchmark:
-            # Journals of earlier versions do not record the run.
-            runs.setdefault(entry.row["scene"], set()).update(filter(None, [entry.run]))
+            runs.setdefault(entry.row["scene"], set()).add(entry.run)
             sizes.setdefault(entry.row["scene"], set()).add(entry.row["triangles"])
     for scene, own in runs.items():
         if other := differing(merged, own):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...core.report import marks, plots
+from ..report import marks, plots
 from .claims import BUILD_SECONDS, FAILS, HOLDS, REPEATS, VERDICTS, Chart, Result
 
 CLASSES = {HOLDS: "holds", FAILS: "fails"}
@@ -98,7 +98,7 @@ def draw(chart: Chart) -> str:
     """The plot as an SVG element; "" without matplotlib."""
     if plots.problem():
         return ""
-    return plots.figure(lambda axes: _lines(axes, chart), 4.0)
+    return plots.svg(lambda figure: _lines(figure.add_subplot(), chart), 4.0)
 
 
 def _lines(axes: Any, chart: Chart) -> None:

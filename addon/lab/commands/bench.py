@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.base import command, native
 from ...core.base.native import first_line
-from ...core.measure import benchmark, curve, offsets, preparation, ranking, thesis, yardstick
+from ...core.measure import benchmark, curve, offsets, preparation, ranking, yardstick
 from ...core.measure.rows import agrees_moved
-from ...core.report import page, report, results, tables
+from ...core.report import report, results, tables
 from ...core.scene import rays, workload
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
@@ -31,12 +31,10 @@ from ..bench import cluster, inspecting, merging, scenes, sweep
 from ..bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from ..export import files
 from ..motion import animations, motion
+from ..report import page, thesis
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
-
-PUBLISHED = workload.SCENES.parent / "reference" / "thesis_results.json"
-"""Published results, which are not part of the project and may be missing."""
 
 SECONDS = 45.0
 """Seconds of all timed passes of a scene. A run over all structures takes six minutes for 70,000 triangles (Zen 3)."""
@@ -155,7 +153,7 @@ def run(asked: argparse.Namespace) -> int:
             "builds timed once, no smaller views, pictures, memory and maps only with --out; as many answers compared"
         )
     shard = read_shard(asked)
-    published, formats, pages = read_published(asked), read_export(asked), inspecting.read(asked, module)
+    published, formats, pages = thesis.published(asked.published), read_export(asked), inspecting.read(asked, module)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
     named = asked.scenes or scenes.of_preset(asked.preset, say)
@@ -247,7 +245,7 @@ def merge(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is None or not asked.scenes:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
-    published, formats = read_published(asked), read_export(asked)
+    published, formats = thesis.published(asked.published), read_export(asked)
     folders = [Path(folder) for folder in dict.fromkeys(asked.scenes)]
     merged = merging.read(folders)
     rows, missing = merged.rows(), merged.missing()
@@ -259,8 +257,6 @@ def merge(asked: argparse.Namespace) -> int:
         print(f"bench: {line}: the answers or the trees differ", file=sys.stderr)
     for line in missing:
         print(f"bench: {line}", file=sys.stderr)
-    if not merged.asked.specs:
-        say("the journal does not record the requested rows, so missing ones cannot be named")
     save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published, formats)
     found = 1 if merged.disagreements else status(rows)
     return found or (BAD_INPUT if missing else 0)
@@ -291,7 +287,7 @@ def save(
         Path("bench.csv"): report.as_csv(document["rows"]),
         Path("report.html"): page.as_html(document, published),
     }
-    papers = files.of_rows(document["rows"], formats) if formats else {}
+    papers = files.of_rows(document["rows"], formats, published) if formats else {}
     if papers:
         results.prepare_folder(folder / files.FOLDER)
     with results.writing(folder):
@@ -311,17 +307,6 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     if asked.out is None:
         raise UsageError("--shard: name a folder for the rows with --out")
     return sweep.Shard(int(number), int(count))
-
-
-def read_published(asked: argparse.Namespace) -> thesis.Published | None:
-    """Published results for the plots, or None if there are none. Raises UsageError for an unreadable file."""
-    path = asked.published or PUBLISHED
-    if not path.is_file() and asked.published is None:
-        return None
-    try:
-        return thesis.read(path)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"--published: {path}: {error}") from error
 
 
 def read_export(asked: argparse.Namespace) -> tuple[str, ...]:

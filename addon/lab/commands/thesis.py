@@ -20,7 +20,8 @@ from ...core.report import results
 from ...core.scene import workload
 from ..base.usage import Parser, UsageError, output
 from ..bench.bench_presets import BASE, as_published
-from ..thesis import levels, measure, page, plan, published, tables
+from ..report import thesis as published
+from ..thesis import levels, measure, page, plan, tables
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
@@ -69,7 +70,7 @@ def run(asked: argparse.Namespace) -> int:
     """Measure row by row. Returns the exit status. Raises the errors that `main` reports in one line."""
     module = native.load()
     effort = read_effort(asked)
-    known = read_published(asked)
+    known = published.published(asked.published)
     chosen = read_structures(asked, effort)
     scenes = read_scenes(asked)
     if asked.out is not None:
@@ -202,17 +203,6 @@ def read_effort(asked: argparse.Namespace) -> plan.Effort:
             raise UsageError(f"--repeats: expected 1 to {MOST_REPEATS}, got {asked.repeats}")
         effort = replace(effort, repeats=asked.repeats)
     return effort if asked.tried is None else replace(effort, all_tried=asked.tried == "all")
-
-
-def read_published(asked: argparse.Namespace) -> published.Published:
-    """The published numbers, none without the default file. Raises UsageError."""
-    path = asked.published or published.FILE
-    if not path.is_file() and asked.published is None:
-        return published.Published()
-    try:
-        return published.read(path)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"--published: {path}: {error}") from error
 
 
 def read_structures(asked: argparse.Namespace, effort: plan.Effort) -> list[plan.Tree]:

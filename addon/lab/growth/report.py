@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.report import charts, marks, page, plots
+from ...core.report import page
+from ..report import charts, marks, plots
 from . import growth
 from .growth import BuildFit, Point, TraceFit
 
@@ -172,17 +173,17 @@ def _table(points: Sequence[Point]) -> str:
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
 
 
-def figures(points: Sequence[Point]) -> list[plots.Picture]:
+def figures(points: Sequence[Point]) -> list[page.Picture]:
     """The plots; those without data are left out."""
     found = []
     sound = {spec: own for spec, own in of_spec(points).items() if build_fit(own) is not None}
     if sound:
         svg = plots.svg(lambda figure: draw_builds(figure, sound), 5.4)
-        found.append(plots.Picture("Build", svg, BUILD))
+        found.append(page.Picture("Build", svg, BUILD))
     traced = {spec: own for spec, own in sound.items() if _sets(own)}
     if traced:
         svg = plots.svg(lambda figure: draw_rays(figure, traced), 5.4)
-        found.append(plots.Picture("Rays", svg, TRACE))
+        found.append(page.Picture("Rays", svg, TRACE))
     return found
 
 

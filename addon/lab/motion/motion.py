@@ -13,10 +13,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ...core.base import interrupt
-from ...core.report import marks, page, plots
+from ...core.report import page
 from ...core.scene import workload
 from ...core.structures import specs
 from ..base.usage import UsageError
+from ..report import marks, plots
 from . import animations, frames
 from .animations import Animation
 from .frames import SPECS, Moved

@@ -8,7 +8,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...core.report import marks, plots
+from ..report import marks, plots
 from .slowdown import LIMITS, Row, slowed
 
 INTRODUCTION = """A sphere, seen by rays from its centre and by a camera outside, nearest hits and any-hits. Each

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...core.measure.thesis import TABLES
 from ..bench.bench_presets import as_published
+from ..report.thesis import TABLES
 
 AXES = 3
 """Number of directions with which trees that try the axes first try only these."""

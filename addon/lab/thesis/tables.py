@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.measure.thesis import TABLES
 from ..claims.claims import FAILS, HOLDS, UNTESTED
-from .published import Published
+from ..report.thesis import TABLES, Numbers, Published
 
 NOISE = 5.0
 """Points by which a time in percent may exceed the published one: the published trees with the axes alone, which are
@@ -41,7 +40,7 @@ class Line:
     seeds: int
     ours: dict[str, Spread]
     theirs: dict[str, float]
-    times: Spread | None
+    times: Numbers | None
     verdict: str
     nodes: str
     why: str
@@ -65,7 +64,7 @@ def lines(rows: Iterable[dict[str, Any]], known: Published) -> Iterator[Line]:
     order = [*TABLES, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd"]
     for (model, structure, k), own in sorted(groups.items(), key=lambda item: (order.index(item[0][1]), item[0])):
         scene = model.partition(" ")[0]
-        theirs = dict(known.medians.get((structure, scene, k), {}))
+        theirs = {key: x for key, x in known.medians.get((structure, scene, k), {}).items() if key in COLUMNS}
         if {"nodes_axis", "nodes_oblique"} <= theirs.keys():
             # Each inner node of a binary tree adds one leaf.
             theirs["nodes"] = 2 * (theirs["nodes_axis"] + theirs["nodes_oblique"]) + 1

@@ -19,8 +19,8 @@ QUICK += ["--curve", "1,2", "--seconds", "2", "--only-rays"]
 def bench(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     from addon.core.measure import curve
-    from addon.core.report import plots
     from addon.lab.commands import bench
+    from addon.lab.report import plots
 
     monkeypatch.setattr(curve, "SIZE", 16)
     monkeypatch.setattr(plots, "problem", lambda: "left out here, to be quick")

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operations of kd-tree traversals in each case of ray and plane, and the plots of the cases."""
+"""Operations of kd-tree traversals in each case of ray and plane."""
 
 from __future__ import annotations
 
-import pytest
-
-from addon.core.report import case_charts, plots
 from addon.lab.claims import cases
 
 
@@ -27,13 +24,3 @@ def test_the_histogram_has_a_bar_for_each_case_of_each_scene() -> None:
     assert chart.bars
     assert [height for _, height in chart.lines["one"]][3::9] == [25.0, 75.0]
     assert {height for _, height in chart.lines["two"]} == {0.0}
-
-
-@pytest.mark.skipif(plots.problem() is not None, reason="no plots without matplotlib")
-def test_rows_with_counted_cases_are_drawn() -> None:
-    row = {"spec": "kd:traversal=ta-b", "rays": {"primary": {}, "shadow": {}}, "field": {"rays": {"primary": {}}}}
-    counted = {**row, "field": {"rays": {"primary": {"cases": {"n4": 0.25, "p1": 0.75}}}}}
-    assert [name for _, name in case_charts.with_cases([row, counted])] == ["primary"]  # type: ignore[list-item]
-    drawn = plots.svg(lambda figure: case_charts.draw(figure, [counted]), 3.0)  # type: ignore[list-item]
-    assert "kd:traversal=ta-b" in drawn
-    assert "N4" in drawn

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures and tables for papers: PDF of one page, pgfplots and booktabs that TeX accepts, names that LaTeX shows."""
+"""Figures and tables for papers: PDF of one page, PGF and booktabs that TeX accepts, names that LaTeX shows."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import subprocess
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from report_rows import document, everything, row
 
-from addon.core.measure.analysis import field
-from addon.core.report import plots
 from addon.lab.commands import bench
-from addon.lab.export import figures, files, latex, pdf, pgfplots
-from addon.lab.export.figure import counting, logarithmic
+from addon.lab.export import files
+from addon.lab.report import plots
 
 SPREAD = {"mean": 2.0, "p50": 2, "p90": 3, "p99": 3, "max": 3, "histogram": [1, 2, 5]}
 
@@ -46,84 +46,65 @@ def whole(spec: str, slowness: float, sah: float) -> dict[str, Any]:
 
 ROWS = [whole("kd", 1.0, 100.0), whole("bvh-sah", 1.5, 180.0), whole("bsp-wn-plus-kd:k=3,costs=thesis", 1.2, 120.0)]
 NAMES = [
-    *("error-time-relmse", "error-time-rmse", "error-time-flip", "wrong-time-here-primary", "ulp-time-here-primary"),
-    *("leaf-depth", "leaf-size", "nodes-level", "directions-level", "steps-primary", "tests-primary", "sah-time"),
+    *("error-time", "other-errors", "wrong-time", "ulp-time", "speed", "build-trace", "number-of-rays", "cost-maps"),
+    *("offsets", "tree-shapes", "ray-work", "sah-time"),
 ]
 
 
+def drawn(name: str, rows: list[dict[str, Any]]) -> Any:
+    """The axes of a figure."""
+    figure = Figure()
+    (found,) = (one for one in plots.scene_figures(rows) if one.about.name == name)
+    found.draw(figure)
+    return figure
+
+
 def test_every_figure_has_its_data() -> None:
-    found = {figure.name: figure for figure in figures.of_scene(ROWS)}
-    assert list(found) == NAMES
-    labels = [series.mark.label for series in found["leaf-depth"].series]
-    assert labels[:2] == ["kd", "bvh-sah"]
-    assert str(labels[2]).startswith("bsp-wn-plus-")
-    depths = found["leaf-depth"].series[0]
-    assert depths.x == (0.0, 1.0, 2.0, 3.0)
-    assert sum(depths.y) == pytest.approx(100.0)
-    assert depths.y[3] == pytest.approx(100.0 * 4 / 7)
-    assert found["directions-level"].series[0].y == (1.0, 3.0, 3.0)
-    assert [text for _, text in found["leaf-size"].x.ticks] == ["0", "1", "2–3"]
-    # Zero wrong answers have a tick of their own on the logarithmic axis.
-    wrong = found["wrong-time-here-primary"]
-    assert wrong.y.ticks[0] == (min(series.y[0] for series in wrong.series), "0")
-    assert {(series.hollow, series.y[0]) for series in wrong.series} == {(False, 100.0), (True, 7000.0)}
-    assert found["sah-time"].note == "Pearson 0.99, Spearman 1.00"
-    assert {series.x[0] for series in found["sah-time"].series} == {100.0, 180.0, 120.0}
+    assert [figure.about.name for figure in plots.scene_figures(ROWS)] == NAMES
+    depths, sizes, nodes, directions = drawn("tree-shapes", ROWS).axes
+    lines = {line.get_label(): line for line in depths.lines}
+    assert list(lines)[:2] == ["kd", "bvh-sah"]
+    assert list(lines["kd"].get_xdata()) == [0, 1, 2, 3]
+    assert list(lines["kd"].get_ydata()) == pytest.approx([0.0, 100 / 7, 200 / 7, 400 / 7])
+    assert [text.get_text() for text in sizes.get_xticklabels()] == ["0", "1", "2–3"]
+    assert list(nodes.lines[0].get_ydata()) == [1, 2, 3]
+    assert list(directions.lines[0].get_ydata()) == [1, 3, 3]
+    steps, tests = drawn("ray-work", ROWS).axes
+    assert list(steps.lines[0].get_ydata()) == list(tests.lines[0].get_ydata()) == [12.5, 25.0, 62.5]
+    (expected,) = drawn("sah-time", ROWS).axes
+    assert expected.get_title() == "Pearson 0.99, Spearman 1.00"
+    assert {line.get_xdata()[0] for line in expected.lines} == {100.0, 180.0, 120.0}
 
 
 def test_nodes_and_traversals_of_one_tree_are_one_line_of_its_shape() -> None:
     slow, quick = whole("kd:traversal=dir", 2.0, 100.0), whole("kd", 1.0, 100.0)
     for one, table in ((slow, "single"), (quick, "fastest")):
         one |= {"tree": "kd", "table": table, "tables": [table]}
-    found = {figure.name: figure for figure in figures.of_scene([slow, quick])}
-    assert [series.mark.label for series in found["leaf-depth"].series] == ["kd"]
-    assert len(found["error-time-relmse"].series) == 1, "pictures are those of the fastest traversals"
-    assert [series.mark.label for series in found["steps-primary"].series] == ["kd:traversal=dir"]
+    labels = [line.get_label() for line in drawn("tree-shapes", [slow, quick]).axes[0].lines]
+    assert labels == ["kd"]
+    labels = [line.get_label() for line in drawn("ray-work", [slow, quick]).axes[0].lines]
+    assert labels == ["kd:traversal=dir"], "rays that go together share their counts"
 
 
 def test_a_scene_without_rays_has_no_figures() -> None:
-    failed = row("kd") | {"rays": None, "error": "too large"}
-    assert figures.of_scene([failed]) == []
-    assert field.value(failed, "tree") is None
+    assert plots.scene_figures([row("kd") | {"rays": None, "error": "too large"}]) == []
 
 
-@pytest.mark.parametrize(
-    ("values", "zero", "ticks"),
-    [
-        ([0.0, 20.0, 300.0], 1.0, ["0", "10", "20", "50", "100", "200"]),
-        ([0.0, 20.0, 1300.0], 1.0, ["0", "10^1", "10^2", "10^3"]),
-        ([2.0, 30.0], 0.1, ["2", "5", "10", "20"]),
-        ([101.0, 105.0], 10.0, ["90", "100", "110", "120"]),
-        ([1e-3, 1e6], 1e-4, ["10^-3", "10^-1", "10^1", "10^3", "10^5"]),
-        ([0.0, 0.0], 1.0, ["0"]),
-    ],
-)
-def test_a_logarithmic_axis_has_round_ticks_and_a_place_for_zeros(
-    values: list[float], zero: float, ticks: list[str]
-) -> None:
-    axis, place = logarithmic("errors", values)
-    assert place == pytest.approx(zero)
-    assert [text for _, text in axis.ticks] == ticks
-    assert axis.low is not None
-    assert axis.high is not None
-    assert all(axis.low < (value or place) < axis.high for value in values)
-    assert all(axis.low <= at <= axis.high for at, _ in axis.ticks)
-
-
-@pytest.mark.parametrize(("most", "last"), [(3, "3"), (10, "10"), (23, "20"), (61, "60"), (1000, "1000"), (5000, "0")])
-def test_an_axis_of_whole_numbers_has_few_ticks(most: int, last: str) -> None:
-    axis = counting("level", most)
-    assert len(axis.ticks) <= 11
-    assert axis.ticks[-1][1] == last
-
-
-def test_a_pdf_has_one_page_and_the_same_bytes_again() -> None:
-    pages = [pdf.page(figure) for figure in figures.of_scene(ROWS)[-2:]]
+def test_a_pdf_has_one_page_and_the_same_bytes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    some = plots.scene_figures(ROWS)[-2:]
+    monkeypatch.setattr(plots, "scene_figures", lambda *_: some)
+    first, again = (files.of_rows(ROWS, ("pdf",)) for _ in range(2))
+    assert first == again
+    pages = [content for content in first.values() if isinstance(content, bytes)]
+    assert len({*pages}) == 2
     for page in pages:
         assert page.startswith(b"%PDF-")
         assert len(re.findall(rb"/Type /Page\b", page)) == 1
-    assert [pdf.page(figure) for figure in figures.of_scene(ROWS)[-2:]] == pages
-    assert pages[0] != pages[1]
+
+
+def test_figures_have_only_letters_that_latex_knows() -> None:
+    texts = ("".join(ET.fromstring(plots.svg(one.draw, one.height)).itertext()) for one in plots.scene_figures(ROWS))
+    assert {sign for text in texts for sign in text if not sign.isascii()} <= set("–−…×")
 
 
 @pytest.mark.parametrize(
@@ -137,11 +118,11 @@ def test_a_pdf_has_one_page_and_the_same_bytes_again() -> None:
     ],
 )
 def test_names_are_escaped(text: str, expected: str) -> None:
-    assert latex.escape(text) == expected
+    assert files.escape(text) == expected
 
 
 def test_the_tables_mark_the_fastest_and_show_errors() -> None:
-    text = latex.table([row("kd", 4.0), row("bvh_sah", 2.0, wrong_triangle=3), row("grid", 1.0)], "single")
+    text = files.tabular([row("kd", 4.0), row("bvh_sah", 2.0, wrong_triangle=3), row("grid", 1.0)], "single")
     lines = [line for line in text.splitlines() if r"\texttt" in line]
     assert lines[0] == r"\texttt{kd} & -- & -- & 0.200 & 2.0 & \textbf{4.000} & -- & 0 & 0 \\"
     assert lines[1] == r"\texttt{bvh\_sah} & -- & -- & 0.200 & 2.0 & 2.000 & -- & 3 & 0 \\"
@@ -153,34 +134,8 @@ def test_the_tables_mark_the_fastest_and_show_errors() -> None:
     assert {line.count("&") for line in lines} == {len(width[1]) - 1}
 
 
-def balanced(text: str) -> bool:
-    """Whether the environments and the braces of a TeX file close in order."""
-    names: list[str] = []
-    for begins, name in re.findall(r"\\(begin|end)\{(\w+)\}", text):
-        if begins == "begin":
-            names.append(name)
-        elif not names or names.pop() != name:
-            return False
-    depth = 0
-    for sign in re.sub(r"\\.", "", text):
-        depth += {"{": 1, "}": -1}.get(sign, 0)
-        if depth < 0:
-            return False
-    return depth == 0 and not names
-
-
-def test_every_pgfplots_picture_is_complete() -> None:
-    for figure in figures.of_scene(ROWS):
-        text = pgfplots.picture(figure)
-        assert balanced(text)
-        assert not balanced(text.replace(r"\end{axis}", ""))
-        assert text.count(r"\addplot[") == len(figure.series)
-        rows = re.findall(r"^([-\d.e+]+) ([-\d.e+]+) \\\\$", text, re.MULTILINE)
-        assert len(rows) == sum(len(series.x) for series in figure.series)
-
-
 def test_files_have_the_names_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pdf, "page", lambda figure: figure.name.encode())
+    monkeypatch.setattr(plots, "save", lambda *given, **_: given[2].write_bytes(b""))
     other = [one | {"scene": "Room-1"} for one in ROWS]
     found = files.of_rows([*ROWS, *other], ("latex", "pgf"))
     names = {path.name for path in found}
@@ -189,7 +144,6 @@ def test_files_have_the_names_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -
     assert len(names) == 2 * (len(NAMES) + 1) + 1
     overview = str(found[Path(files.FOLDER, files.OVERVIEW)])
     assert sorted(re.findall(r"\\input\{(.+?)\}", overview)) == sorted(names - {"overview.tex"})
-    assert not any(name.endswith(".pdf") for name in names)
     assert {path.name for path in files.of_rows(ROWS, ("pdf",))} == {
         *(f"room-1-{name}.pdf" for name in NAMES),
         "overview.tex",
@@ -232,9 +186,12 @@ def test_unknown_formats_are_named(text: str) -> None:
         files.chosen(text)
 
 
-def test_a_missing_matplotlib_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_format_lacks_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     assert files.chosen("pdf, latex,pdf") == ("pdf", "latex")
-    monkeypatch.setattr(pdf.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(ValueError, match="pdf cannot be written: matplotlib is not installed in this Python"):
+    monkeypatch.setattr(files.shutil, "which", lambda _: None)
+    with pytest.raises(ValueError, match="pgf cannot be written: matplotlib measures its text with pdflatex, which is"):
         files.chosen("pgf,pdf")
-    assert files.chosen("pgf,latex") == ("pgf", "latex")
+    monkeypatch.setattr(plots, "problem", lambda: "matplotlib is not installed in this Python")
+    with pytest.raises(ValueError, match="pdf cannot be written: matplotlib is not installed in this Python"):
+        files.chosen("latex,pdf")
+    assert files.chosen("latex") == ("latex",)

@@ -14,11 +14,11 @@ from lying_native import LIES, Lying
 
 from addon.core.base import native
 from addon.core.measure.accuracy import Errors
-from addon.core.report import plots
 from addon.lab.commands import growth as command
 from addon.lab.growth import growth
 from addon.lab.growth import report as growth_report
 from addon.lab.growth.growth import Options, Point
+from addon.lab.report import plots
 
 QUICK = ["--triangles", "500,1000,2000", "--repeats", "1", "--size", "32", "--check-rays", "256", "--no-peak"]
 KD = [*QUICK, "--structures", "kd"]

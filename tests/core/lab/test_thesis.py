@@ -17,7 +17,8 @@ from addon.core.base import native
 from addon.core.scene import workload
 from addon.lab.claims.claims import FAILS, HOLDS, UNTESTED
 from addon.lab.commands import thesis as command
-from addon.lab.thesis import levels, measure, plan, published, tables
+from addon.lab.report import thesis as published
+from addon.lab.thesis import levels, measure, plan, tables
 
 SMALL = plan.Effort(((4,), (3, 5)), (1, 2), (32, 32), 1, 200)
 

@@ -12,9 +12,10 @@ import pytest
 from report_rows import everything, row
 
 from addon.core.measure import benchmark, counting
-from addon.core.report import costs, plots, report
+from addon.core.report import costs, report
 from addon.core.scene import grid, rays
 from addon.core.structures import catalogue, ways
+from addon.lab.report import plots
 
 NAMES = [row["id"] for row in halfspace_native.structures()]
 
@@ -85,7 +86,7 @@ def test_times_of_traversals_that_are_not_counted_are_not_fitted() -> None:
     assert found is not None
     assert found.specs == tuple(one["spec"] for one in rows[1:])
     if plots.problem() is None:
-        (picture,) = (one for one in plots.scene_figures(rows) if one.title == "Fitted costs")
+        (picture,) = (one for one in plots.scene_figures(rows) if one.about.title == "Fitted costs")
         words = "Left out, as their rays are counted one by one, though they may be traced together: bsp-wn:k=3."
         assert words in picture.caption
 

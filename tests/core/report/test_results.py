@@ -37,36 +37,19 @@ def test_all_files_are_for_whom_the_user_s_other_files_are_for(tmp_path: Path, m
     assert modes == dict.fromkeys(("rows.jsonl", "bench.json"), oct(0o666 & ~mask))
 
 
-def two_old(folder: Path) -> dict[Path, str]:
-    """Two files that are to be replaced, the second of which cannot be."""
-    first, second = folder / "bench.json", folder / "report.html"
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("folder", "it is a folder"), ("x" * 300, "File name too long"), ("nowhere/report.html", "No such file")],
+)
+def test_a_file_that_cannot_be_written_is_named_and_the_others_stay(tmp_path: Path, name: str, reason: str) -> None:
+    first, second = tmp_path / "bench.json", tmp_path / name
     first.write_text("old")
-    return {first: "new", second: "new"}
-
-
-def test_a_folder_where_a_file_should_be_leaves_the_other_files(tmp_path: Path) -> None:
-    files = two_old(tmp_path)
-    first, second = files
-    second.mkdir()
+    (tmp_path / "folder").mkdir()
     with pytest.raises(results.FolderError) as told:
-        results.write_all(files)
-    assert str(told.value) == f"{second}: cannot be written: it is a folder"
+        results.write_all({first: "new", second: "new"})
+    assert str(told.value).startswith(f"{second}: cannot be written: {reason}")
     assert first.read_text() == "old"
-    assert set(tmp_path.iterdir()) == set(files)
-
-
-def test_a_name_that_no_file_can_have_is_told_by_it(tmp_path: Path) -> None:
-    long = tmp_path / ("x" * 300)
-    with pytest.raises(results.FolderError) as told:
-        results.write(long, "{}")
-    assert str(told.value).startswith(f"{long}: cannot be written: File name too long")
-
-
-def test_a_file_without_a_folder_is_told_by_its_own_name(tmp_path: Path) -> None:
-    missing = tmp_path / "nowhere" / "bench.json"
-    with pytest.raises(results.FolderError) as told:
-        results.write(missing, "{}")
-    assert str(told.value).startswith(f"{missing}: cannot be written: No such file")
+    assert set(tmp_path.iterdir()) == {first, tmp_path / "folder"}
 
 
 def test_rows_come_back(tmp_path: Path) -> None:
@@ -161,37 +144,21 @@ def test_what_disagrees_within_a_merged_folder_is_told_too(tmp_path: Path) -> No
     assert merged.disagreements == inside.disagreements
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "bench.json"
-    results.write(path, "old")
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(results.os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"):
-        results.write(path, "new")
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path], "no remains"
-
-
 def test_of_several_files_none_is_replaced_when_one_cannot_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    paths = [tmp_path / name for name in ("bench.json", "bench.csv", "report.html")]
-    results.write_all(dict.fromkeys(paths, "old"))
+    results.write_all(report(tmp_path, "old"))
     calls = []
 
     def full_at_the_last(_: int) -> None:
         calls.append(1)
-        if len(calls) == len(paths):
+        if len(calls) == len(REPORT):
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(results.os, "fsync", full_at_the_last)
-    with pytest.raises(OSError, match="No space left"):
-        results.write_all(dict.fromkeys(paths, "new"))
-    assert [path.read_text() for path in paths] == ["old"] * 3
-    assert sorted(tmp_path.iterdir()) == sorted(paths), "no remains"
+    with pytest.raises(results.FolderError, match="No space left"):
+        results.write_all(report(tmp_path, "new"))
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(REPORT, "old")
 
 
 REPORT = ("bench.json", "bench.csv", "report.html")
@@ -325,13 +292,6 @@ def test_a_key_depends_on_every_part() -> None:
     assert results.key("scene", "kd", {"seed": 1, "size": [64, 64]}) == base
     assert results.key("scene", "kd", {"seed": 2, "size": [64, 64]}) != base
     assert results.key("scene", "kd-sah", parts[2]) != base
-
-
-def test_the_native_fingerprint_is_that_of_the_module() -> None:
-    found = results.native_fingerprint(halfspace_native)
-    assert found == results.native_fingerprint(halfspace_native)
-    empty = type("Empty", (), {"__file__": "/nowhere/x.py", "__version__": halfspace_native.__version__})
-    assert found != results.native_fingerprint(empty)
 
 
 def test_a_document_names_the_build_of_the_compiled_module(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from report_rows import ROW, row
 
-from addon.core.measure import ranking, thesis
+from addon.core.measure import ranking
 from addon.core.report import report, tables
+from addon.lab.report import thesis
 
 
 def of(

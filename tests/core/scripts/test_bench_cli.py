@@ -19,13 +19,14 @@ from lying_native import LyingNative
 from report_rows import everything
 
 from addon.core.base import native
-from addon.core.measure import benchmark, thesis, yardstick
-from addon.core.report import plots, results
+from addon.core.measure import benchmark, yardstick
+from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
 from addon.lab.bench import bench_presets, inspecting, scenes
 from addon.lab.commands import bench
 from addon.lab.export import files
+from addon.lab.report import page, plots
 
 BENCH = environment.ROOT / "scripts" / "bench.py"
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -128,17 +129,19 @@ def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, ca
     assert printed.index("One ray at a time") < printed.index("As fast as it goes")
 
 
-def test_it_exports_figures_and_tables_for_papers(scene: Path, tmp_path: Path) -> None:
+def test_it_exports_figures_and_tables_for_papers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plots, "problem", lambda: None)
+    monkeypatch.setattr(page, "as_html", lambda *_: "")
     out, again = tmp_path / "out", tmp_path / "again"
-    assert bench.main([str(scene), *QUICK, "--export", "pgf,latex", "--out", str(out)]) == 0
-    paper = {path.name: path.read_text(encoding="utf-8") for path in (out / files.FOLDER).iterdir()}
-    assert {"soup-table-single.tex", "soup-table-fastest.tex", "soup-leaf-depth.tex", files.OVERVIEW} <= set(paper)
-    assert "\\texttt{kd}" in paper["soup-table-single.tex"]
-    assert "\\addplot" in paper["soup-steps-primary.tex"]
+    assert bench.main([str(scene), *QUICK, "--export", "pdf,latex", "--out", str(out)]) == 0
+    paper = {path.name: path.read_bytes() for path in (out / files.FOLDER).iterdir()}
+    assert {"soup-table-single.tex", "soup-table-fastest.tex", "soup-tree-shapes.pdf", files.OVERVIEW} <= set(paper)
+    assert b"\\texttt{kd}" in paper["soup-table-single.tex"]
+    assert paper["soup-ray-work.pdf"].startswith(b"%PDF-")
     # A finished run is exported again without measuring.
     assert bench.main([str(out), "--merge", "--export", "latex", "--out", str(again)]) == 0
-    tables = {path.name: path.read_text(encoding="utf-8") for path in (again / files.FOLDER).glob("*table*")}
-    assert tables == {name: text for name, text in paper.items() if "table" in name}
+    tables = {path.name: path.read_bytes() for path in (again / files.FOLDER).glob("*table*")}
+    assert tables == {name: content for name, content in paper.items() if "table" in name}
 
 
 def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -384,7 +387,7 @@ def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(
 @pytest.mark.parametrize("name", ["thesis", "directions"])
 def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(name: str) -> None:
     chosen = specs.split(bench_presets.PRESETS[name]["structures"])
-    assert chosen[0] in thesis.BASES
+    assert chosen[0] in benchmark.BASES
     assert len(chosen) > 10
     assert all("traversal=dir" in spec for spec in chosen)
 

@@ -12,7 +12,7 @@ import pictures
 import pytest
 
 from addon.core.choose import auto
-from addon.core.measure import preparation, thesis
+from addon.core.measure import benchmark, preparation
 from addon.core.session import preview
 from addon.core.structures import catalogue, presets, specs
 from addon.lab.bench import bench_presets
@@ -93,7 +93,7 @@ NAMED = {
     "agreement.REFERENCE": [agreement.REFERENCE],
     "preparation.TRACERS": preparation.TRACERS,
     "preview.QUICK": [spec for _, spec in preview.QUICK],
-    "thesis.BASES": thesis.BASES,
+    "benchmark.BASES": benchmark.BASES,
     **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
     "growth.STRUCTURES": [growth.STRUCTURES],
     "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.LINES, *pictures.BESIDE],

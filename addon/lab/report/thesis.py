@@ -12,17 +12,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..structures import specs
-from . import ranking, yardstick
-from .rows import Row, agrees
-
-BASES = ("kd-sah:traversal=dir,leaves=scalar", "kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
-"""Candidates for the base of relative times, in order: the kd-tree built as in the thesis, traversed
-like the others.
-"""
+from ...core.measure import ranking, yardstick
+from ...core.measure.benchmark import BASES
+from ...core.measure.rows import Row, agrees
+from ...core.scene import workload
+from ...core.structures import specs
+from ..base.usage import UsageError
 
 SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
 """Our scenes, and the most similar ones of the thesis by their names there."""
@@ -40,27 +39,52 @@ TABLES = {
 }
 """Structures whose times by k the thesis tabulates, and the number of the table."""
 
-COMPARED = ("render", "build", "tests")
-"""Columns of its comparison of all structures, percent of the kd-tree's: time, build time, tests for nearest hits."""
+FILE = workload.SCENES.parent / "reference" / "thesis_results.json"
+"""Where the published numbers are looked for by default; they are not part of the project."""
+
+COLUMNS = {
+    "time": "render_pct_of_kd",
+    "build": "build_pct_of_kd",
+    "nearest": "tri_tests_nearest_pct_of_kd",
+    "any": "tri_tests_any_pct_of_kd",
+    "steps": "inner_steps_nearest_pct_of_kd",
+    "nodes_axis": "kd_nodes",
+    "nodes_oblique": "bsp_nodes",
+}
+"""Our columns and their names in the file. Times, tests and steps: percent of the kd-tree's."""
+
+COMPARED = {"render": "time", "build": "build", "tests": "nearest"}
+"""Columns of the comparison of all structures, as keys of COLUMNS."""
 
 Numbers = tuple[float, ...]
+
+Place = tuple[str, str, int]
+"""Structure by our id, scene by our name, and k: 0 for structures without one."""
 
 
 @dataclass(frozen=True)
 class Published:
-    """Published numbers. by_k: scene to structure to k to percent of the kd-tree's render time.
-
-    spreads: (structure, scene, k) to smallest, median and largest of that. comparison: (structure, scene) to k, None
-    where it has none, and to the columns of COMPARED. Scenes by their names in the thesis, structures by our ids.
+    """Published numbers. medians: by place and column. spreads: smallest, median and largest time by place. compared:
+    the k of the comparison, None without one, by structure and scene.
     """
 
-    by_k: dict[str, dict[str, dict[int, float]]] = field(default_factory=dict)
-    spreads: dict[tuple[str, str, int], Numbers] = field(default_factory=dict)
-    comparison: dict[tuple[str, str], tuple[int | None, Numbers]] = field(default_factory=dict)
+    medians: dict[Place, dict[str, float]] = field(default_factory=dict)
+    spreads: dict[Place, Numbers] = field(default_factory=dict)
+    compared: dict[tuple[str, str], int | None] = field(default_factory=dict)
 
-    def medians(self, scene: str, structure: str) -> dict[int, float]:
-        """K to percent, empty if nothing was published for this scene of ours and structure."""
-        return self.by_k.get(SCENES.get(scene, ""), {}).get(structure, {})
+    def by_k(self, scene: str, structure: str) -> dict[int, float]:
+        """K to percent of the kd-tree's time, empty if nothing was published for this scene and structure."""
+        return {k: one["time"] for (tree, at, k), one in self.medians.items() if (tree, at) == (structure, scene) and k}
+
+
+def published(path: Path | None) -> Published:
+    """The published numbers of a file, of FILE if None; none if that is missing. Raises UsageError."""
+    if path is None and not FILE.is_file():
+        return Published()
+    try:
+        return read(path or FILE)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--published: {path or FILE}: {error}") from error
 
 
 def read(path: Path) -> Published:
@@ -69,24 +93,34 @@ def read(path: Path) -> Published:
     if not isinstance(content, Mapping) or not isinstance(content.get("final_by_K"), list):
         raise ValueError("expected a list under 'final_by_K'")
     found = Published()
-    name = "final_by_K"
-    try:
-        # Read the medians by k, then the spreads, then the comparison; `name` is for the message.
-        for entry in content[name]:
-            by_k = found.by_k.setdefault(entry["scene"], {}).setdefault(our_id(entry["structure"]), {})
-            by_k[int(entry["K"])] = float(entry["render_pct_of_kd"])
-        name = "draft_render_time"
-        for entry in content.get(name, []):
-            place = our_id(entry["structure"]), entry["scene"], int(entry["K"])
-            found.spreads[place] = tuple(float(entry[key]) for key in ("min", "med", "max"))
-        name = "final_comparison"
-        for entry in content.get(name, []):
-            keys = ("render_pct_of_kd", "build_pct_of_kd", "tri_tests_nearest_pct_of_kd")
-            numbers = tuple(float(entry[key]) for key in keys)
-            found.comparison[our_id(entry["structure"]), entry["scene"]] = entry["K"], numbers
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"an entry of {name!r} lacks {error}") from error
+    # The comparison of all structures repeats some numbers of the tables by k; both agree.
+    for name in ("final_comparison", "final_by_K", "draft_render_time"):
+        try:
+            for entry in content.get(name, []):
+                _take(found, name, entry)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"an entry of {name!r} lacks {error}") from error
     return found
+
+
+def _take(found: Published, name: str, entry: Mapping[str, Any]) -> None:
+    """Add an entry of the file; scenes that are not here are passed over. Raises KeyError and TypeError."""
+    scene = {theirs: ours for ours, theirs in SCENES.items()}.get(entry["scene"])
+    structure, k = our_id(entry["structure"]), entry["K"]
+    if scene is None:
+        return
+    place = place_of(structure, scene, k)
+    if name == "draft_render_time":
+        found.spreads[place] = tuple(float(entry[key]) for key in ("min", "med", "max"))
+        return
+    found.medians[place] = {ours: float(entry[key]) for ours, key in COLUMNS.items() if entry.get(key) is not None}
+    if name == "final_comparison":
+        found.compared[structure, scene] = k
+
+
+def place_of(structure: str, scene: str, k: int | None) -> Place:
+    """The place of published numbers; of the other structures there is one k only."""
+    return structure, scene, k if k and structure.startswith("bsp-") else 0
 
 
 def our_id(name: str) -> str:
@@ -165,6 +199,48 @@ def spread(values: Sequence[float]) -> Numbers:
 
 
 @dataclass(frozen=True)
+class Line:
+    """One configuration of a sweep: smallest, median and largest time over the seeds for each k, in percent of the
+    base.
+
+    label: its name in the plot's legend.
+    """
+
+    structure: str
+    k: tuple[int, ...]
+    low: tuple[float, ...]
+    median: tuple[float, ...]
+    high: tuple[float, ...]
+    label: str
+
+
+def sweeps(rows: Sequence[Row]) -> tuple[str, list[Line]]:
+    """The base's configuration, and a line for each configuration of one scene that was measured with two or more k.
+
+    Times are relative to the anchor's in the same round, so that rows of different hours and machines are comparable.
+    Returns an empty name and no lines when no row can serve as the base.
+    """
+    base = base_of(rows)
+    if base is None:
+        return "", []
+    # Group the times by configuration and k.
+    found: dict[str, dict[int, list[float]]] = {}
+    for row in rows:
+        time = percent(row, base)
+        if row["k"] is not None and time is not None:
+            found.setdefault(configuration(row), {}).setdefault(row["k"], []).append(time)
+    # Make a line of each configuration with several k.
+    names = labels(rows)
+    made = []
+    for one, by_k in found.items():
+        if len(by_k) > 1:
+            ks = sorted(by_k)
+            low, median, high = zip(*(spread(by_k[k]) for k in ks), strict=True)
+            made.append(Line(specs.structure_of(one), tuple(ks), low, median, high, names[one]))
+    return base["spec"], made
+
+
+@dataclass(frozen=True)
 class Table:
     """One table. lines: the row's label, and per scene the measured and the published numbers."""
 
@@ -197,7 +273,7 @@ def _by_k(scenes: Mapping[str, Sequence[Row]], known: Published, one: str, k: in
     structure = specs.structure_of(one)
     for scene, rows in scenes.items():
         own = [row for row in rows if (configuration(row), row["k"]) == (one, k)]
-        yield spread(_percent(rows, own, "render")), known.spreads.get((structure, SCENES.get(scene, ""), k), ())
+        yield spread(_percent(rows, own, "render")), known.spreads.get((structure, scene, k), ())
 
 
 def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: Mapping[str, str]) -> Table:
@@ -206,7 +282,9 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: M
     for one, label in called.items():
         cells = []
         for scene, rows in scenes.items():
-            k, theirs = known.comparison.get((specs.structure_of(one), SCENES.get(scene, "")), (None, ()))
+            structure = specs.structure_of(one)
+            k = known.compared.get((structure, scene))
+            theirs = known.medians.get(place_of(structure, scene, k), {})
             base = base_of(rows)
             times = [(percent(row, base), row) for row in rows if configuration(row) == one and base is not None]
             own = [(time, row) for time, row in times if time is not None]
@@ -215,11 +293,12 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: M
                 k = None if fastest is None else fastest["k"]
             kept = [row for _, row in own if row["k"] == k]
             medians = [(*spread(_percent(rows, kept, column))[1:2], math.nan)[0] for column in COMPARED]
-            cells.append((tuple(medians) if kept else (), theirs))
+            numbers = tuple(theirs[key] for key in COMPARED.values() if key in theirs)
+            cells.append((tuple(medians) if kept else (), numbers))
         if any(ours for ours, _ in cells):
             lines.append((label, tuple(cells)))
     title = "The comparison of all structures, each at the K of the thesis or, where that is not here, at its best"
-    return Table(title, tuple(scenes), COMPARED, tuple(lines))
+    return Table(title, tuple(scenes), tuple(COMPARED), tuple(lines))
 
 
 def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:

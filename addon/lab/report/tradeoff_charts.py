@@ -4,34 +4,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..measure.analysis.tradeoff import FAR, GRID, HERE
-from ..measure.rows import Row
-from .marks import GREY, INK, PALE, Mark, legend
+from ...core.measure.analysis.tradeoff import FAR, GRID, HERE
+from ...core.measure.rows import Row
+from .charts import pareto, plain_numbers
+from .marks import GREY, INK, PALE, About, Mark, legend
 
 Kind = Literal["wrong", "ulp"]
 
-PLACES = {HERE: "in place", FAR: "10⁵ sizes away", GRID: "touching boxes"}
+PLACES = {HERE: "in place", FAR: "100,000 sizes away", GRID: "touching boxes"}
 
-WRONG = (
-    "Wrong answers against the time of a ray: hits missed, invented, or on a triangle at another distance. Full marks "
-    "keep their error bounds, hollow ones do without (robust=none; Embree's default mode). The lowest row is none at "
-    "all; above the dotted line an error rate would have been seen with 95 % confidence. Ringed: no other is both "
-    "faster and righter. Far away positions keep seven bits, and bounds as wide as that let many triangles through to "
-    "the exact test."
-)
-DISTANCES = (
-    "Error of the distance t, in units in the last place, against the time of a ray: the 999th of 1,000 hits, and in a "
-    "thin line up to the largest. The lowest row is exact for every ray. Any-hit rays have no distance."
-)
+KINDS: dict[Kind, About] = {
+    "wrong": About(
+        "wrong-time",
+        "Wrong answers against the time of a ray",
+        "Wrong answers against the time of a ray: hits missed, invented, or on a triangle at another distance. Full"
+        " marks keep their error bounds, hollow ones do without (robust=none; Embree's default mode). The lowest "
+        "row is none at all; above the dotted line an error rate would have been seen with 95 % confidence. Ringed:"
+        " no other is both faster and righter. Far away positions keep seven bits, and bounds as wide as that let "
+        "many triangles through to the exact test.",
+    ),
+    "ulp": About(
+        "ulp-time",
+        "Error of the distance against the time of a ray",
+        "Error of the distance t, in units in the last place, against the time of a ray: the 999th of 1,000 hits, "
+        "and in a thin line up to the largest. The lowest row is exact for every ray. Any-hit rays have no "
+        "distance.",
+    ),
+}
+"""The figure of each kind of error."""
 
 
-@dataclass(frozen=True)
-class Dot:
+class Dot(NamedTuple):
     """A point of a panel. value, high: 0 in the row of zeros."""
 
     spec: str
@@ -56,15 +63,6 @@ def dots(rows: Sequence[Row], place: str, name: str, kind: Kind) -> list[Dot]:
                 value, high = float(point["ulp_p999"]), float(point["ulp_max"])
             found.append(Dot(row["spec"], point["bounds"], point["ns"]["med"], value, high))
     return found
-
-
-def front(found: Sequence[Dot]) -> list[Dot]:
-    """The points that no other beats in both time and error, fastest first."""
-    kept: list[Dot] = []
-    for dot in sorted(found, key=lambda one: (one.ns, one.value)):
-        if not kept or dot.value < kept[-1].value:
-            kept.append(dot)
-    return kept
 
 
 def panels_of(rows: Sequence[Row], kind: Kind) -> list[tuple[str, str]]:
@@ -103,32 +101,21 @@ def draw(figure: Any, rows: Sequence[Row], marks: dict[str, Mark], kind: Kind) -
 
 def _panel(upper: Any, lower: Any, found: Sequence[Dot], marks: dict[str, Mark]) -> None:
     """The points of one panel: `upper` is logarithmic, `lower` the row of zeros; the broken axis joins them."""
-    best = {id(dot) for dot in front(found)}
+    best = pareto([(dot.ns, dot.value) for dot in found])
     for dot in sorted(found, key=lambda dot: marks[dot.spec].is_chosen):
         mark = marks[dot.spec]
         axes = upper if dot.value > 0 else lower
-        face = mark.colour if dot.bounds else "white"
-        axes.plot(
-            dot.ns,
-            dot.value,
-            mark.marker,
-            color=mark.colour,
-            markerfacecolor=face,
-            markersize=mark.size,
-            zorder=mark.order,
-            clip_on=False,
-        )
+        style = mark.line() | {"label": None, "linestyle": "none", "clip_on": False}
+        axes.plot(dot.ns, dot.value, **style, markerfacecolor=mark.colour if dot.bounds else "white")
         if dot.high > dot.value > 0:
             upper.plot([dot.ns, dot.ns], [dot.value, dot.high], "-", color=mark.colour, linewidth=0.7, zorder=1)
-        if id(dot) in best:
+        if (dot.ns, dot.value) in best:
             axes.plot(dot.ns, dot.value, "o", color="none", markeredgecolor=INK, markersize=11, zorder=6, clip_on=False)
     _scales(upper, lower, found)
 
 
 def _scales(upper: Any, lower: Any, found: Sequence[Dot]) -> None:
     """Logarithmic time; logarithmic errors above the break, and a single tick at 0 below it."""
-    from .charts import plain_numbers
-
     times = [dot.ns for dot in found]
     errors = [value for dot in found for value in (dot.value, dot.high) if value > 0]
     upper.set_xscale("log")
@@ -184,4 +171,4 @@ def _legend(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
         Line2D([], [], **style, label="with bounds"),
         Line2D([], [], **style, markerfacecolor="white", label="without"),
     ]
-    legend(figure, figure.axes[0], others=sum(not mark.is_chosen for mark in shown), more=found)
+    legend(figure, figure.axes[0], others=len(shown) - len(found) + 2, more=found)

@@ -8,43 +8,56 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import costmap
-from ..measure.offsets import is_unguarded
-from ..measure.rows import Row, agrees
-from ..measure.thesis import Published
-from . import ksweep
-from .costs import PARTS, Fit
-from .marks import COLOURS, GREY, INK, MARKERS, WRONG, Mark, legend, ordered, short
+from ...core.measure import costmap
+from ...core.measure.offsets import is_unguarded
+from ...core.measure.rows import Row, agrees
+from ...core.report.costs import PARTS, Fit
+from .marks import COLOURS, GREY, INK, MARKERS, WRONG, About, Mark, legend, ordered, short, unnamed
+from .thesis import Line, Published
 
-SPEEDS = (
+SPEEDS = About(
+    "speed",
+    "Speed",
     "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
-    "summed time, Embree in grey; a cross marks answers that differ from the reference."
+    "summed time, Embree in grey; a cross marks answers that differ from the reference.",
 )
-BUILD = (
+BUILD = About(
+    "build-trace",
+    "Build against tracing",
     "Build against tracing, both in seconds. Along a grey line the sum of both is the same; the black line joins the "
-    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
+    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down.",
 )
-SCALING = (
+SCALING = About(
+    "number-of-rays",
+    "Time against the number of rays",
     "Time of a primary ray against their number: the same view in more and more pixels. A falling line gains from rays "
-    "that lie closer together. A structure that is too slow for a view has no point there."
+    "that lie closer together. A structure that is too slow for a view has no point there.",
 )
-K_SWEEP = (
+K_SWEEP = About(
+    "directions",
+    "How many directions",
     "Time relative to the kd-tree against k, median over the seeds, from the smallest to the largest. Dashed: the "
-    "medians that Hoobergs (2019) published for the most similar scene, if their file is present."
+    "medians that Hoobergs (2019) published for the most similar scene, if their file is present.",
 )
-COSTS = (
+COSTS = About(
+    "fitted-costs",
+    "Fitted costs",
     "Measured time per ray, and its fit by the steps and tests of all structures: the bars use the same cost per step "
-    "and per test for every structure. The distance of a dot from the end of its bar is not explained by these counts."
+    "and per test for every structure. The distance of a dot from the end of its bar is not explained by these counts.",
 )
-OFFSETS = (
+OFFSETS = About(
+    "offsets",
+    "Wrong answers far from the origin",
     "Wrong answers on the grid of touching boxes, moved away from the origin: with the error bounds that every "
     "structure has, and with the same traversal without them. A triangle at the bottom marks no wrong ray; it lies at "
-    "the rate that this number of rays excludes with 95 % confidence."
+    "the rate that this number of rays excludes with 95 % confidence.",
 )
 
-MAPS = (
+MAPS = About(
+    "cost-maps",
+    "What each pixel costs",
     "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
-    "rays of a tile or a beam share its work evenly."
+    "rays of a tile or a beam share its work evenly.",
 )
 MAP_COLUMNS = 7
 
@@ -106,7 +119,7 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], marks: dict[str, Mar
             axes.annotate(short(spec), (max(build, 1e-5), tracing), (5, 5), textcoords="offset points", fontsize=8)
     axes.set_xlabel("build, seconds")
     axes.set_ylabel("one million rays of each set, seconds")
-    legend(axes.figure, axes, others=sum(not marks[spec].is_chosen for spec, _, _ in points))
+    legend(figure, axes, others=unnamed(rows, marks))
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -128,17 +141,17 @@ def time_against_rays(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) 
     logarithmic(axes)
     axes.set_xlabel("primary rays of one view")
     axes.set_ylabel("nanoseconds per ray")
-    legend(figure, axes, others=_unnamed(rows, marks))
+    legend(figure, axes, others=unnamed(rows, marks))
 
 
-def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Published | None) -> None:
+def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[Line], published: Published | None) -> None:
     """Percent of the base's time against k, with the published medians dashed."""
     axes = figure.subplots()
     for number, line in enumerate(lines):
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number // len(COLOURS) % len(MARKERS)]
         axes.fill_between(line.k, line.low, line.high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(line.k, line.median, marker + "-", color=colour, label=line.label, markersize=5)
-        other = published.medians(scene, line.structure) if published is not None else {}
+        other = published.by_k(scene, line.structure) if published is not None else {}
         if other:
             axes.plot(sorted(other), [other[k] for k in sorted(other)], "--", color=colour, linewidth=1)
     axes.axhline(100, color=GREY, linewidth=1)
@@ -200,7 +213,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], marks: dict[str, Mark
     axes.set_xlabel("distance from the origin, in boxes")
     axes.set_ylabel(f"wrong answers to {rays:,} rays")
     axes.grid(visible=True)
-    legend(figure, axes, others=_unnamed(rows, marks))
+    legend(figure, axes, others=unnamed(rows, marks))
 
 
 def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
@@ -254,8 +267,3 @@ def plain_numbers(axis: Any, *, narrow: bool = False) -> None:
     labelled = high < 30 * low
     axis.set_minor_locator(LogLocator(subs=(2, 3, 5) if labelled and not narrow else (2, 5)))
     axis.set_minor_formatter(plain if labelled else NullFormatter())
-
-
-def _unnamed(rows: Sequence[Row], marks: dict[str, Mark]) -> int:
-    """Number of configurations without an entry in the legend."""
-    return sum(not marks[row["spec"]].is_chosen for row in rows)

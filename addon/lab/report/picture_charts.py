@@ -9,25 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import curve
-from ..measure.rows import Row, building
-from .marks import GREY, INK, PALE, Mark, legend, ordered
+from ...core.measure import curve
+from ...core.measure.rows import Row, building
+from .charts import logarithmic
+from .marks import GREY, INK, PALE, About, Mark, legend, ordered, unnamed
 
 ERRORS = {"relmse": "relMSE", "rmse": "RMSE", "flip": "FLIP"}
 """Error measures in the order of their panels."""
+
+FIRST = "error-time"
 
 CAPTION = (
     "Relative error (relMSE) of whole pictures against build and render together, all against one converged picture. "
     "All structures render the same picture, so that at equal samples their points lie at one height: the farther left,"
     " the better."
 )
-OTHERS = (
+OTHERS = About(
+    "other-errors",
+    "Other errors of pictures",
     "The same for RMSE and FLIP. On the right the error against the number of samples, for pictures and for means of "
-    "independent ones, which in theory fall with the slope −1/2."
+    "independent ones, which in theory fall with the slope −1/2.",
 )
 
 
-def caption(rows: Sequence[Row]) -> str:
+def about(rows: Sequence[Row]) -> About:
     """What the figure shows, with the facts of the reference."""
     text = CAPTION
     known = next((row["converged"] for row in rows if row.get("converged")), None)
@@ -39,7 +44,8 @@ def caption(rows: Sequence[Row]) -> str:
             f" with its clamps, which removes {100 * known['removed']:.1f} % of the light; no pixel is left out."
         )
     black = sum(point.get("not_finite") or 0 for row in rows[:1] for point in row["curve"])
-    return text + (f" {black:,} pixels that are not finite count as black." if black else "")
+    text += f" {black:,} pixels that are not finite count as black." if black else ""
+    return About(FIRST, "Error of pictures against run time", text)
 
 
 def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
@@ -53,16 +59,10 @@ def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark])
         axes.axhline(point["relmse"], color=PALE, linewidth=0.8, linestyle=":", zorder=1)
         place = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
         axes.annotate(text, (1.0, point["relmse"]), (3, 0), va="center", fontsize=8, color=GREY, **place)
-    pixels = _pixels(rows)
+    pixels = next((image["pixels"] for row in rows if (image := row.get("image"))), 0)
     if pixels:
         axes.set_xlabel(f"build and render of {pixels:,} pixels, seconds")
-    legend(figure, axes, others=_others(rows, marks))
-
-
-def _pixels(rows: Sequence[Row]) -> int:
-    """Number of pixels of the pictures; 0 in rows of earlier versions."""
-    images = (image for row in rows if (image := row.get("image")))
-    return next((int(image["pixels"]) for image in images if "pixels" in image), 0)
+    legend(figure, axes, others=unnamed(rows, marks))
 
 
 def other_errors(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
@@ -72,7 +72,7 @@ def other_errors(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> No
         _against_time(axes, rows, marks, key)
     _floor(panels[0], rows)
     _convergence(panels[2], rows)
-    legend(figure, panels[0], others=_others(rows, marks))
+    legend(figure, panels[0], others=unnamed(rows, marks))
 
 
 def _against_time(axes: Any, rows: Sequence[Row], marks: dict[str, Mark], key: str) -> None:
@@ -88,11 +88,6 @@ def _against_time(axes: Any, rows: Sequence[Row], marks: dict[str, Mark], key: s
     _finish(axes, ERRORS[key], "build and render, seconds")
     if not axes.lines or not any(len(line.get_xdata()) for line in axes.lines):
         axes.text(0.5, 0.5, "not measured or without noise", transform=axes.transAxes, ha="center", color=GREY)
-
-
-def _others(rows: Sequence[Row], marks: dict[str, Mark]) -> int:
-    """Number of configurations in grey."""
-    return sum(not marks[row["spec"]].is_chosen for row in rows)
 
 
 def _drawn(points: Sequence[dict[str, Any]], key: str) -> list[dict[str, Any]]:
@@ -122,7 +117,8 @@ def _convergence(axes: Any, rows: Sequence[Row]) -> None:
         axes.plot(ends, [0.7 * alone[0]["rmse"] * (x / ends[0]) ** curve.SLOPE for x in ends], ":", color=PALE)
     _floor(axes, rows)
     _finish(axes, "RMSE", "samples per pixel")
-    axes.legend(loc="lower left")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left")
 
 
 def _floor(axes: Any, rows: Sequence[Row]) -> None:
@@ -136,8 +132,6 @@ def _floor(axes: Any, rows: Sequence[Row]) -> None:
 
 
 def _finish(axes: Any, label: str, below: str) -> None:
-    from .charts import logarithmic
-
     logarithmic(axes)
     axes.set_ylabel(label)
     axes.set_xlabel(below)

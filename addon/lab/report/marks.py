@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from ..measure import yardstick
-from ..measure.offsets import is_unguarded
-from ..measure.rows import Row, agrees
-from ..structures.specs import structure_of
+from ...core.measure import yardstick
+from ...core.measure.offsets import is_unguarded
+from ...core.measure.rows import Row, agrees
+from ...core.structures.specs import structure_of
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#6f4ea1")
 """Distinguishable with any kind of colour vision (after Okabe and Ito 2008), and dark enough for white paper."""
@@ -30,6 +30,14 @@ HANDLE_WIDTH, LETTER_WIDTH = 0.6, 0.066
 
 LONG = 30
 """Longest name in a legend, in characters."""
+
+
+class About(NamedTuple):
+    """A figure: name of its files without the scene, title, and caption with how to read it."""
+
+    name: str
+    title: str
+    caption: str
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,11 @@ def short(spec: str) -> str:
 def ordered(rows: Sequence[Row], marks: dict[str, Mark]) -> list[Row]:
     """The rows with the grey ones first, so that they are drawn beneath."""
     return sorted(rows, key=lambda row: marks[row["spec"]].is_chosen)
+
+
+def unnamed(rows: Sequence[Row], marks: dict[str, Mark]) -> int:
+    """Number of configurations without an entry in the legend."""
+    return sum(not marks[row["spec"]].is_chosen for row in rows)
 
 
 def legend(where: Any, handles_of: Any = None, *, others: int = 0, more: Sequence[Any] = ()) -> None:
