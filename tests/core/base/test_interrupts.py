@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="a process cannot interr
 
 SCRIPT = str(Path(__file__).resolve().parents[3] / "scripts" / "halfspace.py")
 
-GUARDED = ("bench", "choose", "claims", "compare", "export", "growth", "render", "reported", "stability")
+GUARDED = ("bench", "choose", "claims", "compare", "export", "render", "reported", "stability")
 """The commands that users run and that import more than Python's own modules."""
 
 PROGRAM = """
