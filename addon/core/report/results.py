@@ -10,7 +10,7 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -225,7 +225,7 @@ class Journal:
 
     shard: the name of this process's part of a sweep; parts that share a folder write their own files, and each reads
     the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked: the
-    requested work of all runs; empty in journals of earlier versions. Raises FolderError.
+    requested work of all runs. Raises FolderError.
     """
 
     def __init__(self, folder: Path, shard: str = "") -> None:
@@ -352,6 +352,17 @@ class Journal:
         except OSError as error:
             raise _unwritten(self._path, error) from error
         self._torn = False
+
+
+def kept(
+    journal: Journal | None, key: str, order: tuple[int, int], machine: dict[str, Any], measure: Callable[[], Kept]
+) -> Kept:
+    """The row of this key: that of the journal, or a measured one, which is then added. Raises FolderError."""
+    if journal is None:
+        return measure()
+    if key not in journal.entries:
+        journal.add(Entry(key, order, measure()), machine)
+    return journal.entries[key].row
 
 
 def document(

@@ -290,17 +290,6 @@ def test_a_stopped_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert first[1].count("<svg") == (tmp_path / "claims.html").read_text().count("<svg")
 
 
-def test_what_another_version_measured_is_measured_again(tmp_path: Path) -> None:
-    asked = ["beams-flat-line", "--quick", "--out", str(tmp_path)]
-    journal = tmp_path / "rows.jsonl"
-    assert command.main(asked) == 0
-    for column in ("outcomes", "wrong", "machine"):
-        journal.write_text(journal.read_text().replace(f'"{column}"', f'"{column[1:]}"'))
-        before = journal.read_text().count('"key"')
-        assert command.main(asked) == 0
-        assert journal.read_text().count('"key"') == before + 1
-
-
 @pytest.mark.parametrize("lie", LIES)
 def test_a_wrong_answer_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lie: str
