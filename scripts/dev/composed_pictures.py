@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures of docs/pictures.md: `python scripts/dev/composed_pictures.py [SCENE ...] [--out DIR] [--size WxH]`.
 
-Renders the six scenes of `composed.py` with Halfspace and with Cycles at equal settings, several times with
+Renders the two scenes of `composed.py` with Halfspace and with Cycles at equal settings, several times with
 different random numbers. Writes composed-SCENE.jpg, Halfspace left and Cycles right, and prints a row of the page's
 table for each scene: the difference of the means, the largest difference of a square of 16 × 16 pixels in standard
 errors, and the seconds of the processor. Exit status: 0 done; 2 something failed; 130 stopped. Failures are reported in
@@ -38,7 +38,7 @@ HEAD = "| scene | means % | largest square | limit | processor s, both |\n| --- 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="composed_pictures", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all six")
+    made.add_argument("scenes", nargs="*", metavar="SCENE", help="default: both")
     made.add_argument("--out", type=output, default=ROOT / ".pictures", help="a folder (default: .pictures)")
     made.add_argument("--size", default="360x240", metavar="WxH", help="pixels of one picture (default: 360x240)")
     made.add_argument("--samples", type=int, default=48, help="samples per pixel, all runs together (default: 48)")

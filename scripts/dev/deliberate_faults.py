@@ -1,20 +1,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The deliberate faults that `mutations.py` puts into the sources, each with the test that must notice it."""
+"""The deliberate faults that `mutations.py` puts into the sources, each with the test that must notice it.
+
+Faults of error bounds and of the exact verdict, which no tool invents; cargo-mutants finds others.
+"""
 
 from __future__ import annotations
 
-from fault import AFAR, AFAR_BEAMS, ALL, BEAMS, BLOCK, ENDS, EXACT, INTEGERS, STABILITY, VERDICT, Fault
-from faults_of_pictures import PICTURES, SURFACES
-from faults_of_traversals import TRAVERSALS
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of the native module: in `file`, the expression `old` is replaced by `new`, and `test` (program and name)
+    must fail.
+    """
+
+    what: str
+    file: str
+    old: str
+    new: str
+    test: tuple[str, str]
+
+
+ALL = ("contract", "every_structure_answers_like_brute_force")
+"""Every structure on every extreme case."""
+
+EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
+"""Brute force against exact arithmetic: faults that all structures share."""
+
+ENDS = ("contract", "the_ray_interval_is_closed")
+PACKETS = ("packets", "packets_lose_nothing_on_hard_scenes")
+AFAR = ("lib", "candidates::tests::no_tiny_triangle_is_rejected_from_afar")
+AFAR_BEAMS = ("lib", "lanes::tests::no_tiny_triangle_is_rejected_from_afar")
+BLOCK = ("lib", "candidates::tests::no_hit_is_ever_rejected")
+VERDICT = ("lib", "verdict::tests")
+INTEGERS = ("lib", "exact")
+ONE_BY_ONE = ("lib", "scalar::tests::no_hit_is_ever_rejected_and_proven_hits_are_hits")
 
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
+_LANES = "native/leaf/src/lanes.rs"
 _VERDICT = "native/geom/src/verdict.rs"
-_MONITOR = "native/base/src/monitor.rs"
-
-_REFIT = ("refit", "moved_triangles_are_hit_as_brute_force_hits_them")
-"""Fits of every hierarchy to moved triangles."""
+_PREPARE = "native/trace/src/packet/prepare.rs"
+_QUERY = "native/ray/src/query.rs"
+_BUNDLE = "native/trace/src/packet/bundle.rs"
+_SCALAR = "native/leaf/src/scalar/mod.rs"
+_FORM = "native/polybeam/src/form.rs"
 
 FAULTS = (
     Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
@@ -32,64 +64,9 @@ FAULTS = (
         "(0.0 * (to_frame + f64::from(TINY))) as f32",
         ("contract", "distances_that_round_to_zero_are_hits_at_zero"),
     ),
-    Fault(
-        "the far child first",
-        "native/nodes/src/planes/plane_tree.rs",
-        "signs.wrapping_shr(link) & 1",
-        "!signs.wrapping_shr(link) & 1",
-        ALL,
-    ),
     Fault("ties to the larger number", _RAY, "self.triangle < other.triangle", "self.triangle > other.triangle", EXACT),
     Fault("an infinite distance is a hit", _RAY, "t.abs() < f32::INFINITY", "!t.is_nan()", EXACT),
-    Fault(
-        "hits beyond the interval count",
-        _RAY,
-        "t <= self.t_max",
-        "!t.is_nan()",
-        ENDS,
-    ),
-    Fault(
-        "one kind of octree link wrong",
-        "native/nodes/src/octants/octree_nodes.rs",
-        "self.node(node.parent()).children() + across",
-        "self.node(node.parent()).children() + node.octant()",
-        ALL,
-    ),
-    Fault(
-        "octree traversals stop before the last cell",
-        "native/trace/src/single/octants/step.rs",
-        "next[axis] == grid.size",
-        "next[axis] + 1 >= grid.size",
-        ALL,
-    ),
-    Fault(
-        "the empty child marked on the wrong side",
-        "native/nodes/src/planes/plane_tree.rs",
-        "EMPTY << (slot & 1)",
-        "EMPTY << (1 - (slot & 1))",
-        ALL,
-    ),
-    Fault(
-        "triangles in the split plane lost",
-        "native/builders/src/sweep/mod.rs",
-        "min < at || max <= at",
-        "min < at",
-        ALL,
-    ),
-    Fault(
-        "bins of a sweep skipped that hold the cheapest plane",
-        "native/builders/src/sweep/bins.rs",
-        "(starts[bin] + planar[bin]) as f32",
-        "(starts[bin + 1] + planar[bin + 1]) as f32",
-        ("lib", "sweep::tests"),
-    ),
-    Fault(
-        "triangles cut to the wrong side of a cell",
-        "native/geom/src/clip.rs",
-        "bounds.max[k].min(round_up(high))",
-        "bounds.max[k].min(round_up(0.5 * (low + high)))",
-        ("lib", "clip::tests"),
-    ),
+    Fault("hits beyond the interval count", _RAY, "t <= self.t_max", "!t.is_nan()", ENDS),
     Fault(
         "the f32 test without bounds on its weights",
         _CANDIDATES,
@@ -123,14 +100,14 @@ FAULTS = (
     ),
     Fault(
         "the rounding of short edges not multiplied by the offset, for rays in beams",
-        "native/leaf/src/lanes.rs",
+        _LANES,
         "2.0 * UV_ERROR * size + UNDERFLOW",
         "2.0 * UV_ERROR * size",
         AFAR_BEAMS,
     ),
     Fault(
         "wrong signs not counted, for rays in beams",
-        "native/leaf/src/lanes.rs",
+        _LANES,
         "T_ERROR * size * size + det",
         "T_ERROR * size * size",
         AFAR_BEAMS,
@@ -166,13 +143,6 @@ FAULTS = (
         "error * (0.0 * four * first)",
         ("lib", "late::tests"),
     ),
-    Fault(
-        "cut triangles lost where many are split at once",
-        "native/builders/src/sides.rs",
-        "joined.cut.extend(part.cut);",
-        "joined.cut.truncate(part.cut.len());",
-        ("lib", "plane_objects::tests::many_objects"),
-    ),
     Fault("distances that are uncertain in f64 used as they are", _VERDICT, "low == high", "low <= high", VERDICT),
     Fault(
         "u and v as certain as if f64 were exact",
@@ -189,13 +159,7 @@ FAULTS = (
         INTEGERS,
     ),
     Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
-    Fault(
-        "boxes without their error bound",
-        "native/trace/src/slabs.rs",
-        "-shift + ray.slack[k]",
-        "-shift",
-        ALL,
-    ),
+    Fault("boxes without their error bound", "native/trace/src/slabs.rs", "-shift + ray.slack[k]", "-shift", ALL),
     Fault(
         "cell boundaries of the sorted grid on the wrong side",
         "native/builders/src/grid_order.rs",
@@ -225,27 +189,6 @@ FAULTS = (
         ALL,
     ),
     Fault(
-        "pixels hidden before one plane given up",
-        "native/trace/src/beam/planes/mod.rs",
-        "open != piece.pixels",
-        "false",
-        BEAMS,
-    ),
-    Fault(
-        "pixels of a cut beam lost",
-        "native/trace/src/beam/planes/leaf.rs",
-        "!outside",
-        "outside",
-        BEAMS,
-    ),
-    Fault(
-        "shadow beams past the upper half of each cell",
-        "native/trace/src/beam/shaft_tree.rs",
-        "!u64::from(empty)",
-        "1",
-        ("beams", "shadow_beams_answer_like_single_rays_and_mostly_at_once"),
-    ),
-    Fault(
         "cubes that a triangle touches rejected",
         "native/geom/src/overlap.rs",
         "low > limit",
@@ -258,41 +201,6 @@ FAULTS = (
         "v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0",
         "true",
         ("lib", "scene::tests"),
-    ),
-    Fault(
-        "the memory limit never met",
-        _MONITOR,
-        "used.saturating_add(bytes)",
-        "0 * used",
-        ("contract", "a_build_beyond_its_memory_is_refused"),
-    ),
-    Fault(
-        "a cancelled build goes on",
-        _MONITOR,
-        "self.cancelled.load(Ordering::Relaxed)",
-        "false",
-        ("contract", "a_cancelled_build_ends_with_an_error"),
-    ),
-    Fault(
-        "wrong triangles not counted",
-        "addon/core/measure/accuracy.py",
-        "wrong_triangle=int(other.sum())",
-        "wrong_triangle=0",
-        STABILITY,
-    ),
-    Fault(
-        "other u and v taken for equal",
-        "addon/lab/stability/trials.py",
-        "(a.u, b.u), (a.v, b.v)",
-        "(a.u, a.u), (b.v, b.v)",
-        STABILITY,
-    ),
-    Fault(
-        "distances not compared",
-        "addon/lab/stability/stability.py",
-        '(*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max")',
-        '(*COUNTS[1:], "exact_wrong")',
-        STABILITY,
     ),
     Fault(
         "of equally near triangles the larger number",
@@ -330,132 +238,149 @@ FAULTS = (
         ("lib", "tests::all_overlaps_are_found"),
     ),
     Fault(
-        "triangles that share a vertex overlap",
-        "native/nearest/src/overlap.rs",
-        "one.meets_beyond(i, other, j)",
-        "one.meets(other) || i > j + 3",
-        ("lib", "tests::neighbours_of_one_surface_overlap_only_in_further_points"),
+        "odd rays in packets with others",
+        "native/trace/src/packet/fill.rs",
+        "ordinary.to_bitmask() & filled",
+        "filled",
+        PACKETS,
     ),
     Fault(
-        "a hit at the given distance left out",
-        "distribution/halfspace/bvhtree.py",
-        "distances <= limit",
-        "distances < limit",
-        ("tests/core/structures/test_bvhtree.py", "limits_are_closed"),
+        "triangles skipped that some rays of a packet see edge-on",
+        _PREPARE,
+        "(one_sided & (outside | beyond))",
+        "(outside | beyond)",
+        PACKETS,
     ),
     Fault(
-        "tests of the leaf of the hit taken for vain ones",
-        "addon/core/inspector/reasons.py",
-        "path.triangle not in table.triangles_of(step.node)",
-        "len(table.triangles_of(step.node))",
-        ("tests/core/inspector/test_replay.py", "work_in_vain"),
+        "packets that look no farther than their middle",
+        _PREPARE,
+        "(det + det_half).mul_add(far, doubt)",
+        "(det - det_half).mul_add(far, doubt)",
+        PACKETS,
     ),
     Fault(
-        "the time of the call left in that of the rays",
-        "addon/core/inspector/ray_costs.py",
-        "np.maximum(best - call, 0.0)",
-        "np.maximum(best, 0.0)",
-        ("tests/core/inspector/test_worst_rays.py", "less_that_of_the_call"),
+        "uncertain steps along ropes", "native/trace/src/single/planes/rope.rs", "ahead[k].low > next.high", "true", ALL
     ),
     Fault(
-        "reports written in place",
-        "addon/core/report/results.py",
-        'tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")',
-        "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
-        ("tests/core/scripts/test_faults.py", "full_disk"),
+        "heights of points without their error bound",
+        "native/trace/src/single/planes/ta_b_poly.rs",
+        "frame.oblique_pad + wild",
+        "0.0 * frame.oblique_pad",
+        ALL,
     ),
     Fault(
-        "the image of a mirror's eye in the mirror",
-        "native/render/src/path/beams/source.rs",
-        "moved * height",
-        "0.5 * moved * height",
-        ("lib", "beams::source::tests::a_mirror_has_the_eye_behind_it"),
+        "planes along projected directions without their error bound",
+        "native/trace/src/single/planes/projected.rs",
+        "pad * inverse.abs()",
+        "splat(0.0) * inverse.abs()",
+        ALL,
     ),
     Fault(
-        "the ratio of the indices turned over",
-        "native/render/src/path/beams/source.rs",
-        "f64::from(eta) - 1.0",
-        "1.0 / f64::from(eta) - 1.0",
-        ("lib", "beams::source::tests::a_boundary_scales_the_height_of_the_eye"),
+        "cells left before it is certain",
+        "native/trace/src/single/grid.rs",
+        "axes[k].leaves(may[k][0]) < now",
+        "true",
+        ("grid", "triangles_that_reach_a_corner"),
+    ),
+    Fault("pending hits forgotten for one at the same distance", _QUERY, "far >= self.held.low", "false", ALL),
+    Fault(
+        "no allowance for the rounding of pending hits",
+        "native/ray/src/frame_ray.rs",
+        "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
+        "high",
+        BLOCK,
+    ),
+    Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
+    Fault("sure hits outside the interval", _QUERY, "low > from && high < to", "low < high", ENDS),
+    Fault(
+        "boxes of parts rounded inwards",
+        "native/builders/src/spatial/parts.rs",
+        "self.outwards(part.min[k], -1.0)",
+        "part.min[k].next_up()",
+        ("lib", "spatial::tests::the_box_of_a_part_is_rounded_outwards"),
     ),
     Fault(
-        "folded polygons count as flat",
-        "native/render/src/path/beams/polygons.rs",
-        "self.height(v).abs() <= FLAT * size",
-        "self.height(v).abs() <= size",
-        ("lib", "beams::polygons::tests::quads_are_one_polygon_and_cubes_are_six"),
+        "triangles cut by oblique planes count for one side only",
+        "native/geom/src/oblique_part.rs",
+        "high.min(-low) <= self.little",
+        "high.max(-low) >= self.little",
+        ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
     ),
     Fault(
-        "normals in the cluster that is farthest",
-        "native/trees/src/bsp/means.rs",
-        "cosine > best.1",
-        "cosine < best.1 || best.1 == f64::NEG_INFINITY",
-        ("lib", "means::tests::centres_of_separate_clusters_are_their_means"),
+        "bounds of a group of rays taken from the nearer origins",
+        _BUNDLE,
+        "if back { [low, high] } else { [high, low] }",
+        "if back { [high, low] } else { [low, high] }",
+        PACKETS,
     ),
     Fault(
-        "a triangle more than the thesis draws",
-        "native/trees/src/bsp/normals.rs",
-        "wanted.min(n)",
-        "(wanted + 1).min(n)",
-        ("lib", "normals::tests::the_thesis_draws_triangles_and_not_normals"),
+        "bounds of a group of rays without errors of distances",
+        _BUNDLE,
+        "axis.slack = slack",
+        "axis.slack = 0.0",
+        PACKETS,
     ),
     Fault(
-        "drift since the last fit instead of the build",
-        "addon/core/session/refits.py",
-        'DRIFT * statistics["sah_cost_built"]',
-        'DRIFT * before.statistics["sah_cost"]',
-        ("tests/core/session/test_refits.py", "cost_of_the_build"),
+        "directions within a wall recognised by the frame's rounded direction",
+        "native/trace/src/stream/prepare.rs",
+        "map(own.d, |d| f32::from(u8::from(d != 0.0)))",
+        "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44)))",
+        ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),
     Fault(
-        "boxes that never grow at their lower ends",
-        "native/nodes/src/boxes/box_tree.rs",
-        "fitted.low(k)",
-        "fitted.low(k).max(self.bounds[k][lane])",
-        _REFIT,
+        "the scalar test without bounds on its first weight",
+        _SCALAR,
+        "u < -errors.uv || rest < -errors.uv",
+        "u < 0.0 || rest < 0.0",
+        ONE_BY_ONE,
     ),
     Fault(
-        "the triangles of moved leaves not written",
-        "native/leaf/src/members.rs",
-        "self.keep.write(words, scene, frame, ids)",
-        "()",
-        _REFIT,
+        "the scalar test without a bound on its distance",
+        _SCALAR,
+        "t > det * reach + errors.t",
+        "t > det * reach",
+        ONE_BY_ONE,
     ),
     Fault(
-        "a fit that begins with the nodes of the last one",
-        "native/trees/src/refit.rs",
-        "self.template.clone()",
-        "layers.tree.clone()",
-        ("refit", "triangles_that_were_lost_for_a_while_are_found_again"),
+        "the scalar test proves hits by the sign of their weights",
+        _SCALAR,
+        "u > errors.uv",
+        "u > -errors.uv",
+        ONE_BY_ONE,
     ),
     Fault(
-        "a triangle that appears is in no leaf",
-        "native/trees/src/refit.rs",
-        "scene.live().iter().copied().find(|&id| !held[id as usize])",
-        "None",
-        ("refit", "what_cannot_be_fitted_is_refused_with_its_reason"),
+        "a polygon smaller than its beam",
+        "native/polybeam/src/beam.rs",
+        "self.polygon.below(&heights, tolerance)",
+        "self.polygon.below(&heights, -0.01)",
+        ("lib", "tests::each_ray_is_in_one_beam_in_the_cells_on_its_way"),
     ),
-    *TRAVERSALS,
-    *SURFACES,
-    *PICTURES,
+    Fault(
+        "rays on a line in both parts of a beam",
+        "native/polybeam/src/line.rs",
+        "self.line.lower_is_first(form, way) == self.lower_first",
+        "self.line.lower_is_first(form, way) || !self.lower_first",
+        ("lib", "tests::each_ray_is_in_one_beam_in_the_cells_on_its_way"),
+    ),
+    Fault(
+        "shadow rays in the beam of a light that they pass",
+        "native/polybeam/src/shadow.rs",
+        "off <= self.off",
+        "off <= 1e9 * self.off",
+        ("lib", "shadow::tests::rays_without_a_light_go_singly"),
+    ),
+    Fault(
+        "rays of a sun that end before they begin",
+        _FORM,
+        "origin - low",
+        "origin - high.min(1.0)",
+        ("lib", "shadow::tests::rays_of_a_sun_are_blocked_as_by_all_triangles"),
+    ),
+    Fault(
+        "parallel rays not tested before they leave a cell",
+        _FORM,
+        "start.mul_add(m[k], r[k]).simd_gt(offset)",
+        "start.mul_add(m[k], r[k]).simd_lt(offset)",
+        ("lib", "tests::each_parallel_ray_is_in_one_beam_in_the_cells_on_its_way"),
+    ),
 )
-
-
-def table() -> str:
-    """The list, as Markdown."""
-    lines = [
-        "# Deliberate faults",
-        "",
-        "Made by `python scripts/dev/mutations.py --write`. Each of these faults is put into the sources by",
-        "`python scripts/dev/mutations.py`, and the test beside it must fail.",
-        "",
-        "| # | fault | file | what is written | instead of | noticed by |",
-        "| ---: | --- | --- | --- | --- | --- |",
-    ]
-    for number, fault in enumerate(FAULTS, 1):
-        cells = (
-            f"`{fault.file}`",
-            *(f"`{text}`".replace("|", "\\|") for text in (fault.new, fault.old)),
-            f"`{fault.test[0]}`, `{fault.test[1]}`",
-        )
-        lines.append(f"| {number} | {fault.what} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"

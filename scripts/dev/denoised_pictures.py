@@ -36,7 +36,7 @@ HEAD = (
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="denoised_pictures", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("scenes", nargs="*", metavar="SCENE", help="default: kitchen cornell spheres product")
+    made.add_argument("scenes", nargs="*", metavar="SCENE", help="default: cornell spheres")
     made.add_argument("--size", default="240x160", metavar="WxH", help="pixels of one picture (default: 240x160)")
     made.add_argument("--samples", type=int, default=16, help="samples per pixel (default: 16)")
     made.add_argument("--runs", type=int, default=3, help="pictures of each kind, with other noise (default: 3)")
@@ -70,7 +70,7 @@ def run(asked: argparse.Namespace) -> int:
     if unknown := set(asked.scenes) - set(proving.SCENES):
         raise UsageError(f"expected some of {', '.join(proving.SCENES)}, got {min(unknown)!r}")
     print(HEAD, flush=True)
-    for name in asked.scenes or ("kitchen", "cornell", "spheres", "product"):
+    for name in asked.scenes or ("cornell", "spheres"):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         proving.build(name, bpy.context.scene)
         render = bpy.context.scene.render

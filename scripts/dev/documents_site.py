@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The documents as a site: `python scripts/dev/documents_site.py [--no-pictures] [--out DIR]`.
 
-Stages docs/, README, CHANGELOG and the list of deliberate faults in a temporary folder, adds a page for each structure
+Stages docs/, README and CHANGELOG in a temporary folder, adds a page for each structure
 and each notebook, which is run, and the reference of the Python package, and builds all with mkdocs, whose warnings are
 errors. Pictures of structures that build/pictures lacks are drawn first, which takes minutes and needs Blender 5.2 or
 newer. Exit status: 0 built; 2 bad usage, or a warning, with mkdocs' last lines; 130 stopped.
@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PICTURES = ROOT / "build" / "pictures"
 """Drawn pictures of structures, `ID.jpg`."""
 
-OUTSIDE = {"README.md": "readme.md", "CHANGELOG.md": "changelog.md", "tests/MUTATIONS.md": "mutations.md"}
+OUTSIDE = {"README.md": "readme.md", "CHANGELOG.md": "changelog.md"}
 """Documents outside of docs/ to their names in the site."""
 
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
@@ -65,7 +65,7 @@ NAVIGATION: dict[str, list[Any]] = {
     "Structures": ["structures.md", "structures/index.md"],
     "Lessons": [],
     "Read": ["results.md", "papers.md", "correctness.md"],
-    "Develop": ["architecture.md", "from-a-paper.md", "reference.md", "mutations.md"],
+    "Develop": ["architecture.md", "from-a-paper.md", "reference.md"],
 }
 """Parts of the site to their pages; lessons and pages of structures are added."""
 

@@ -21,14 +21,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from deliberate_faults import FAULTS, table
-from fault import Fault
+from deliberate_faults import FAULTS, Fault
 
 from addon.core.base import command
 from addon.lab.base.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[2]
-LIST = ROOT / "tests" / "MUTATIONS.md"
 SECONDS = 600
 """Processor seconds after which a test counts as failed: the fault made it endless."""
 
@@ -55,25 +53,23 @@ def is_whole(text: str) -> bool:
 def seeded(text: str, fault: Fault, number: int) -> str:
     """The source `text` with the fault in it.
 
-    Raises StaleError unless its place is found exactly once and, in Rust, is a whole expression.
+    Raises StaleError unless its place is found exactly once and is a whole expression.
     """
-    if fault.is_rust and not (is_whole(fault.old) and is_whole(fault.new)):
+    if not (is_whole(fault.old) and is_whole(fault.new)):
         raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not a whole one")
     places = text.count(fault.old)
     if places != 1:
         raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")
-    new = f"(if crate::fault({number}) {{ {fault.new} }} else {{ {fault.old} }})" if fault.is_rust else fault.new
-    return text.replace(fault.old, new)
+    return text.replace(fault.old, f"(if crate::fault({number}) {{ {fault.new} }} else {{ {fault.old} }})")
 
 
-def seed_rust(copy: Path) -> None:
-    """Put all faults of the native crates into a copy of the project. Raises StaleError."""
+def seed(copy: Path) -> None:
+    """Put all faults into a copy of the project. Raises StaleError."""
     crates = set()
     for number, fault in enumerate(FAULTS, 1):
-        if fault.is_rust:
-            path = copy / fault.file
-            path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
-            crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
+        path = copy / fault.file
+        path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
+        crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
     for crate in crates:
         library = crate / "src/lib.rs"
         # Each switched expression stands in parentheses, of which some are not needed.
@@ -92,7 +88,7 @@ def build(copy: Path) -> dict[str, list[Path]]:
 
     Raises CalledProcessError.
     """
-    programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
+    programs = sorted({fault.test[0] for fault in FAULTS})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
     command = [
         "cargo",
@@ -117,26 +113,18 @@ def build(copy: Path) -> dict[str, list[Path]]:
     return found
 
 
-def passes(commands: Sequence[list[str]], folder: Path, number: int) -> bool:
-    """Whether all test programs pass in time with a fault switched on."""
+def passes(programs: Mapping[str, Sequence[Path]], test: tuple[str, str], folder: Path, number: int) -> bool:
+    """Whether a test passes in time with a fault switched on, in all programs of its name."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
     # Processor time, not the clock: on a busy machine every test takes long.
     limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh"]
     return all(
-        subprocess.run([*limited, *command], cwd=folder, env=environment, capture_output=True, check=False).returncode
+        subprocess.run(
+            [*limited, str(program), test[1]], cwd=folder, env=environment, capture_output=True, check=False
+        ).returncode
         == 0
-        for command in commands
+        for program in programs[test[0]]
     )
-
-
-def rust_tests(programs: Mapping[str, Sequence[Path]], fault: Fault) -> list[list[str]]:
-    """The commands for a test in Rust."""
-    return [[str(program), fault.test[1]] for program in programs[fault.test[0]]]
-
-
-def python_test(folder: Path, fault: Fault) -> list[str]:
-    """The command for a test in Python, over the sources in a folder."""
-    return [sys.executable, str(folder / "tests" / "run.py"), "-q", "-x", fault.test[0], "-k", fault.test[1]]
 
 
 def copy_sources(folder: Path) -> Path:
@@ -156,15 +144,11 @@ def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="mutations", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("numbers", nargs="*", type=int, help="only the faults of these numbers")
-    parser.add_argument("--write", action="store_true", help=f"only write {LIST.relative_to(ROOT)}")
     return command.run("mutations", arguments, parser.parse_args, work, told=(subprocess.CalledProcessError,))
 
 
 def work(asked: argparse.Namespace) -> int:
-    """Write the list or try the faults. Returns the exit status. Raises StaleError, CalledProcessError."""
-    if asked.write:
-        LIST.write_text(table(), encoding="utf-8")
-        return 0
+    """Try the faults. Returns the exit status. Raises StaleError, CalledProcessError."""
     chosen = [(n, fault) for n, fault in enumerate(FAULTS, 1) if not asked.numbers or n in asked.numbers]
     check()
     with tempfile.TemporaryDirectory(prefix="halfspace-faults-") as folder:
@@ -175,27 +159,16 @@ def work(asked: argparse.Namespace) -> int:
 
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
     """Try the faults in turn. Returns the numbers of those that survived, 0 for each test that fails without one."""
-    programs: dict[str, list[Path]] = {}
-    if any(fault.is_rust for _, fault in chosen):
-        seed_rust(copy)
-        programs = build(copy)
+    seed(copy)
+    programs = build(copy)
     survived = []
     for test in sorted({fault.test for _, fault in chosen}):
-        fault = next(fault for _, fault in chosen if fault.test == test)
-        commands = rust_tests(programs, fault) if fault.is_rust else [python_test(copy, fault)]
-        if not passes(commands, copy / "native" if fault.is_rust else copy, 0):
+        if not passes(programs, test, copy / "native", 0):
             print(f"FAILS without any fault: {' '.join(test)}", flush=True)
             survived.append(0)
     for number, fault in chosen:
         start = time.monotonic()
-        if fault.is_rust:
-            alive = passes(rust_tests(programs, fault), copy / "native", number)
-        else:
-            path = copy / fault.file
-            sound = path.read_text(encoding="utf-8")
-            path.write_text(seeded(sound, fault, number), encoding="utf-8")
-            alive = passes([python_test(copy, fault)], copy, number)
-            path.write_text(sound, encoding="utf-8")
+        alive = passes(programs, fault.test, copy / "native", number)
         print(
             f"{'SURVIVED' if alive else 'caught':8} {number:2} {fault.what} ({time.monotonic() - start:.0f} s)",
             flush=True,

@@ -15,8 +15,8 @@ import structures_page
 
 from addon.core.measure import counting
 from addon.core.scene import rays
+from addon.lab.claims import growth
 from addon.lab.claims.table import CLAIMS
-from addon.lab.growth import growth
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
@@ -27,6 +27,7 @@ TRIANGLES, SIZE, SETS = 2000, (64, 64), ("primary", "diffuse")
 """The torus, the pixels of its view, and the ray sets that are counted."""
 
 HEADINGS: Mapping[str, str] = {
+    "growth-*": "growth-with-the-number-of-triangles",
     "ta-b-*": "traversal-by-entry-and-exit-points-ta-b",
     "intervals-*": "bounding-interval-hierarchies",
     "moving-*": "moving-scenes",

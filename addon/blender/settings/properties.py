@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ...core.base import native
 from ...core.measure import costmap
 from ...core.structures import catalogue, relevance, settings
-from . import earlier, quality, signals
+from . import quality, signals, stored
 from .inspector_settings import HalfspaceInspectorSettings
 from .overlay_settings import HalfspaceOverlaySettings
 
@@ -44,7 +44,7 @@ def remark_unknown(group: Any, notes: Notes) -> None:
     """Note if the structure of a `scene.halfspace` group, or a value of its parameters, replaces one of its file."""
     if not group.structure:
         notes.add(UNKNOWN, structure(group).label)
-    earlier.remark_parameters(group, structure(group), values(group), notes)
+    stored.remark_parameters(group, structure(group), values(group), notes)
 
 
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:
@@ -57,7 +57,7 @@ def values(group: Any) -> dict[str, Value | None]:
     without effect.
     """
     chosen = structure(group)
-    return relevance.effective(chosen, earlier.parameters(group, chosen))
+    return relevance.effective(chosen, stored.parameters(group, chosen))
 
 
 def shown(group: Any) -> dict[str, list[Parameter]]:
@@ -71,14 +71,14 @@ def options(group: Any, name: str) -> tuple[tuple[str, str], ...]:
     parameter = chosen.parameter(name)
     if parameter is None:
         return ()
-    valid = relevance.options(chosen, earlier.parameters(group, chosen)).get(name, ())
+    valid = relevance.options(chosen, stored.parameters(group, chosen)).get(name, ())
     return tuple((option, parameter.label_of(option)) for option in valid)
 
 
 def spec(group: Any) -> str:
     """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
     chosen = structure(group)
-    return settings.spec(chosen, earlier.parameters(group, chosen))
+    return settings.spec(chosen, stored.parameters(group, chosen))
 
 
 def _follow_structure(group: Any, context: Any) -> None:
@@ -160,7 +160,7 @@ def _parameter_property(parameter: Parameter) -> Any:
         "update": _rebuild,
     }
     if parameter.kind == "choice":
-        items = [(o, parameter.label_of(o), "", earlier.number_of(o)) for o in parameter.options]
+        items = [(o, parameter.label_of(o), "", stored.number_of(o)) for o in parameter.options]
         return EnumProperty(items=items, **common)
     bounds = {
         key: value for key, value in (("min", parameter.minimum), ("max", parameter.maximum)) if value is not None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
-from . import earlier
+from . import stored
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
@@ -223,17 +223,17 @@ CHOICES = ("integrator", "pixel_filter_type", "instancing")
 
 def integrator(group: Any) -> str:
     """The native name of the integrator; the default for one that is unknown to this version."""
-    return earlier.choice(group, "integrator")
+    return stored.choice(group, "integrator")
 
 
 def instancing(group: Any) -> str:
     """How instances are stored; the default for a way that is unknown to this version."""
-    return earlier.choice(group, "instancing")
+    return stored.choice(group, "instancing")
 
 
 def remark_unknown(group: Any, notes: Notes) -> None:
     """Note if a choice of a `scene.halfspace` group replaces an unknown one of its file."""
-    earlier.remark_choices(group, CHOICES, notes)
+    stored.remark_choices(group, CHOICES, notes)
 
 
 def settings(scene: Any) -> dict[str, Any]:
@@ -241,7 +241,7 @@ def settings(scene: Any) -> dict[str, Any]:
     group, render = scene.halfspace, scene.render
     cycles = getattr(scene, "cycles", None)  # missing while that extension is disabled
     glass = getattr(cycles, "film_transparent_glass", False)
-    pixels = earlier.choice(group, "pixel_filter_type")
+    pixels = stored.choice(group, "pixel_filter_type")
     return {
         "integrator": integrator(group),
         "ambient_distance": group.ambient_distance or math.inf,

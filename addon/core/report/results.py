@@ -10,7 +10,7 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -328,6 +328,17 @@ class Journal:
             file.flush()
             os.fsync(file.fileno())
         self._torn = False
+
+
+def kept(
+    journal: Journal | None, key: str, order: tuple[int, int], machine: dict[str, Any], measure: Callable[[], Kept]
+) -> Kept:
+    """The row of this key: that of the journal, or a measured one, which is then added. Raises FolderError."""
+    if journal is None:
+        return measure()
+    if key not in journal.entries:
+        journal.add(Entry(key, order, measure()), machine)
+    return journal.entries[key].row
 
 
 def document(

@@ -23,6 +23,7 @@ from ...core.measure.check import timed_build
 from ...core.scene.rays import RaySet, blocks
 from ...core.scene.workload import Workload, load_both
 from ...core.structures.specs import structure_of
+from ..stability.agreement import BRUTE_PAIRS
 from ..stability.stability import allowed_to_fail
 
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ reused.
 """
 
 CHECKED = 20_000
-"""Rays per configuration and scene whose answers are compared with brute force."""
+"""Rays per configuration and scene whose answers are compared with brute force; BRUTE_PAIRS limits them in scenes of
+millions of triangles.
+"""
 
 
 REPEATS = {True: 3, False: 7}
@@ -250,7 +253,7 @@ class Lab:
         if wanted:
             self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
         for spec in wanted:
-            self._check(workload, spec, rays)
+            self.check(workload, spec, rays)
         self._used.update((workload.name, spec, rays.name) for spec in specs)
         # Time the structures in turns; the first round only warms up.
         taken: dict[str, list[float]] = {spec: [] for spec in wanted}
@@ -277,7 +280,7 @@ class Lab:
             self.say(f"{workload.name}: {kind}: {', '.join(wanted)}")
         recordings, best = {}, {}
         for spec in wanted:
-            self._check(workload, spec, rays)
+            self.check(workload, spec, rays)
             structure = self.build(workload, spec)
             recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
             best[spec] = recordings[spec].replay()
@@ -341,9 +344,10 @@ class Lab:
                 sums[name] = sums.get(name, 0.0) + float(np.sum(column, dtype=np.float64))
         return {name: total / len(rays) for name, total in sums.items()}
 
-    def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
+    def check(self, workload: Workload, spec: str, rays: RaySet) -> None:
         """Compare a sample of rays with brute force, bit for bit."""
-        some = rays.take(blocks(len(rays), CHECKED, seed=1))
+        count = min(CHECKED, BRUTE_PAIRS // max(len(workload.triangles), 1))
+        some = rays.take(blocks(len(rays), count, seed=1))
         structure = self.build(workload, spec)
         key = (workload.name, rays.name)
         if key not in self._right:

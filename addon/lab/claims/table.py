@@ -6,6 +6,7 @@ from __future__ import annotations
 from . import (
     any_hits,
     beams,
+    growth,
     interval_forms,
     intervals,
     kd,
@@ -36,6 +37,7 @@ PAPERS = (
     medians,
     voxels,
     oriented,
+    growth,
 )
 """The papers' modules, in the order of the report."""
 

@@ -66,8 +66,9 @@ def run(asked: argparse.Namespace) -> int:
     for place, claim in enumerate(chosen):
         key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.statement)
         entry = None if journal is None else journal.entries.get(key)
-        result = None if entry is None else kept(claim, entry.row)
-        if result is None:
+        if entry is not None:
+            result = kept(claim, entry.row)
+        else:
             (result,) = claims.measure(lab, [claim])
             result = replace(result, machine=machine["name"])
             # A claim that could not be measured is tried again by the next run.
@@ -86,12 +87,9 @@ def row(result: claims.Result) -> dict[str, Any]:
     return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
 
 
-def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result | None:
-    """A claim that was measured before, from its row; None if the row, of another version, is incomplete."""
-    try:
-        return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
-    except (KeyError, TypeError):
-        return None
+def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result:
+    """A claim that was measured before, from its row."""
+    return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
 
 
 def save(

@@ -6,8 +6,8 @@ FILE the built-in showcase. Both engines render the same file several times with
 their difference can be compared with their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
 (both, and their difference × 8), prints the numbers, and lists what each engine left out.
 
-`--scene NAME` or `--scene all` instead of FILE: both engines render one or all of thirteen scenes: seven that cover the
-renderer's features, and six composed ones. The verdict requires means of all channels within 1 % and no square of
+`--scene NAME` or `--scene all` instead of FILE: both engines render one or all of nine scenes: seven that cover the
+renderer's features, and two composed ones. The verdict requires means of all channels within 1 % and no square of
 16 × 16 pixels beyond 4 standard errors (after Šidák's correction for the number of squares); the ratio of the times to
 equal error is printed with it. With `--slope` too, Halfspace alone renders them, and the slopes of the error over the
 number of samples are printed, for independent samples and for samples as they are rendered.

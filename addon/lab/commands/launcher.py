@@ -18,7 +18,6 @@ COMMANDS = {
     "claims": "claims of papers about their structures, measured again",
     "compare": "pictures of Halfspace and of Cycles (needs Blender)",
     "export": "a whole tree as a NumPy archive",
-    "growth": "how building and tracing grow with the number of triangles",
     "inspector": "a page of maps, worst rays, trees and levels of structures",
     "lessons": "five scenes for a class as .blend files, with questions and answers (needs Blender)",
     "render": "a picture without a window",

@@ -183,16 +183,14 @@ def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) 
     for place, case in enumerate(module.cases(asked.size, seed=asked.seed)):
         most = stability.MOST_RAYS.get(asked.size, {}).get(case["name"])
         key = results.key(*fixed, case["name"], *([] if most is None else [most]))
-        found = journal.entries.get(key) if journal is not None else None
-        kept = None if found is None else found.row
-        if kept is None or not all(stability.is_whole(row, *stability.SECONDS) for row in kept.get("rows", [{}])):
-            some = stability.fewer_rays(case, most)
-            kept = {
+        some = stability.fewer_rays(case, most)
+
+        def measured(some: dict[str, Any] = some) -> dict[str, Any]:
+            return {
                 "rows": list(stability.measure_case(module, some, chosen, exact_pairs=pairs, threads=asked.threads))
             }
-            if journal is not None:
-                journal.add(results.Entry(key, (0, place), kept), machine)
-        rows += kept["rows"]
+
+        rows += results.kept(journal, key, (0, place), machine, measured)["rows"]
     return rows
 
 
@@ -208,18 +206,17 @@ def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> in
     # Reuse or measure one block after the other, and sum up their rows.
     while done < asked.long:
         key = results.key(*fixed, number)
-        found = journal.entries.get(key) if journal is not None else None
-        kept = None if found is None else found.row
-        if kept is None or not is_whole_block(kept):
-            if asked.seconds is not None and time.monotonic() - start >= asked.seconds:
-                break
+        known = journal is not None and key in journal.entries
+        if not known and asked.seconds is not None and time.monotonic() - start >= asked.seconds:
+            break
+
+        def measured(number: int = number) -> dict[str, Any]:
             began = time.process_time()
             rows = trials.block(module, chosen, asked.seed, number, threads=asked.threads)
-            kept = {"block": number, "seconds": time.process_time() - began, "rows": rows}
-            if journal is not None:
-                journal.add(results.Entry(key, (0, number), kept), machine)
-        else:
-            earlier += 1
+            return {"block": number, "seconds": time.process_time() - began, "rows": rows}
+
+        kept = results.kept(journal, key, (0, number), machine, measured)
+        earlier += known
         for row in kept["rows"]:
             totals[row["spec"]] = stability.add(totals.get(row["spec"]), row)
             done += row["rays"]
@@ -242,12 +239,6 @@ def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> in
     return 1 if any(stability.differs(row) for row in rows) else 0
 
 
-def is_whole_block(kept: dict[str, Any]) -> bool:
-    """Whether a block of a journal has all columns that are reported."""
-    rows = kept.get("rows", [{}])
-    return "seconds" in kept and all(stability.is_whole(row, "wrong_in") for row in rows)
-
-
 def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload], asked: argparse.Namespace) -> int:
     """Compare every configuration on whole scenes. Returns the exit status."""
     journal = results.Journal(asked.out) if asked.out is not None else None
@@ -260,19 +251,21 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
         fixed = [*program, scene.fingerprint(), asked.rays, asked.seed]
         questions: list[agreement.Question] = []
         for spec in chosen:
-            key = results.key(*fixed, spec)
-            found = journal.entries.get(key) if journal is not None else None
-            row = None if found is None else found.row
-            if row is None or not stability.is_whole(row, "statistics", "broken", "seconds"):
+
+            def measured(
+                scene: workload.Workload = scene, spec: str = spec, questions: list[agreement.Question] = questions
+            ) -> stability.Row:
                 if not questions:
-                    questions = agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
+                    questions += agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
                     counts = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)
                     say(f"{scene.name}, {len(scene.triangles):,} triangles: {counts} rays (of them by brute force)")
                 began = time.process_time()
                 row = agreement.row(module, scene, spec, questions, threads=asked.threads)
                 row["seconds"] = time.process_time() - began
-                if journal is not None:
-                    journal.add(results.Entry(key, (place, chosen.index(spec)), row), machine)
+                return row
+
+            order = place, chosen.index(spec)
+            row = results.kept(journal, results.key(*fixed, spec), order, machine, measured)
             rows.append(row)
             say(f"{scene.name}, {spec}: {row['rays']:,} rays, {'DIFFERS' if wrong(row) else 'equal'}")
             dropped = max(dropped, row["statistics"].get("dropped_triangles", 0))
@@ -302,12 +295,11 @@ def run_slowdown(module: Native, chosen: list[str], asked: argparse.Namespace) -
     # Reuse or measure the rows of each case.
     for place, case in enumerate(slowdown.cases(rings, rays, copies, asked.seed)):
         key = results.key(*fixed, case.name, chosen)
-        found = journal.entries.get(key) if journal is not None else None
-        kept = None if found is None else found.row
-        if kept is None or not all(map(slowdown.is_whole, kept.get("rows", [{}]))):
-            kept = {"rows": list(slowdown.measure(module, case, chosen, repeats=asked.slowdown))}
-            if journal is not None:
-                journal.add(results.Entry(key, (0, place), kept), machine)
+
+        def measured(case: slowdown.Case = case) -> dict[str, Any]:
+            return {"rows": list(slowdown.measure(module, case, chosen, repeats=asked.slowdown))}
+
+        kept = results.kept(journal, key, (0, place), machine, measured)
         rows += kept["rows"]
         most = {kind: max(row[kind] for row in kept["rows"]) for kind in slowdown_page.kinds(kept["rows"])}
         shown = ", ".join(f"{slowdown_page.KINDS[kind]} up to {value:.2f} times" for kind, value in most.items())

@@ -132,15 +132,8 @@ class Bench:
         return found
 
     def _kept(self, what: tuple[Any, ...], place: int, measured: Any) -> dict[str, Any]:
-        key = results.key(*self._fixed, *what)
-        entry = None if self.journal is None else self.journal.entries.get(key)
-        if entry is not None:
-            return dict(entry.row)
-        made: dict[str, Any] = measured()
-        if self.journal is not None:
-            order = (place, len(self.journal.entries))
-            self.journal.add(results.Entry(key, order, made), self.machine)
-        return made
+        order = place, 0 if self.journal is None else len(self.journal.entries)
+        return dict(results.kept(self.journal, results.key(*self._fixed, *what), order, self.machine, measured))
 
 
 def save(

@@ -263,8 +263,3 @@ def slowed(row: Row) -> bool:
     known: dict[str, dict[Any, float]] = {"offset": {**LIMITS}, "shape": {0: HUGE}}
     limits = known.get(row["group"], {})
     return bool(row["work"] > limits.get(row["at"], 1.0 if row["group"] == "offset" else float("inf")))
-
-
-def is_whole(row: Row) -> bool:
-    """Whether a row of a journal has every column that is reported."""
-    return {"case", "group", "at", "spec", "rays", "wrong", "work", "time_ratio"} <= row.keys()

@@ -227,11 +227,6 @@ def columns(errors: Errors, exact: Errors) -> Row:
     return columns
 
 
-def is_whole(row: Row, *more: str) -> bool:
-    """Whether a row of a journal has every column, and `more`: rows of other versions of the program may lack some."""
-    return {"case", "spec", "triangles", "different_rays", *TITLES, *more} <= row.keys()
-
-
 def differs(row: Row) -> bool:
     """Whether any answer of the row differs from brute force in any bit, or from the exact one."""
     return any(row[name] for name in (*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max"))

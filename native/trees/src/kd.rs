@@ -57,6 +57,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     sweep: false,
     claims: &[
         "ta-b-*",
+        "growth-*",
         "moving-*",
         "shadow-cache",
         "mirrored-beams",

@@ -27,6 +27,9 @@ from addon.lab.claims import (
     claims,
 )
 from addon.lab.claims import (
+    growth as claims_growth,
+)
+from addon.lab.claims import (
     intervals as claims_intervals,
 )
 from addon.lab.claims import (
@@ -82,6 +85,8 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
     monkeypatch.setattr(claims_mirrors, "SIZE", (64, 48))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_growth, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_growth, "COUNTS", dict.fromkeys((True, False), (500, 1000, 2000)))
     monkeypatch.setattr(claims_moving, "SIZE", (32, 32))
     monkeypatch.setattr(claims_moving, "FRAMES", dict.fromkeys((True, False), range(9, 11)))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
@@ -285,17 +290,6 @@ def test_a_stopped_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert first[1].count("<svg") == (tmp_path / "claims.html").read_text().count("<svg")
 
 
-def test_what_another_version_measured_is_measured_again(tmp_path: Path) -> None:
-    asked = ["beams-flat-line", "--quick", "--out", str(tmp_path)]
-    journal = tmp_path / "rows.jsonl"
-    assert command.main(asked) == 0
-    for column in ("outcomes", "wrong", "machine"):
-        journal.write_text(journal.read_text().replace(f'"{column}"', f'"{column[1:]}"'))
-        before = journal.read_text().count('"key"')
-        assert command.main(asked) == 0
-        assert journal.read_text().count('"key"') == before + 1
-
-
 @pytest.mark.parametrize("lie", LIES)
 def test_a_wrong_answer_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lie: str
@@ -356,6 +350,60 @@ def test_a_claim_fails_where_it_fails() -> None:
     (result,) = claims.measure(lab, [Claim("id", "paper", "says", lambda _: outcomes)])
     assert FAILS.upper() in claims_report.as_text(result)
     assert claims_report.summary([result]) == "1 holds, 1 does not hold, 0 cannot be tested here"
+
+
+@pytest.mark.parametrize("count", [500, 31_623])
+def test_the_torus_is_closed_and_has_about_the_wanted_size(count: int) -> None:
+    made = claims_growth.torus(count)
+    assert abs(len(made.triangles) / count - 1) < 0.05
+    edges = np.concatenate([made.triangles[:, [0, 1]], made.triangles[:, [1, 2]], made.triangles[:, [2, 0]]])
+    # Each edge once in each direction, and as many corners as a torus has.
+    there = np.unique(edges, axis=0)
+    assert len(there) == len(edges)
+    assert np.array_equal(there, np.unique(edges[:, ::-1], axis=0))
+    assert len(made.vertices) - len(edges) // 2 + len(made.triangles) == 0
+
+
+def test_the_rays_of_the_torus_hit_every_tessellation() -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    sets = claims_growth.fixed_rays(lab)
+    assert [(some.name, some.order) for some in sets] == [
+        ("primary", "tile8"),
+        (claims_growth.ALONE, "none"),
+        ("diffuse", "none"),
+    ]
+    for count in (5_000, 40_000):
+        structure = lab.build(claims_growth.torus(count), "kd")
+        assert all((structure.closest(some.origins, some.directions).triangle >= 0).all() for some in sets), count
+
+
+def test_what_grows_as_n_log_n_and_log_n_is_fitted_exactly() -> None:
+    counts = [1e4, 1e5, 1e6]
+    constant, ratios = claims_growth.over_work([(n, 3e-9 * n * np.log2(n)) for n in counts])
+    assert (constant, ratios) == (pytest.approx(3e-9), pytest.approx([1, 1, 1]))
+    square = [(n, 1e-9 * n**2) for n in counts]
+    assert claims_growth.power(square) == pytest.approx(2)
+    assert max(claims_growth.over_work(square)[1]) > 5
+    base, rise, ratios = claims_growth.over_line([(n, 20 + 7 * float(np.log2(n))) for n in counts])
+    assert (base, rise, ratios) == (pytest.approx(20), pytest.approx(7), pytest.approx([1, 1, 1]))
+    bent = list(zip(counts, [1.0, 2.0, 9.0], strict=True))
+    assert claims_growth.over_line(bent)[2] == pytest.approx([1.25, 0.5, 1.25])
+
+
+def test_the_claims_of_growth_depend_on_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    for exponent, steps, expected in ((1.0, np.log2, HOLDS), (2.0, np.square, FAILS)):
+
+        def seconds(_: Lab, made: workload.Workload, specs: Any, exponent: float = exponent) -> claims.Builds:
+            return claims.Builds(dict.fromkeys(specs, 1e-6 * len(made.triangles) ** exponent), 1)
+
+        def timed(_: Lab, made: workload.Workload, specs: Any, rays: Any, steps: Any = steps) -> dict[str, Timing]:
+            return dict.fromkeys(specs, Timing(len(rays), 1.0, {"steps": float(steps(len(made.triangles)))}))
+
+        monkeypatch.setattr(Lab, "build_seconds", seconds)
+        monkeypatch.setattr(Lab, "seconds", timed)
+        for measure in (claims_growth.builds, claims_growth.lengths):
+            assert {one.verdict for one in measure(lab)} == {expected}, measure
 
 
 def test_the_best_plane_lies_where_the_cost_is_least() -> None:

@@ -108,7 +108,7 @@ def test_what_an_encoding_lacks_is_escaped(encoding: str) -> None:
 
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no file that is always full")
 @pytest.mark.parametrize(
-    "arguments", [MEASURED, SHORT, ["claims", "list"], ["growth", "--help"]], ids=lambda some: some[0]
+    "arguments", [MEASURED, SHORT, ["claims", "list"], ["thesis", "--help"]], ids=lambda some: some[0]
 )
 def test_a_full_standard_output_is_status_2(arguments: list[str]) -> None:
     with FULL.open("w") as full:

@@ -16,7 +16,8 @@ from addon.core.measure import benchmark, preparation
 from addon.core.session import preview
 from addon.core.structures import catalogue, presets, specs
 from addon.lab.bench import bench_presets
-from addon.lab.commands import compare, growth
+from addon.lab.claims import growth
+from addon.lab.commands import compare
 from addon.lab.stability import agreement
 
 
@@ -95,7 +96,7 @@ NAMED = {
     "preview.QUICK": [spec for _, spec in preview.QUICK],
     "benchmark.BASES": benchmark.BASES,
     **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
-    "growth.STRUCTURES": [growth.STRUCTURES],
+    "growth.SPECS": growth.SPECS,
     "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.LINES, *pictures.BESIDE],
     **{f"{made.__name__} --structure": [made.parser().get_default("structure")] for made in (compare, overlay_picture)},
 }
