@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sheets of small tiles, each with a node tree of its own, rendered with this engine and with Cycles."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -14,10 +12,11 @@ import addon_utils
 import bpy
 import numpy as np
 import pytest
-from shapes import with_nodes
+from shapes import grid, with_nodes
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from addon.blender.session import reports
 
 TILE, MARGIN = 24, 2
 """Pixels along a tile, and pixels at its edge that are not compared."""
@@ -45,11 +44,28 @@ def tile_material(name: str, make: Maker) -> Any:
     return material
 
 
-def sheet(scene: Any, makers: Mapping[str, Maker], mesh: Any) -> None:
-    """Place an instance of `mesh`, which is at most one unit wide, for each tile, and look at them from above."""
+def with_cycles(scene: Any) -> None:
+    """Enable Cycles; skips the test where there is none."""
     addon_utils.enable("cycles")
     if not hasattr(scene, "cycles"):
         pytest.skip("this Blender has no Cycles")
+
+
+def tiles(scene: Any) -> list[Any]:
+    """The objects of a sheet."""
+    return [item for item in scene.objects if item.type == "MESH"]
+
+
+def flat(scene: Any, makers: Mapping[str, Maker]) -> None:
+    """A sheet of squares."""
+    sheet(scene, makers, grid(1))
+    for item in tiles(scene):
+        item.scale = (0.5, 0.5, 1.0)
+
+
+def sheet(scene: Any, makers: Mapping[str, Maker], mesh: Any) -> None:
+    """Place an instance of `mesh`, which is at most one unit wide, for each tile, and look at them from above."""
+    with_cycles(scene)
     columns = math.ceil(math.sqrt(len(makers)))
     rows = math.ceil(len(makers) / columns)
     mesh.materials.append(None)
@@ -94,6 +110,18 @@ def rendered(scene: Any, names: Mapping[str, Maker], engine: str, channels: int 
     }
 
 
+def report(scene: Any) -> Any:
+    """The report of the last picture, which there is."""
+    found = reports.last(scene)
+    assert found is not None
+    return found
+
+
+def warnings(scene: Any) -> list[str]:
+    """The warnings of the last picture."""
+    return list(report(scene).warnings)
+
+
 RECORD = "HALFSPACE_NODES"
 """Environment variable: a file to which each comparison without a difference appends its test and its nodes."""
 
@@ -115,6 +143,24 @@ def both(scene: Any, makers: Mapping[str, Maker], *, samples: int, bounces: int)
     return rendered(scene, makers, ENGINE), rendered(scene, makers, "CYCLES")
 
 
+def pair(scene: Any, channels: int = 3) -> Any:
+    """The pictures of this engine and of Cycles, (2, h, w, channels)."""
+    found = []
+    for engine in (ENGINE, "CYCLES"):
+        scene.render.engine = engine
+        found.append(pictures.render(scene)[..., :channels].astype(float))
+    return np.stack(found)
+
+
+def assert_alike(
+    scene: Any, makers: Mapping[str, Maker], *, samples: int = 64, bounces: int = 0, **limits: float | None
+) -> None:
+    """Render a sheet with both engines: no tile differs by more than `limits`, and nothing is warned of."""
+    found = differences(*both(scene, makers, samples=samples, bounces=bounces), **limits)  # type: ignore[arg-type]
+    assert not found, found
+    assert not warnings(scene)
+
+
 def differences(ours: Tiles, theirs: Tiles, *, mean: float = 0.01, alike: float | None = 0.95) -> dict[str, str]:
     """The tiles whose mean colours differ by more than `mean` of Cycles' mean, or whose pixels correlate less."""
     found = {}
@@ -132,20 +178,58 @@ def differences(ours: Tiles, theirs: Tiles, *, mean: float = 0.01, alike: float 
     return found
 
 
-def add(tree: Any, kind: str, **settings: Any) -> Any:
-    """A new node with these attributes, or values of inputs where it has no such attribute."""
+def add(tree: Any, kind: str, *inputs: Any, **settings: Any) -> Any:
+    """A new node with these attributes, or inputs where it has no such attribute; `inputs` are those of its first
+    sockets. Sockets, and those of makers, are linked; None leaves an input as it is.
+    """
     node = tree.nodes.new(f"ShaderNode{kind}")
+    given: dict[int | str, Any] = dict(enumerate(inputs))
     for key, value in settings.items():
         if key in node.bl_rna.properties:
             setattr(node, key, value)
         else:
-            node.inputs[key.replace("_", " ")].default_value = value
+            given[key.replace("_", " ")] = value
+    for key, value in given.items():
+        socket = value(tree) if callable(value) else value
+        if isinstance(socket, bpy.types.NodeSocket):
+            tree.links.new(socket, node.inputs[key])
+        elif socket is not None:
+            node.inputs[key].default_value = socket
     return node
+
+
+def made(kind: str, *inputs: Any, output: int | str = 0, **settings: Any) -> Maker:
+    """An output of a new node, as of `add`."""
+    return lambda tree: add(tree, kind, *inputs, **settings).outputs[output]
+
+
+def number(value: float) -> Maker:
+    """A value that no limits of sockets change."""
+
+    def make(tree: Any) -> Any:
+        node = add(tree, "Value")
+        node.outputs[0].default_value = value
+        return node.outputs[0]
+
+    return make
+
+
+def shown(value: Any, factor: float = 0.5, shift: float = 0.5) -> Maker:
+    """A vector or number whose negative values are visible, too."""
+    return made("VectorMath", value, (factor,) * 3, (shift,) * 3, operation="MULTIPLY_ADD")
+
+
+def read(kind: str, output: int | str, factor: float = 0.5, shift: float = 0.5, **settings: Any) -> Maker:
+    """An output of a node as of `shown`."""
+    return shown(made(kind, output=output, **settings), factor, shift)
 
 
 def place(tree: Any, scale: float = 3.0) -> Any:
     """Object coordinates, turned and shifted away from all planes of symmetry."""
-    coordinates = add(tree, "TexCoord")
-    mapping = add(tree, "Mapping", Location=(0.37, -0.71, 0.23), Rotation=(0.4, 0.3, 0.2), Scale=(scale,) * 3)
-    tree.links.new(coordinates.outputs["Object"], mapping.inputs["Vector"])
-    return mapping.outputs["Vector"]
+    turned = {"Location": (0.37, -0.71, 0.23), "Rotation": (0.4, 0.3, 0.2), "Scale": (scale,) * 3}
+    return add(tree, "Mapping", made("TexCoord", output="Object"), **turned).outputs["Vector"]
+
+
+def placed(scale: float) -> Maker:
+    """The coordinates of `place` at this scale."""
+    return lambda tree: place(tree, scale)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects, lights, cameras and passes with the tests that compare them with Cycles, for docs/nodes.md."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 SUPPORTED, DIFFERS, NOT = "supported", "differs", "not"

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender as a module is one per process: the add-on is registered once, and each test starts from an empty file."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import tempfile

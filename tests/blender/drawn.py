@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes whose structures are drawn offscreen, the pictures, and where in them what is drawn should be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +9,7 @@ import gpu
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
-from shapes import cube, grid
+from shapes import cube, grid, look, place
 
 from addon.blender.overlay import drawing as overlay
 from addon.blender.session import trees
@@ -64,6 +62,23 @@ def far_away(add: Any) -> None:
     mesh.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
     add("Sea", mesh, location=(4000, -3000, 500), scale=(3, 3, 1))
     boxes(add, (4000, -3000, 502))
+
+
+def row(scene: Any, size: tuple[int, int]) -> Any:
+    """Give the scene five boxes before a camera, and a picture of this size."""
+    for i in range(5):
+        place(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
+    look(size, (0, 0, 12))
+    return scene
+
+
+def plates(scene: Any, add: Any) -> Any:
+    """Give the scene tilted plates and boxes before a camera."""
+    boxes(add)
+    tilted(add)
+    look((320, 160), (0, 0, 16))
+    scene.halfspace.inspector.width = 64
+    return scene
 
 
 SCENES = [boxes, tilted, far_away]

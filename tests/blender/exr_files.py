@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendered pictures as arrays."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 import OpenImageIO
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray[Any, Any]]:
@@ -41,3 +37,17 @@ def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray
 def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
     """The channels of the scene's picture, rendered into this folder."""
     return exr(scene, folder / "picture.exr")
+
+
+def both(scene: Any, folder: Path) -> list[dict[str, np.ndarray[Any, Any]]]:
+    """The channels of the pictures of this engine and of Cycles."""
+    found = []
+    for engine in ("HALFSPACE", "CYCLES"):
+        scene.render.engine = engine
+        found.append(exr(scene, folder / f"{engine}.exr"))
+    return found
+
+
+def colours(channels: dict[str, np.ndarray[Any, Any]], name: str = "Combined") -> Any:
+    """The colours of a pass, (h, w, 3)."""
+    return np.stack([channels[f"{name}.{c}"] for c in "RGB"], axis=-1).astype(float)

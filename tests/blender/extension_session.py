@@ -4,8 +4,6 @@
 Run by test_extension_zip.py.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 but the zips that they install.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawing panels without a window."""
+"""Drawing panels and running operators without a window."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
+import time
+from types import FunctionType, MethodType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -19,7 +18,7 @@ class Layout:
         self.parts: list[str] = []
         self.labels: dict[tuple[str, str], str | None] = {}
 
-    def _within(self) -> Layout:
+    def _within(self) -> Any:
         """A layout inside this one, with the same record."""
         inner = Layout(self.log, self.operators)
         inner.menus, inner.parts, inner.labels = self.menus, self.parts, self.labels
@@ -92,3 +91,50 @@ def draw_all(panel: type, **context: Any) -> Layout:
 def draw(panel: type, **context: Any) -> list[str]:
     """The properties and labels that a panel draws, in order."""
     return draw_all(panel, **context).log
+
+
+def operator(kind: type, **own: Any) -> Any:
+    """An operator's own part, which Blender makes only in a window; `said` has its reports. own: its properties."""
+    said: list[str] = []
+    made = SimpleNamespace(said=said, report=lambda _kind, text: said.append(text))
+    for base in reversed([one for one in kind.__mro__ if one.__module__.startswith("addon")]):
+        for name, value in vars(base).items():
+            if not name.startswith(("__", "bl_")):
+                setattr(made, name, MethodType(value, made) if isinstance(value, FunctionType) else getattr(kind, name))
+    vars(made).update(own)
+    return made
+
+
+class Window:
+    """What operators find in a window with this scene; `calls` has what they do to it, `texts` its status bar's."""
+
+    def __init__(self, scene: Any) -> None:
+        self.calls: list[str] = []
+        self.texts: list[Any] = []
+        note = self.calls.append
+        manager = SimpleNamespace(
+            progress_begin=lambda *_: note("begin"),
+            progress_update=lambda *_: None,
+            progress_end=lambda: note("end"),
+            event_timer_add=lambda *_args, **_kwargs: "timer",
+            event_timer_remove=lambda timer: note(f"no {timer}"),
+            modal_handler_add=lambda _operator: note("modal"),
+        )
+        self.context = SimpleNamespace(
+            scene=scene,
+            window=SimpleNamespace(cursor_modal_set=note, cursor_modal_restore=lambda: note("restored")),
+            screen=bpy.context.window and bpy.context.window.screen,
+            window_manager=manager,
+            workspace=SimpleNamespace(status_text_set=self.texts.append),
+            evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+        )
+
+
+def until_it_ends(kind: Any, itself: Any, context: Any) -> set[str]:
+    """What an operator returns at last; until then timers of others go on to them."""
+    for _ in range(100_000):
+        result: set[str] = kind.modal(itself, context, SimpleNamespace(type="TIMER"))
+        if result != {"PASS_THROUGH"}:
+            return result
+        time.sleep(0.001)
+    raise AssertionError("it never ends")

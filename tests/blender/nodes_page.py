@@ -7,8 +7,6 @@ node that this Blender offers, whether it is rendered, and the comparisons witho
 failed; 130 stopped.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials of tests, as the extension reads them."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import bpy
 from shapes import node
 
 from addon.blender.read.materials import Palette
 from addon.core.base.notes import Notes
-
-if TYPE_CHECKING:
-    from addon.core.scene.scene import Material
+from addon.core.scene.scene import Material
 
 
 def converted(block: Any) -> tuple[Material, list[str]]:
@@ -39,3 +37,13 @@ def plug(block: Any, kind: str, socket: int = 0) -> Any:
     new = tree.nodes.new(kind)
     tree.links.new(new.outputs[socket], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
     return new
+
+
+def nodes_group(kind: str, result: str, make: Callable[[Any, Any], Any]) -> Any:
+    """A group of shader nodes with one input and one output of these types. make: the output, of tree and input."""
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    for direction, one in (("INPUT", kind), ("OUTPUT", result)):
+        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{one}")
+    source = group.nodes.new("NodeGroupInput").outputs[0]
+    group.links.new(make(group, source), group.nodes.new("NodeGroupOutput").inputs[0])
+    return group

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hair curves, particle hair and point clouds for tests."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small Blender data for tests."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import bmesh
 import bpy
@@ -11,9 +12,7 @@ import numpy as np
 
 from addon.blender.read import extract
 from addon.core.base.notes import Notes
-
-if TYPE_CHECKING:
-    from addon.core.scene.scene import Geometry, Scene
+from addon.core.scene.scene import Geometry, Scene
 
 
 def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -> Any:
@@ -24,39 +23,87 @@ def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -
     return mesh
 
 
-def ball() -> Any:
-    """A smooth open sphere of 0.9 units: its lower half is missing, so that light enters it."""
+@contextmanager
+def _shaping(mesh: Any, *, smooth: bool, uvs: bool = False) -> Iterator[Any]:
+    """A BMesh that becomes this mesh."""
     bm = bmesh.new()
-    bm.loops.layers.uv.new("UVMap")
-    bmesh.ops.create_uvsphere(bm, u_segments=48, v_segments=24, radius=0.45, calc_uvs=True)
-    bmesh.ops.delete(bm, geom=[v for v in bm.verts if v.co.z < -0.2], context="VERTS")
-    mesh = bpy.data.meshes.new("Ball")
-    bm.to_mesh(mesh)
-    bm.free()
-    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
-    return mesh
-
-
-def cube(name: str = "Cube", size: float = 2.0, *, smooth: bool = False) -> Any:
-    bm = bmesh.new()
-    bm.loops.layers.uv.new("UVMap")
-    bmesh.ops.create_cube(bm, size=size, calc_uvs=True)
-    mesh = bpy.data.meshes.new(name)
+    if uvs:
+        bm.loops.layers.uv.new("UVMap")
+    yield bm
     bm.to_mesh(mesh)
     bm.free()
     mesh.polygons.foreach_set("use_smooth", [smooth] * len(mesh.polygons))
+
+
+def sphere(segments: int, radius: float = 1.0, *, smooth: bool = True, half: bool = False) -> Any:
+    """A closed sphere of twice as many segments as rings. half: with UVs, open below, so that light enters it."""
+    mesh = bpy.data.meshes.new("Ball")
+    with _shaping(mesh, smooth=smooth, uvs=half) as bm:
+        bmesh.ops.create_uvsphere(bm, u_segments=segments, v_segments=segments // 2, radius=radius, calc_uvs=half)
+        if half:
+            bmesh.ops.delete(bm, geom=[v for v in bm.verts if v.co.z < -0.2], context="VERTS")
+    return mesh
+
+
+def ball() -> Any:
+    """A smooth open sphere of 0.9 units."""
+    return sphere(48, 0.45, half=True)
+
+
+def cube(name: str = "Cube", size: float = 2.0, *, smooth: bool = False) -> Any:
+    mesh = bpy.data.meshes.new(name)
+    with _shaping(mesh, smooth=smooth, uvs=True) as bm:
+        bmesh.ops.create_cube(bm, size=size, calc_uvs=True)
     return mesh
 
 
 def grid(segments: int, name: str = "Grid", *, smooth: bool = True) -> Any:
     """segments² quads over 2 × 2 units."""
-    bm = bmesh.new()
-    bmesh.ops.create_grid(bm, x_segments=segments, y_segments=segments, size=1.0)
     mesh = bpy.data.meshes.new(name)
-    bm.to_mesh(mesh)
-    bm.free()
-    mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), smooth))
+    with _shaping(mesh, smooth=smooth) as bm:
+        bmesh.ops.create_grid(bm, x_segments=segments, y_segments=segments, size=1.0)
     return mesh
+
+
+def place(name: str, data: Any, *materials: Any, **properties: Any) -> Any:
+    """A new object of the open scene. materials: those that its data gets."""
+    for one in materials:
+        data.materials.append(one)
+    item = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(item)
+    for key, value in properties.items():
+        setattr(item, key, value)
+    return item
+
+
+def lamp(kind: str, energy: float | None = None, name: str = "Lamp", **settings: Any) -> Any:
+    """A new light of the open scene, with these settings of its data or of its object. energy: Blender's if None."""
+    data = bpy.data.lights.new(name, kind)
+    item = place(name, data)
+    for key, value in {"energy": data.energy if energy is None else energy, **settings}.items():
+        setattr(data if hasattr(data, key) else item, key, value)
+    return item
+
+
+def world(*color: float) -> Any:
+    """Give the open scene a new world, of this colour; its background node."""
+    made = bpy.context.scene.world = bpy.data.worlds.new("World")
+    with_nodes(made)
+    background = node(made.node_tree, "ShaderNodeBackground")
+    if color:
+        background.inputs["Color"].default_value = (*color, 1)
+    return background
+
+
+def look(size: tuple[int, int], location: tuple[float, ...] = (0, 0, 0), tilt: float = 0.0, **settings: Any) -> Any:
+    """Give the open scene a camera and the size of its picture. tilt: from looking down. settings: of its data."""
+    scene = bpy.context.scene
+    data = bpy.data.cameras.new("Camera")
+    for key, value in settings.items():
+        setattr(data, key, value)
+    scene.camera = place("Camera", data, location=location, rotation_euler=(tilt, 0, 0))
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *size, 100
+    return scene.camera
 
 
 def material(name: str, **inputs: Any) -> Any:
@@ -77,6 +124,14 @@ def with_nodes(block: Any) -> None:
 
 def node(tree: Any, kind: str) -> Any:
     return next(n for n in tree.nodes if n.bl_idname == kind)
+
+
+def reopened(path: Path) -> Any:
+    """The scene of the open file, saved here and loaded again."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    return bpy.context.scene
 
 
 def read(*, uvs: bool = False) -> tuple[Scene, list[str]]:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Zips of the extension, and a Blender that installs them into an empty user folder in a process of its own."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene that uses every kind of data block, and what a final render of it is handed and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -9,9 +9,9 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from ...core.base import native
 from ...core.session.session import POLL_SECONDS
 from ..session import failures, trees
+from ..session.modal import Modal
 from ..settings import presets
 from . import compare_files, comparing
 
@@ -19,19 +19,12 @@ STOP_SECONDS = 10.0
 """Time limit for the running step when the add-on is unregistered, in seconds."""
 
 
-class _Modal:
-    """An operator that works while Blender stays usable. Esc stops it."""
+class _Measuring(Modal):
+    """An operator that measures the scene."""
 
-    _work: comparing.Work | None = None
-    _timer: Any = None
+    work, stopped, seconds = "measure", "Measuring was stopped", 2 * POLL_SECONDS
+
     _told = ""
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None and context.scene is not None
-
-    def _begin(self, scene: Any) -> comparing.Work:
-        raise NotImplementedError
 
     def _use(self, scene: Any, found: comparing.Found) -> None:
         """Apply the result, where the operator does more than to store it."""
@@ -48,72 +41,22 @@ class _Modal:
             self._use(scene, found)
         return {"FINISHED"}
 
-    def execute(self, context: Any) -> set[str]:
-        """Work and wait, for scripts."""
-        try:
-            work = self._begin(context.scene)
-            while not work.step(POLL_SECONDS):
-                pass
-        except BaseException as error:
-            return failures.reported(self, error, "measure")
-        return self._done(work)
+    def _gone(self) -> bool:
+        """Whether another file was loaded, or the add-on disabled."""
+        return comparing.progress() is None
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
-        """Work while Blender stays usable."""
-        try:
-            self._work = self._begin(context.scene)
-        except BaseException as error:
-            return failures.reported(self, error, "measure")
-        manager = context.window_manager
-        manager.progress_begin(0, 100)
-        self._timer = manager.event_timer_add(2 * POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: Any, event: Any) -> set[str]:
-        """Advance the work on each timer event; all events but Esc pass through."""
-        assert self._work is not None
-        if event.type == "ESC":
-            self._work.cancel()
-            self._end(context)
-            self.report({"INFO"}, "Measuring was stopped")  # type: ignore[attr-defined]
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        now = comparing.progress()
-        if now is None:  # stopped from outside: another file was loaded, or the add-on was disabled
-            self._end(context)
-            return {"CANCELLED"}
-        try:
-            ended = self._work.step(0.0)
-        except BaseException as error:
-            self._end(context)
-            return failures.reported(self, error, "measure")
-        if ended:
-            self._end(context)
-            return self._done(self._work)
+    def _tell(self, context: Any) -> None:
+        if (now := comparing.progress()) is None:
+            return
         done, text = now
         context.window_manager.progress_update(100 * done)
         if text != self._told:
             self._told = text
             context.workspace.status_text_set(f"{done:.0%}  {text}   Esc: stop")
             trees.redraw_panels()
-        return {"PASS_THROUGH"}  # events do not identify their timer
-
-    def cancel(self, context: Any) -> None:
-        """Stop when Blender closes the window or the file."""
-        if self._work is not None:
-            self._work.cancel()
-
-    def _end(self, context: Any) -> None:
-        manager = context.window_manager
-        manager.event_timer_remove(self._timer)
-        manager.progress_end()
-        context.workspace.status_text_set(None)
-        trees.redraw_panels()
 
 
-class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
+class HALFSPACE_OT_compare(_Measuring, bpy.types.Operator):
     """Compares the ticked structures."""
 
     bl_idname = "halfspace.compare"
@@ -124,11 +67,11 @@ class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    def _begin(self, scene: Any) -> comparing.Work:
-        return comparing.comparing(scene)
+    def _begin(self, context: Any) -> comparing.Work:
+        return comparing.comparing(context.scene)
 
 
-class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
+class HALFSPACE_OT_choose(_Measuring, bpy.types.Operator):
     """Chooses a structure."""
 
     bl_idname = "halfspace.choose"
@@ -139,8 +82,8 @@ class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    def _begin(self, scene: Any) -> comparing.Work:
-        return comparing.choosing(scene)
+    def _begin(self, context: Any) -> comparing.Work:
+        return comparing.choosing(context.scene)
 
     def _use(self, scene: Any, found: comparing.Found) -> None:
         if found.comparison.best is not None:

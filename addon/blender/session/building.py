@@ -20,7 +20,8 @@ from .. import state
 from ..read import extract
 from ..settings import properties, signals
 from ..state import SceneState
-from . import failures, trees
+from . import trees
+from .modal import Modal
 
 REST_SECONDS = 0.4
 """Time without changes before a scene is rebuilt automatically, in seconds."""
@@ -161,80 +162,32 @@ def _advance() -> float | None:
     return POLL_SECONDS if _Background.job is not None or _Background.wish is not None else None
 
 
-class HALFSPACE_OT_build_structure(bpy.types.Operator):
+class HALFSPACE_OT_build_structure(Modal, bpy.types.Operator):
     """Builds the chosen structure over the scene as the viewport shows it."""
 
     bl_idname = "halfspace.build_structure"
     bl_label = "Build Structure"
     bl_description = "Build the chosen structure over the scene as the viewport shows it, for inspection. Esc stops"
 
-    _job: Job | None = None
-    _timer: Any = None
+    work, stopped = WORK, "Building was stopped"
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return native.problem() is None and context.scene is not None
+    def _begin(self, context: Any) -> Job:
+        return Job(context.scene, context.evaluated_depsgraph_get())
 
-    def execute(self, context: Any) -> set[str]:
-        """Build and wait, for scripts."""
-        try:
-            job = build_now(context.scene, context.evaluated_depsgraph_get())
-        except BaseException as error:
-            return failures.reported(self, error, WORK)
-        return _told(self, job)
+    def _done(self, work: Job) -> set[str]:
+        for line in work.notes.lines():
+            self.report({"WARNING"}, line)
+        self.report({"INFO"}, f"{work.label} over {work.triangles:,} triangles")
+        return {"FINISHED"}
+
+    def _tell(self, context: Any) -> None:
+        context.window_manager.progress_update(100 * self._work.progress)
+        context.workspace.status_text_set(f"{self._work.label}: {self._work.progress:.0%}   Esc: stop")
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Build while Blender stays usable."""
+        """Build while Blender stays usable, in place of an automatic build."""
         stop()
-        try:
-            self._job = Job(context.scene, context.evaluated_depsgraph_get())
-        except BaseException as error:
-            return failures.reported(self, error, WORK)
-        manager = context.window_manager
-        manager.progress_begin(0, 100)
-        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: Any, event: Any) -> set[str]:
-        """Advance the build on each timer event; Esc stops it; all other events pass through."""
-        assert self._job is not None
-        if event.type == "ESC":
-            self._job.cancel()
-            self._end(context)
-            self.report({"INFO"}, "Building was stopped")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            done = self._job.step()
-        except BaseException as error:
-            self._end(context)
-            return failures.reported(self, error, WORK)
-        if done:
-            self._end(context)
-            return _told(self, self._job)
-        context.window_manager.progress_update(100 * self._job.progress)
-        context.workspace.status_text_set(f"{self._job.label}: {self._job.progress:.0%}   Esc: stop")
-        return {"PASS_THROUGH"}  # events do not identify their timer
-
-    def cancel(self, context: Any) -> None:
-        """Stop when Blender closes the window or the file."""
-        if self._job is not None:
-            self._job.cancel()
-
-    def _end(self, context: Any) -> None:
-        manager = context.window_manager
-        manager.event_timer_remove(self._timer)
-        manager.progress_end()
-        context.workspace.status_text_set(None)
-
-
-def _told(operator: Any, job: Job) -> set[str]:
-    for line in job.notes.lines():
-        operator.report({"WARNING"}, line)
-    operator.report({"INFO"}, f"{job.label} over {job.triangles:,} triangles")
-    return {"FINISHED"}
+        return Modal.invoke(self, context, event)
 
 
 class HALFSPACE_OT_free_structure(bpy.types.Operator):

@@ -218,7 +218,6 @@ BUILD_PROPERTIES: dict[str, Any] = {
     ),
     "overlay": PointerProperty(type=HalfspaceOverlaySettings),
     "inspector": PointerProperty(type=HalfspaceInspectorSettings),
-    "settings_version": IntProperty(options={"HIDDEN"}, default=1),
 }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .panels import EnginePanel
+from .panels import EnginePanel, registered, rows
 
 LIT = ("DIFFUSE", "GLOSSY", "TRANSMISSION")
 """Bakes of the light of one kind of shaders."""
@@ -49,19 +49,15 @@ class HALFSPACE_PT_bake_influence(EnginePanel, bpy.types.Panel):
         column = self.column()
         bake, wanted = context.scene.render.bake, context.scene.halfspace.bake_type
         if wanted == "NORMAL":
-            column.prop(bake, "normal_space", text="Space")
-            for axis, text in (("r", "Swizzle R"), ("g", "G"), ("b", "B")):
-                column.prop(bake, f"normal_{axis}", text=text)
+            rows(column, bake, normal_space="Space", normal_r="Swizzle R", normal_g="G", normal_b="B")
             return
         light = column.column(heading="Lighting", align=True)
-        light.prop(bake, "use_pass_direct")
-        light.prop(bake, "use_pass_indirect")
+        rows(light, bake, "use_pass_direct", "use_pass_indirect")
         if wanted in LIT:
             light.prop(bake, "use_pass_color")
             return
         parts = column.column(heading="Contributions", align=True)
-        for part in ("diffuse", "glossy", "transmission", "emit"):
-            parts.prop(bake, f"use_pass_{part}")
+        rows(parts, bake, *(f"use_pass_{part}" for part in ("diffuse", "glossy", "transmission", "emit")))
 
 
 class HALFSPACE_PT_bake_selected_to_active(EnginePanel, bpy.types.Panel):
@@ -96,14 +92,7 @@ class HALFSPACE_PT_bake_output(EnginePanel, bpy.types.Panel):
         bake = context.scene.render.bake
         column.prop(bake, "target")
         if bake.target == "IMAGE_TEXTURES":
-            column.prop(bake, "use_clear", text="Clear Image")
-            column.prop(bake, "margin_type", text="Margin")
-            column.prop(bake, "margin", text="Size")
+            rows(column, bake, use_clear="Clear Image", margin_type="Margin", margin="Size")
 
 
-CLASSES = (
-    HALFSPACE_PT_bake,
-    HALFSPACE_PT_bake_influence,
-    HALFSPACE_PT_bake_selected_to_active,
-    HALFSPACE_PT_bake_output,
-)
+CLASSES = registered(globals())

@@ -11,7 +11,7 @@ import bpy
 
 from ..read.camera import COEFFICIENTS
 from ..read.nodes import active_tree, output_node
-from .panels import EnginePanel
+from .panels import EnginePanel, registered, rows
 
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Kinds of objects with surfaces."""
@@ -20,25 +20,25 @@ SEEN = SOLID | {"VOLUME", "LIGHT"}
 """Kinds of objects that rays meet."""
 
 OF_PANORAMAS = {
-    "EQUIRECTANGULAR": (
-        ("latitude_min", "Latitude Min"),
-        ("latitude_max", "Max"),
-        ("longitude_min", "Longitude Min"),
-        ("longitude_max", "Max"),
-    ),
-    "FISHEYE_EQUIDISTANT": (("fisheye_fov", "Field of View"),),
-    "FISHEYE_EQUISOLID": (("fisheye_lens", "Lens"), ("fisheye_fov", "Field of View")),
-    "FISHEYE_LENS_POLYNOMIAL": (
-        ("fisheye_fov", "Field of View"),
-        *((name, f"K{power}") for power, name in enumerate(COEFFICIENTS)),
-    ),
-    "CENTRAL_CYLINDRICAL": (
-        ("central_cylindrical_range_v_min", "Height Min"),
-        ("central_cylindrical_range_v_max", "Max"),
-        ("central_cylindrical_range_u_min", "Longitude Min"),
-        ("central_cylindrical_range_u_max", "Max"),
-        ("central_cylindrical_radius", "Cylinder Radius"),
-    ),
+    "EQUIRECTANGULAR": {
+        "latitude_min": "Latitude Min",
+        "latitude_max": "Max",
+        "longitude_min": "Longitude Min",
+        "longitude_max": "Max",
+    },
+    "FISHEYE_EQUIDISTANT": {"fisheye_fov": "Field of View"},
+    "FISHEYE_EQUISOLID": {"fisheye_lens": "Lens", "fisheye_fov": "Field of View"},
+    "FISHEYE_LENS_POLYNOMIAL": {
+        "fisheye_fov": "Field of View",
+        **{name: f"K{power}" for power, name in enumerate(COEFFICIENTS)},
+    },
+    "CENTRAL_CYLINDRICAL": {
+        "central_cylindrical_range_v_min": "Height Min",
+        "central_cylindrical_range_v_max": "Max",
+        "central_cylindrical_range_u_min": "Longitude Min",
+        "central_cylindrical_range_u_max": "Max",
+        "central_cylindrical_radius": "Cylinder Radius",
+    },
 }
 """The settings of each kind of panorama that has any, with their labels."""
 
@@ -59,8 +59,7 @@ class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
         column = self.column()
         camera = context.camera
         column.prop(camera, "panorama_type")
-        for name, text in OF_PANORAMAS.get(camera.panorama_type, ()):
-            column.prop(camera, name, text=text)
+        rows(column, camera, **OF_PANORAMAS.get(camera.panorama_type, {}))
 
 
 class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
@@ -72,11 +71,8 @@ class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         column = self.column().column(heading="Include")
-        column.prop(context.view_layer, "use_sky", text="Environment")
-        column.prop(context.view_layer, "use_solid", text="Surfaces")
-        column.prop(context.view_layer, "use_strand", text="Curves")
-        column.prop(context.view_layer, "use_volumes", text="Volumes")
-        column.prop(context.view_layer, "use_motion_blur", text="Motion Blur")
+        labels = {"use_sky": "Environment", "use_solid": "Surfaces", "use_strand": "Curves", "use_volumes": "Volumes"}
+        rows(column, context.view_layer, **labels, use_motion_blur="Motion Blur")
         if hasattr(context.view_layer, "cycles"):
             column.prop(context.view_layer.cycles, "use_denoising", text="Denoising")
 
@@ -99,6 +95,16 @@ class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
 class _WorldPanel(EnginePanel):
     bl_context = "world"
     block = "world"
+
+
+class HALFSPACE_PT_world_preview(_WorldPanel, bpy.types.Panel):
+    """A picture of the world alone."""
+
+    bl_label = "Preview"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        self.layout.template_preview(context.world)
 
 
 class HALFSPACE_PT_world(_WorldPanel, bpy.types.Panel):
@@ -124,16 +130,6 @@ class HALFSPACE_PT_world_volume(_WorldPanel, bpy.types.Panel):
         _inputs(self.layout, context.world, "Volume")
 
 
-class HALFSPACE_PT_world_preview(_WorldPanel, bpy.types.Panel):
-    """A picture of the world alone."""
-
-    bl_label = "Preview"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: Any) -> None:
-        self.layout.template_preview(context.world)
-
-
 class HALFSPACE_PT_world_mist(_WorldPanel, bpy.types.Panel):
     """Extent of the mist pass; only where a view layer has that pass."""
 
@@ -145,9 +141,7 @@ class HALFSPACE_PT_world_mist(_WorldPanel, bpy.types.Panel):
         return super().poll(context) and any(layer.use_pass_mist for layer in context.scene.view_layers)
 
     def draw(self, context: Any) -> None:
-        column = self.column()
-        for name in ("start", "depth", "falloff"):
-            column.prop(context.world.mist_settings, name)
+        rows(self.column(), context.world.mist_settings, "start", "depth", "falloff")
 
 
 class HALFSPACE_PT_world_ray_visibility(_WorldPanel, bpy.types.Panel):
@@ -161,9 +155,8 @@ class HALFSPACE_PT_world_ray_visibility(_WorldPanel, bpy.types.Panel):
         return super().poll(context) and hasattr(context.world, "cycles_visibility")
 
     def draw(self, context: Any) -> None:
-        column = self.column()
-        for name in ("camera", "diffuse", "glossy", "transmission", "scatter"):
-            column.prop(context.world.cycles_visibility, name)
+        kinds = ("camera", "diffuse", "glossy", "transmission", "scatter")
+        rows(self.column(), context.world.cycles_visibility, *kinds)
 
 
 class HALFSPACE_PT_world_settings(_WorldPanel, bpy.types.Panel):
@@ -201,17 +194,12 @@ class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
         shown.prop(item, "hide_viewport", text="Viewports", invert_checkbox=True, toggle=False)
         shown.prop(item, "hide_render", text="Renders", invert_checkbox=True, toggle=False)
         if item.type in SOLID:
-            mask = column.column(heading="Mask")
-            mask.prop(item, "is_shadow_catcher")
-            mask.prop(item, "is_holdout")
+            rows(column.column(heading="Mask"), item, "is_shadow_catcher", "is_holdout")
             column.prop(item, "shadow_terminator_geometry_offset", text="Shadow Terminator")
         if (cycles := getattr(item, "cycles", None)) is not None:
-            switches = column.column(heading="Motion Blur")
-            switches.prop(cycles, "use_motion_blur", text="Motion")
-            switches.prop(cycles, "use_deform_motion", text="Deformation")
-            culling = column.column(heading="Culling")
-            culling.prop(cycles, "use_camera_cull")
-            culling.prop(cycles, "use_distance_cull")
+            motion = column.column(heading="Motion Blur")
+            rows(motion, cycles, use_motion_blur="Motion", use_deform_motion="Deformation")
+            rows(column.column(heading="Culling"), cycles, "use_camera_cull", "use_distance_cull")
 
 
 class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -315,8 +303,7 @@ class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):
         value.prop(light, "temperature", text="")
         column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
         column.separator()
-        for name in ("energy", "exposure", "normalize"):
-            column.prop(light, name)
+        rows(column, light, "energy", "exposure", "normalize")
         column.separator()
         _shape(column, light)
         column.separator()
@@ -367,8 +354,7 @@ def _shape(column: Any, light: Any) -> None:
             column.prop(light, "shape", text="Shape")
             sizes = column.column(align=True)
             if light.shape in ("RECTANGLE", "ELLIPSE"):
-                sizes.prop(light, "size", text="Size X")
-                sizes.prop(light, "size_y", text="Y")
+                rows(sizes, light, size="Size X", size_y="Y")
             else:
                 sizes.prop(light, "size")
 
@@ -396,23 +382,4 @@ def _inputs(layout: Any, block: Any, socket: str) -> bool:
     return True
 
 
-CLASSES = (
-    HALFSPACE_PT_panorama,
-    HALFSPACE_PT_filter,
-    HALFSPACE_PT_override,
-    HALFSPACE_PT_world_preview,
-    HALFSPACE_PT_world,
-    HALFSPACE_PT_world_volume,
-    HALFSPACE_PT_world_mist,
-    HALFSPACE_PT_world_ray_visibility,
-    HALFSPACE_PT_world_settings,
-    HALFSPACE_PT_visibility,
-    HALFSPACE_PT_ray_visibility,
-    HALFSPACE_PT_material,
-    HALFSPACE_PT_material_volume,
-    HALFSPACE_PT_material_displacement,
-    HALFSPACE_PT_material_settings,
-    HALFSPACE_PT_light,
-    HALFSPACE_PT_light_beam_shape,
-    HALFSPACE_PT_light_nodes,
-)
+CLASSES = registered(globals())

@@ -228,9 +228,4 @@ def export(layout: Any, what: str) -> None:
     layout.operator("halfspace.export_inspector", text=f"Export {label}", icon="EXPORT").what = what
 
 
-CLASSES = (
-    HALFSPACE_PT_view_tree,
-    HALFSPACE_PT_view_worst,
-    HALFSPACE_PT_view_levels,
-    HALFSPACE_PT_image_maps,
-)
+CLASSES = panels.registered(globals())

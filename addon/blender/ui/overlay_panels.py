@@ -262,13 +262,7 @@ def _popover(panel: Any, context: Any) -> None:
         panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
 
 
-CLASSES = (
-    HALFSPACE_PT_view_structure,
-    HALFSPACE_PT_view_statistics,
-    HALFSPACE_PT_view_overlay,
-    HALFSPACE_PT_view_ray,
-    HALFSPACE_PT_view_costs,
-)
+CLASSES = panels.registered(globals())
 
 
 def register() -> None:

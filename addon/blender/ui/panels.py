@@ -39,6 +39,21 @@ STATISTICS = (
 """Lines of the statistics panel: label, key, format."""
 
 
+def registered(names: Mapping[str, Any]) -> tuple[type, ...]:
+    """The panels of a module, by its `globals()`, in the order of their definitions, which is that of registration."""
+    values = [one for value in names.values() for one in (value if isinstance(value, tuple) else (value,))]
+    kinds = [one for one in values if isinstance(one, type) and issubclass(one, bpy.types.Panel)]
+    return tuple(kind for kind in kinds if kind.__module__ == names["__name__"])
+
+
+def rows(layout: Any, owner: Any, *names: str, **labelled: str) -> None:
+    """Add rows of these properties, with their own labels, then with those that are given."""
+    for name in names:
+        layout.prop(owner, name)
+    for name, text in labelled.items():
+        layout.prop(owner, name, text=text)
+
+
 class EnginePanel:
     """A panel that appears only for this engine."""
 
@@ -199,10 +214,8 @@ class HALFSPACE_PT_light_paths_clamping(EnginePanel, bpy.types.Panel):
     bl_parent_id = "HALFSPACE_PT_light_paths"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
-        group = context.scene.halfspace
-        column.prop(group, "clamp_direct", text="Direct Light")
-        column.prop(group, "clamp_indirect", text="Indirect Light")
+        labels = {"clamp_direct": "Direct Light", "clamp_indirect": "Indirect Light"}
+        rows(self.column(), context.scene.halfspace, **labels)
 
 
 class HALFSPACE_PT_light_paths_caustics(EnginePanel, bpy.types.Panel):
@@ -219,9 +232,8 @@ class HALFSPACE_PT_light_paths_caustics(EnginePanel, bpy.types.Panel):
         column = self.column()
         group = context.scene.halfspace
         column.prop(group, "filter_glossy")
-        switches = column.column(heading="Caustics", align=True)
-        switches.prop(group, "caustics_reflective", text="Reflective")
-        switches.prop(group, "caustics_refractive", text="Refractive")
+        labels = {"caustics_reflective": "Reflective", "caustics_refractive": "Refractive"}
+        rows(column.column(heading="Caustics", align=True), group, **labels)
 
 
 class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
@@ -243,8 +255,7 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
         header, body = column.panel("HALFSPACE_memory", default_closed=True)
         header.label(text="Memory")
         if body is not None:
-            body.prop(group, "instancing")
-            body.prop(group, "memory_limit")
+            rows(body, group, "instancing", "memory_limit")
 
 
 def _of_blender(name: str, own: str, parent: str = "") -> type:
@@ -279,15 +290,7 @@ class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):
         column = self.column()
         column.active = context.scene.render.use_simplify
         for kind in ("camera", "distance"):
-            column.prop(context.scene.cycles, f"use_{kind}_cull")
-            column.prop(context.scene.cycles, f"{kind}_cull_margin")
-
-
-COMPOSITOR = tuple(
-    _of_blender(f"RENDER_PT_eevee_performance_compositor{part}", f"HALFSPACE_PT_compositor{part}", parent)
-    for part, parent in (("", "HALFSPACE_PT_performance"), ("_denoise_settings", "HALFSPACE_PT_compositor"))
-)
-"""How Blender's compositor works on the pictures of all engines."""
+            rows(column, context.scene.cycles, f"use_{kind}_cull", f"{kind}_cull_margin")
 
 
 class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
@@ -304,8 +307,7 @@ class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
         column = self.column()
         render = context.scene.render
         column.active = render.use_motion_blur
-        column.prop(render, "motion_blur_position", text="Position")
-        column.prop(render, "motion_blur_shutter", text="Shutter")
+        rows(column, render, motion_blur_position="Position", motion_blur_shutter="Shutter")
         column.prop(context.scene.halfspace, "motion_steps")
 
 
@@ -323,8 +325,11 @@ class HALFSPACE_PT_film(EnginePanel, bpy.types.Panel):
         if (cycles := getattr(context.scene, "cycles", None)) is not None:
             glass = column.column()
             glass.active = context.scene.render.film_transparent
-            glass.prop(cycles, "film_transparent_glass", text="Transparent Glass")
-            glass.prop(cycles, "film_transparent_roughness", text="Roughness Threshold")
+            labels = {
+                "film_transparent_glass": "Transparent Glass",
+                "film_transparent_roughness": "Roughness Threshold",
+            }
+            rows(glass, cycles, **labels)
 
 
 class HALFSPACE_PT_film_pixel_filter(EnginePanel, bpy.types.Panel):
@@ -356,6 +361,13 @@ class HALFSPACE_PT_performance(EnginePanel, bpy.types.Panel):
         threads.enabled = render.threads_mode == "FIXED"
         threads.prop(render, "threads")
         column.prop(render, "use_persistent_data", text="Persistent Data")
+
+
+COMPOSITOR = tuple(
+    _of_blender(f"RENDER_PT_eevee_performance_compositor{part}", f"HALFSPACE_PT_compositor{part}", parent)
+    for part, parent in (("", "HALFSPACE_PT_performance"), ("_denoise_settings", "HALFSPACE_PT_compositor"))
+)
+"""How Blender's compositor works on the pictures of all engines."""
 
 
 class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
@@ -438,23 +450,4 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
             grid.label(text=text)
 
 
-CLASSES = (
-    HALFSPACE_PT_sampling,
-    HALFSPACE_PT_sampling_viewport,
-    HALFSPACE_PT_sampling_viewport_denoise,
-    HALFSPACE_PT_sampling_render,
-    HALFSPACE_PT_sampling_denoise,
-    HALFSPACE_PT_sampling_advanced,
-    HALFSPACE_PT_light_paths,
-    HALFSPACE_PT_light_paths_clamping,
-    HALFSPACE_PT_light_paths_caustics,
-    HALFSPACE_PT_structure,
-    *SIMPLIFY,
-    HALFSPACE_PT_simplify_culling,
-    HALFSPACE_PT_motion_blur,
-    HALFSPACE_PT_film,
-    HALFSPACE_PT_film_pixel_filter,
-    HALFSPACE_PT_performance,
-    *COMPOSITOR,
-    HALFSPACE_PT_statistics,
-)
+CLASSES = registered(globals())

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..read.passes import DATA_PASSES, MATTES, OWN_PASSES
-from .panels import EnginePanel
+from .panels import EnginePanel, registered, rows
 
 
 class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
@@ -21,12 +21,9 @@ class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = self.column()
         layer = context.view_layer
-        column.prop(layer, "use_pass_combined")
-        for render_pass in DATA_PASSES[1:]:
-            column.prop(layer, render_pass.switch)
+        rows(column, layer, "use_pass_combined", *(one.switch for one in DATA_PASSES[1:]))
         column.separator()
-        for render_pass in OWN_PASSES:
-            column.prop(layer.halfspace, render_pass.switch)
+        rows(column, layer.halfspace, *(one.switch for one in OWN_PASSES))
 
 
 class HALFSPACE_PT_passes_light(EnginePanel, bpy.types.Panel):
@@ -133,12 +130,4 @@ class HALFSPACE_PT_world_light_group(_LightGroupPanel, bpy.types.Panel):
     block = bl_context = "world"
 
 
-CLASSES = (
-    HALFSPACE_PT_passes,
-    HALFSPACE_PT_passes_light,
-    HALFSPACE_PT_passes_cryptomatte,
-    HALFSPACE_PT_passes_aov,
-    HALFSPACE_PT_passes_lightgroups,
-    HALFSPACE_PT_object_light_group,
-    HALFSPACE_PT_world_light_group,
-)
+CLASSES = registered(globals())

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The inspector's operators: nodes, worst rays, levels, the step of a ray, files."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +10,7 @@ import bpy
 import gpu
 import numpy as np
 import pytest
-from drawn import boxes, build, tilted
+from drawn import build, plates
 from layouts import draw, draw_all
 from mathutils import Matrix
 
@@ -29,13 +27,7 @@ WIDTH, HEIGHT = 200, 150
 
 @pytest.fixture
 def seen(scene: Any, add: Any) -> Any:
-    """Tilted plates and boxes before a camera, far from the origin of the frame."""
-    boxes(add)
-    tilted(add)
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 16))
-    scene.render.resolution_x, scene.render.resolution_y = 320, 160
-    scene.halfspace.inspector.width = 64
-    return scene
+    return plates(scene, add)
 
 
 def maps_of(scene: Any) -> cost_maps.Kept:
@@ -130,8 +122,6 @@ def test_the_worst_ray_is_picked_and_explained(seen: Any, name: str, key: str) -
     settings.rays, settings.order = name, key
     assert bpy.ops.halfspace.worst_ray() == {"FINISHED"}
     found, ray = worst.known(seen), picking.last(seen)
-    assert found is not None
-    assert ray is not None
     costs = found.costs[name]
     indices, values = worst.order(found, tree, name, key)
     assert ray.any_hit == (name == "shadow")
@@ -217,7 +207,6 @@ def test_levels_are_measured_and_shown(seen: Any) -> None:
     assert levels.known(seen) is None
     assert bpy.ops.halfspace.measure_levels() == {"FINISHED"}
     found = levels.known(seen)
-    assert found is not None
     statistics = tree.structure.statistics
     assert sum(level.sah for level in found.levels.levels) == pytest.approx(statistics["sah_cost"], rel=1e-6)
     texts = draw(inspector_panels.HALFSPACE_PT_view_levels, scene=seen)
@@ -312,7 +301,6 @@ def test_one_cursor_reads_both_maps_and_picks_its_ray(seen: Any) -> None:
     assert bpy.ops.halfspace.map_cursor(column=int(column), row=int(row)) == {"FINISHED"}
     tree, ray = trees.last(seen), picking.last(seen)
     assert tree is not None
-    assert ray is not None
     # It goes through the centre of the pixel.
     workload_ray = np.array(ray.direction)
     tangent = np.tan(seen.camera.data.angle / 2)

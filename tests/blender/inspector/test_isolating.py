@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The objects of the selected node alone in the 3D views, and everything as before afterwards."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

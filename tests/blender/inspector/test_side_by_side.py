@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two structures side by side in the panels of rays and levels, all children of a node, histograms over sliders."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from drawn import boxes, build, tilted
+from drawn import build, plates
 from layouts import draw, draw_all
 
 from addon.blender.inspector import levels, second, worst
@@ -23,13 +21,7 @@ WIDTH, HEIGHT = 200, 150
 
 @pytest.fixture
 def seen(scene: Any, add: Any) -> Any:
-    """Tilted plates and boxes before a camera."""
-    boxes(add)
-    tilted(add)
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 16))
-    scene.render.resolution_x, scene.render.resolution_y = 320, 160
-    scene.halfspace.inspector.width = 64
-    return scene
+    return plates(scene, add)
 
 
 def after(texts: list[str], title: str) -> list[str]:
@@ -48,7 +40,6 @@ def test_the_worst_ray_is_counted_in_both_structures(seen: Any, name: str, key: 
     assert bpy.ops.halfspace.worst_ray() == {"FINISHED"}
     found, other = worst.known(seen), second.known(seen)
     assert found is not None
-    assert other is not None
     assert other.spec == "bvh-sah"
     assert other.triangles is tree.triangles
     texts = draw(inspector_panels.HALFSPACE_PT_view_worst, scene=seen)
@@ -84,8 +75,6 @@ def test_a_picked_ray_is_followed_through_both(seen: Any, canvas: Any) -> None:
     assert "Inner nodes" not in draw(panel, scene=seen)
     assert bpy.ops.halfspace.build_second() == {"FINISHED"}
     other, ray = second.known(seen), picking.last(seen)
-    assert other is not None
-    assert ray is not None
     path = cells.follow(other.structure, *ray.within(other.origin))
     texts = draw(panel, scene=seen)
     assert after(texts, "Tests") == [f"{drawing.shown(seen, 'RAY').tests:,}", f"{path.tests:,}"]
@@ -102,8 +91,6 @@ def test_levels_of_both_stand_side_by_side(seen: Any) -> None:
     seen.halfspace.second = "bvh-sah"
     assert bpy.ops.halfspace.measure_levels() == {"FINISHED"}
     found = levels.known(seen)
-    assert found is not None
-    assert found.beside is not None
     assert found.beside.rays is found.rays
     both = found.levels.levels, found.beside.levels.levels
     for key, title, number in (
@@ -138,7 +125,6 @@ def test_times_that_do_not_fit_are_not_shown(seen: Any, monkeypatch: pytest.Monk
     monkeypatch.setattr(measuring, "_prices", lambda *_: prices)
     bpy.ops.halfspace.measure_levels()
     found = levels.known(seen)
-    assert found is not None
     assert {level.fitted_nanoseconds for level in found.levels.levels} == {None}
     texts = draw(inspector_panels.HALFSPACE_PT_view_levels, scene=seen)
     assert texts.count("–") == len(found.levels.levels)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Zips of an old version, of the new one, and of a second build of the new one; and how each looks in Blender."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The zips that the tests of this folder install."""
 
-from __future__ import annotations
-
 import builds
 import pytest
 

@@ -5,8 +5,6 @@ Windows itself locks it; elsewhere the functions that Blender's installer calls 
 can be renamed. Whether the folders around it can is not documented, so that both are tried.
 """
 
-from __future__ import annotations
-
 import builtins
 import errno
 import os

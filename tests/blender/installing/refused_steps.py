@@ -4,8 +4,6 @@
 Run by test_refused_zips.py, in processes of their own. Each scenario ends with a picture by Cycles: Blender goes on.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

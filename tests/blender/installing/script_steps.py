@@ -4,8 +4,6 @@
 `python -I script_steps.py run ZIP ROOT SCRIPT ARGUMENT ...`; run by test_scripts_inside.py.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import runpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Windows locks the file of the loaded native module: Blender cannot remove it before its next start."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

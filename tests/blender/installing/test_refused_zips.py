@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Zips that cannot work in this Blender are installed by it: each gives one sentence, and Blender goes on."""
 
-from __future__ import annotations
-
 import platform
 import re
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension is replaced by another version, or by another build of its own, in a Blender that runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -4,8 +4,6 @@
 Run by test_upgrade.py and test_locked_files.py, in processes of their own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import sys

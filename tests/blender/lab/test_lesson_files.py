@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The lessons as .blend files: small, with scene, structure, overlay, questions and answers as on their pages."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scenes that are judged beside Cycles: understood to the last node, and the same for every kind of tree."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

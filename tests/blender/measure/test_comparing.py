@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Comparing and choosing structures in Blender: results, panel, report, stopping."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 import json
-import time
 from pathlib import Path
-from types import MethodType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
+import atlas
 import bpy
 import pytest
-from layouts import draw_all
-from shapes import cube, grid
+from drawn import row
+from layouts import Window, draw_all, operator, until_it_ends
+from shapes import grid
 
 from addon.blender.measure import compare_files, compare_operators, comparing
 from addon.blender.render import engine
-from addon.blender.session import reports, trees
+from addon.blender.session import trees
 from addon.blender.settings import presets, properties
 from addon.blender.ui import compare_panels, panels
 from addon.core.choose import auto, choice
@@ -26,13 +25,16 @@ from addon.core.structures import catalogue, ways
 
 
 @pytest.fixture
-def seen(scene: Any, add: Any) -> Any:
+def seen(scene: Any) -> Any:
     """Boxes before a camera."""
-    for i in range(5):
-        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
-    scene.render.resolution_x, scene.render.resolution_y = 64, 64
-    return scene
+    return row(scene, (64, 64))
+
+
+def last(scene: Any) -> comparing.Found:
+    """The last result of the scene."""
+    found = comparing.last(scene)
+    assert found is not None
+    return found
 
 
 @pytest.fixture(autouse=True)
@@ -58,8 +60,7 @@ def test_ticked_structures_and_the_chosen_one_are_compared(
     assert comparing.tried(group) == ["kd:traversal=dir", *quickest]
     assert not bpy.ops.halfspace.write_report.poll()
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
-    found = comparing.last(seen)
-    assert found is not None
+    found = last(seen)
     lines = [line.spec for line in found.comparison.sound]
     assert [ways.tree_of(spec) for spec in sorted(lines)] == ["bvh-sah", "kd", "kd"]
     assert "kd:traversal=dir" in lines
@@ -82,9 +83,7 @@ def test_ticked_structures_and_the_chosen_one_are_compared(
 def test_a_result_is_kept_in_the_file_as_a_text(seen: Any, tmp_path: Path) -> None:
     seen.name = "Still life"
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
-    found = comparing.last(seen)
-    assert found is not None
-    assert found.comparison.best is not None
+    found = last(seen)
     file = tmp_path / "kept.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
     with bpy.data.libraries.load(str(file)) as (inside, _):
@@ -102,9 +101,7 @@ def test_a_result_is_kept_in_the_file_as_a_text(seen: Any, tmp_path: Path) -> No
 def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     seen.halfspace.structure = "brute"
     assert bpy.ops.halfspace.choose() == {"FINISHED"}
-    found = comparing.last(seen)
-    assert found is not None
-    assert found.comparison.best is not None
+    found = last(seen)
     assert found.comparison.best.spec in auto.candidates(catalogue.load())
     assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
     assert any("Choosing took" in line for line in found.notes)
@@ -116,10 +113,10 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
         assert "compared with brute force, 0 wrong" in " ".join(draw_all(panel, scene=seen).log)
 
 
-@pytest.mark.parametrize("operator", ["compare", "choose"])
-def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, operator: str) -> None:
+@pytest.mark.parametrize("name", ["compare", "choose"])
+def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, name: str) -> None:
     seen.camera.data.type = "ORTHO"
-    assert getattr(bpy.ops.halfspace, operator)() == {"FINISHED"}
+    assert getattr(bpy.ops.halfspace, name)() == {"FINISHED"}
     said = "No perspective camera"
     assert said in bpy.data.texts["Halfspace comparison, Scene"].as_string()
     for panel in compare_panels.CLASSES:
@@ -131,16 +128,14 @@ def test_a_choice_that_was_measured_on_another_view_says_so(seen: Any) -> None:
     seen.render.resolution_x = seen.render.resolution_y = 16
     seen.camera.data.type = "ORTHO"
     bpy.ops.render.render()
-    report = reports.last(seen)
-    assert report is not None
+    report = atlas.report(seen)
     assert [line for line in report.reasons if "No perspective camera" in line]
 
 
 def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
     seen.objects["Box 1"].location.z += 0.5  # an edit that nobody has seen when measuring begins
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
-    found = comparing.last(seen)
-    assert found is not None
+    found = last(seen)
     panel = compare_panels.HALFSPACE_PT_view_compare
     assert not found.stale
     assert "The scene has changed since" not in draw_all(panel, scene=seen).log
@@ -165,12 +160,10 @@ def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
 
 def test_compare_and_choose_agree_or_leave_the_best_open(seen: Any, tmp_path: Path) -> None:
     assert bpy.ops.halfspace.choose() == {"FINISHED"}
-    chosen = comparing.last(seen)
-    assert chosen is not None
+    chosen = last(seen)
     assert "Compare found" not in chosen.notes[0]
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
-    compared = comparing.last(seen)
-    assert compared is not None
+    compared = last(seen)
     assert compared.comparison.beside(chosen.comparison, comparing.CHOOSE)
     assert compared.notes[0].endswith(compared.comparison.beside(chosen.comparison, comparing.CHOOSE))
     # The report begins with the sentence of the panel.
@@ -190,10 +183,8 @@ def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
     seen.halfspace.structure = "brute"
     seen.halfspace.automatic = True
     bpy.ops.render.render()
-    report = reports.last(seen)
-    assert report is not None
+    report = atlas.report(seen)
     tree = trees.last(seen)
-    assert tree is not None
     assert tree.spec in auto.candidates(catalogue.load())
     assert report.label == comparing.name(tree.spec)
     assert any("Choosing took" in line for line in report.reasons)
@@ -226,66 +217,19 @@ def test_of_a_structure_that_was_chosen_the_errors_that_were_counted_are_told(
     monkeypatch.setattr(engine._Picture, "_choose", err)
     monkeypatch.setattr(engine._Picture, "_show_status", lambda _self, text: said.append(text))
     bpy.ops.render.render()
-    report = reports.last(seen)
-    assert report is not None
+    report = atlas.report(seen)
     assert report.answers == "3 of 1,024 answers wrong"
     assert report.answers in said[-1]
-
-
-class Operator:
-    """The operator's own part, which Blender makes only in a window."""
-
-    _work: Any = None
-    _timer: Any = None
-    _told = ""
-    _begin: Any = compare_operators.HALFSPACE_OT_compare._begin
-    _use: Any = compare_operators._Modal._use
-    _done = compare_operators._Modal._done
-    _end = compare_operators._Modal._end
-
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def report(self, _kind: Any, text: str) -> None:
-        self.said.append(text)
-
-
-class Window:
-    """What an operator finds in a window with this scene."""
-
-    def __init__(self, scene: Any) -> None:
-        self.calls: list[Any] = []
-        self.texts: list[Any] = []
-        manager = SimpleNamespace(
-            progress_begin=lambda *_: self.calls.append("begin"),
-            progress_update=lambda share: None,
-            progress_end=lambda: self.calls.append("end"),
-            event_timer_add=lambda *_args, **_kwargs: "timer",
-            event_timer_remove=self.calls.append,
-            modal_handler_add=lambda _operator: self.calls.append("modal"),
-        )
-        workspace = SimpleNamespace(status_text_set=self.texts.append)
-        self.context = SimpleNamespace(scene=scene, window=None, window_manager=manager, workspace=workspace)
-
-
-def until_it_ends(operator: Any, kind: Any, context: Any) -> set[str]:
-    """What the operator returns at last; until then timers of others go on to them."""
-    for _ in range(20_000):
-        result: set[str] = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
-        if result != {"PASS_THROUGH"}:
-            return result
-        time.sleep(0.02)
-    pytest.fail("it never ends")
 
 
 def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
     other = bpy.data.scenes.new("Other")
     other.halfspace.structure = seen.halfspace.structure = "brute"
-    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_choose
-    operator._begin, operator._use = (MethodType(found, operator) for found in (kind._begin, kind._use))
-    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window, kind = Window(seen), compare_operators.HALFSPACE_OT_choose
+    itself = operator(kind)
+    assert kind.invoke(itself, window.context, None) == {"RUNNING_MODAL"}
     window.context.scene = other  # the user goes on elsewhere
-    assert until_it_ends(operator, kind, window.context) == {"FINISHED"}
+    assert until_it_ends(kind, itself, window.context) == {"FINISHED"}
     assert other.halfspace.structure == "brute"
     assert seen.halfspace.structure != "brute"
     assert comparing.last(seen) is not None
@@ -293,12 +237,13 @@ def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
 
 
 def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
-    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_compare
-    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window, kind = Window(seen), compare_operators.HALFSPACE_OT_compare
+    itself = operator(kind)
+    assert kind.invoke(itself, window.context, None) == {"RUNNING_MODAL"}
     window.context.scene = bpy.data.scenes.new("Other")
     bpy.data.scenes.remove(seen)
-    assert until_it_ends(operator, kind, window.context) == {"CANCELLED"}
-    assert operator.said == ["The measured scene was deleted"]
+    assert until_it_ends(kind, itself, window.context) == {"CANCELLED"}
+    assert itself.said == ["The measured scene was deleted"]
     assert not comparing.FOUND.all()
     assert not bpy.data.texts
 
@@ -308,24 +253,25 @@ def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, 
     add("Sea", grid(60), location=(0, 0, -1))
     window = Window(seen)
     context, calls, texts = window.context, window.calls, window.texts
-    operator, kind = Operator(), compare_operators.HALFSPACE_OT_compare
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    kind = compare_operators.HALFSPACE_OT_compare
+    itself = operator(kind)
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
     assert comparing.progress() is not None
-    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    assert kind.modal(itself, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
     if stopped:
-        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
+        result = kind.modal(itself, context, SimpleNamespace(type="ESC"))
     else:
-        result = until_it_ends(operator, kind, context)
+        result = until_it_ends(kind, itself, context)
     assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
-    assert calls == ["begin", "modal", "timer", "end"]
+    assert calls == ["begin", "modal", "no timer", "end"]
     assert texts[-1] is None
     assert (comparing.last(seen) is None) == stopped
     assert comparing.progress() is None
-    assert operator.said == (["Measuring was stopped"] if stopped else [])
+    assert itself.said == (["Measuring was stopped"] if stopped else [])
 
 
 def test_a_scene_without_triangles_is_an_error(scene: Any) -> None:
-    for operator in (bpy.ops.halfspace.compare, bpy.ops.halfspace.choose):
+    for begin in (bpy.ops.halfspace.compare, bpy.ops.halfspace.choose):
         with pytest.raises(RuntimeError, match="no triangles"):
-            operator()
+            begin()
     assert comparing.progress() is None

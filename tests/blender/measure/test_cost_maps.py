@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cost maps against the counters of the native module, and the pictures made of them."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, with_nodes
+from drawn import row
+from shapes import read, with_nodes
 
 from addon.blender.measure import checking, comparing, cost_maps, lettering, map_pictures, workloads
 from addon.blender.session import building
@@ -20,13 +19,9 @@ from addon.core.structures import catalogue
 
 
 @pytest.fixture
-def seen(scene: Any, add: Any) -> Any:
+def seen(scene: Any) -> Any:
     """Boxes before a camera, in a wide frame."""
-    for i in range(5):
-        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
-    scene.render.resolution_x, scene.render.resolution_y = 320, 160
-    return scene
+    return row(scene, (320, 160))
 
 
 def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
@@ -37,12 +32,12 @@ def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
     assert steps.shape == tests.shape == (32, 64)
     # Compute the pixel's ray independently: 39.6 degrees across, square pixels.
     tangent = np.tan(seen.camera.data.angle / 2)
-    for row, column in ((3, 5), (16, 10), (17, 40), (16, 60)):
-        x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((row + 0.5) / 32 * 2 - 1) * tangent / 2
-        origin = np.array(seen.camera.location) - workloads_origin()
+    for line, column in ((3, 5), (16, 10), (17, 40), (16, 60)):
+        x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((line + 0.5) / 32 * 2 - 1) * tangent / 2
+        origin = np.array(seen.camera.location) - read()[0].geometry.origin
         hits = tree.closest(origin[None].astype(np.float32), np.array([[x, y, -1.0]], np.float32), counters=True)
-        assert tests[row, column] == hits.counters["tests"][0]
-        assert abs(int(steps[row, column]) - int(hits.counters["visits"][0])) <= 1
+        assert tests[line, column] == hits.counters["tests"][0]
+        assert abs(int(steps[line, column]) - int(hits.counters["visits"][0])) <= 1
     assert steps.max() > steps.min() == 0  # rays that pass the scene's box cost nothing
     nanoseconds = costmap.measure(tree, workload, (64, 32), "TIME")
     assert np.isfinite(nanoseconds).all()
@@ -57,12 +52,6 @@ def test_steps_are_the_visits_of_every_ray(seen: Any, structure: str) -> None:
     (primary,) = rays.make(workload, tree, size=(64, 32), seed=0, names=("primary",))[:1]
     counters = counting.counters(tree, primary, 0)
     assert steps.sum() == counters["visits"].sum() > counters["steps"].sum()
-
-
-def workloads_origin() -> np.ndarray[Any, Any]:
-    from shapes import read
-
-    return read()[0].geometry.origin
 
 
 def test_two_maps_share_one_scale_and_the_bar_shows_it(seen: Any) -> None:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Animations of .blend files, frame by frame."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,39 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes for the benchmark out of Blender: its own files, and every format that it imports."""
 
-from __future__ import annotations
-
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-import bmesh
 import bpy
 import numpy as np
 import pytest
+import shapes
 
 from addon.blender.measure import workloads
 from addon.core.scene.workload import WorkloadError
 from addon.lab.bench import mesh_files
 
-BENCH = Path(__file__).resolve().parents[3] / "scripts" / "bench.py"
 SIZE = (64, 32)
 
 
 @pytest.fixture
-def cube(add: Any) -> Any:
+def cube(scene: Any) -> Any:
     """A cube of side 2 at x = 100, with a camera that looks at it from below -Y."""
-    mesh = bpy.data.meshes.new("Cube")
-    shape = bmesh.new()
-    bmesh.ops.create_cube(shape, size=2.0)
-    shape.to_mesh(mesh)
-    shape.free()
-    item = add("Cube", mesh, location=(100.0, 0.0, 0.0))
-    camera = bpy.data.cameras.new("Camera")
-    camera.sensor_fit, camera.angle = "VERTICAL", np.radians(40.0)
-    bpy.context.scene.camera = add("Camera", camera, location=(100.0, -8.0, 0.0), rotation_euler=(np.pi / 2, 0.0, 0.0))
+    item = shapes.place("Cube", shapes.cube(), location=(100.0, 0.0, 0.0))
+    item.data.uv_layers.remove(item.data.uv_layers[0])  # files would hold a vertex for each corner
+    shapes.look(SIZE, (100.0, -8.0, 0.0), np.pi / 2, sensor_fit="VERTICAL", angle=np.radians(40.0))
     bpy.context.view_layer.update()
     return item
 
@@ -123,16 +111,3 @@ def test_a_truncated_blend_file_is_refused(cube: Any, tmp_path: Path) -> None:
 def test_an_empty_scene_is_refused(scene: Any) -> None:
     with pytest.raises(WorkloadError, match="nothing: the scene has no triangles"):
         workloads.current("nothing", SIZE)
-
-
-def test_the_benchmark_runs_on_a_blend_file(cube: Any, tmp_path: Path) -> None:
-    path = tmp_path / "cube.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    options = ["--structures", "kd", "--size", "32x32", "--repeats", "1", "--check-rays", "64", "--curve", "1,4"]
-    command = [sys.executable, str(BENCH), str(path), *options, "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    document = json.loads((tmp_path / "out" / "bench.json").read_text(encoding="utf-8"))
-    row = document["rows"][-1]
-    assert (row["scene"], row["triangles"], row["tree"]) == ("cube", 12, "kd")
-    assert [point["spp"] for point in row["curve"]] == [1, 4]

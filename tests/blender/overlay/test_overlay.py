@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The overlay drawn offscreen, against polygons that are projected here on their own way to the picture."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +65,6 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
     boxes(add)
     _, drawn, *view = show(canvas, scene, "kd", style="OUTLINE", depth_min=1, depth_max=3, kinds={"X"})
     chosen = overlay.shown(scene)
-    assert chosen is not None
     assert set(chosen.kind.tolist()) == {0}
     assert chosen.depth.min() >= 1
     red = np.array(overlay.colours()["X"])
@@ -77,7 +74,6 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
     scene.halfspace.overlay.max_count = 1
     picture(canvas, scene, *view)
     limited = overlay.shown(scene)
-    assert limited is not None
     assert (len(limited), limited.hidden) == (1, len(chosen) - 1)
 
 

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Leaves, picked rays and beams drawn offscreen, against what the walks tell of them."""
 
-from __future__ import annotations
-
 import math
-from types import MethodType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -26,6 +24,7 @@ from drawn import (
     show,
     some_triangles,
 )
+from layouts import Window, operator
 from mathutils import Vector
 
 from addon.blender.overlay import drawing as overlay
@@ -163,31 +162,6 @@ def test_a_ray_that_is_none_is_refused(
     assert picking.last(scene) is None
 
 
-def as_in_a_window(scene: Any, calls: list[Any]) -> Any:
-    """A context that records the cursor, the timer and the texts of the status bar in `calls`."""
-    window = SimpleNamespace(cursor_modal_set=calls.append, cursor_modal_restore=lambda: calls.append("restored"))
-    manager = SimpleNamespace(
-        modal_handler_add=lambda _operator: None,
-        event_timer_add=lambda _seconds, window: "timer",
-        event_timer_remove=lambda timer: calls.append(f"no {timer}"),
-    )
-    return SimpleNamespace(
-        scene=scene,
-        window=window,
-        screen=bpy.context.window.screen,
-        window_manager=manager,
-        workspace=SimpleNamespace(status_text_set=lambda text: calls.append(text) if text else None),
-    )
-
-
-def picker(reports: list[Any]) -> Any:
-    """The operator's own part, which Blender makes only in a window."""
-    kind = picking.HALFSPACE_OT_pick_ray
-    operator = SimpleNamespace(report=lambda _kind, text: reports.append(text), pixel=1e-3)
-    operator._end, operator._leave = (MethodType(found, operator) for found in (kind._end, kind._leave))
-    return operator
-
-
 def middle_of_view(screen: Any) -> dict[str, int]:
     """The place of the mouse over a 3D view."""
     area = next(area for area in screen.areas if area.type == "VIEW_3D")
@@ -198,43 +172,42 @@ def middle_of_view(screen: Any) -> dict[str, int]:
 def test_picking_starts_the_build_and_waits_for_it(scene: Any, add: Any) -> None:
     boxes(add)
     scene.halfspace.overlay.auto_update = False
-    calls: list[Any] = []
-    reports: list[Any] = []
-    context, operator, kind = as_in_a_window(scene, calls), picker(reports), picking.HALFSPACE_OT_pick_ray
+    window, kind = Window(scene), picking.HALFSPACE_OT_pick_ray
+    itself, context = operator(kind, pixel=1e-3), window.context
     middle = middle_of_view(context.screen)
     assert trees.last(scene) is None
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
-    assert calls == ["EYEDROPPER", "Building the structure: 0%   Click: keep this ray   Esc: leave"]
-    kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle))
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
+    assert "EYEDROPPER" in window.calls
+    assert window.texts == ["Building the structure: 0%   Click: keep this ray   Esc: leave"]
+    kind.modal(itself, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle))
     assert picking.last(scene) is not None, "the ray is there before the structure"
     run_builds()
     assert trees.last(scene) is not None
-    assert kind.modal(operator, context, SimpleNamespace(type="TIMER")) == {"PASS_THROUGH"}
-    assert calls[-1] == "Click: keep this ray   Esc: leave"
-    assert kind.modal(operator, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
-    assert calls[-2:] == ["no timer", "restored"]
-    assert not reports
+    assert kind.modal(itself, context, SimpleNamespace(type="TIMER")) == {"PASS_THROUGH"}
+    assert window.texts[-1] == "Click: keep this ray   Esc: leave"
+    assert kind.modal(itself, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
+    assert window.calls[-2:] == ["no timer", "restored"]
+    assert not itself.said
 
 
 def test_picking_ends_with_a_build_that_fails(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     boxes(add)
-    calls: list[Any] = []
-    reports: list[Any] = []
-    context, operator, kind = as_in_a_window(scene, calls), picker(reports), picking.HALFSPACE_OT_pick_ray
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    window, kind = Window(scene), picking.HALFSPACE_OT_pick_ray
+    itself, context = operator(kind, pixel=1e-3), window.context
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
 
     def fail(*_: Any) -> None:
         raise MemoryError("no memory for this tree")
 
     monkeypatch.setattr(building, "Job", fail)
     run_builds()
-    assert kind.modal(operator, context, SimpleNamespace(type="TIMER")) == {"CANCELLED"}
-    assert reports == ["no memory for this tree"]
+    assert kind.modal(itself, context, SimpleNamespace(type="TIMER")) == {"CANCELLED"}
+    assert itself.said == ["no memory for this tree"]
     assert not scene.halfspace.overlay.show
     # The next attempt does not end with the old message.
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
-    assert kind.modal(operator, context, SimpleNamespace(type="TIMER")) == {"PASS_THROUGH"}
-    kind.modal(operator, context, SimpleNamespace(type="ESC", value="PRESS"))
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(itself, context, SimpleNamespace(type="TIMER")) == {"PASS_THROUGH"}
+    kind.modal(itself, context, SimpleNamespace(type="ESC", value="PRESS"))
     building.stop()
 
 
@@ -251,19 +224,19 @@ def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add:
     build(scene, "kd")
     assert bpy.ops.halfspace.pick_ray(origin=(0, 0, 9), direction=(0, 0, -1)) == {"FINISHED"}
     first = picking.last(scene)
-    calls: list[Any] = []
-    context, operator, kind = as_in_a_window(scene, calls), picker([]), picking.HALFSPACE_OT_pick_ray
+    window, kind = Window(scene), picking.HALFSPACE_OT_pick_ray
+    itself, context = operator(kind, pixel=1e-3), window.context
     middle = middle_of_view(context.screen)
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
-    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle)) == {"RUNNING_MODAL"}
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(itself, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle)) == {"RUNNING_MODAL"}
     moved = picking.last(scene)
     assert moved != first
-    assert kind.modal(operator, context, SimpleNamespace(type="ESC", value="PRESS")) == {"CANCELLED"}
+    assert kind.modal(itself, context, SimpleNamespace(type="ESC", value="PRESS")) == {"CANCELLED"}
     assert picking.last(scene) == first
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
-    assert kind.modal(operator, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(itself, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
     assert picking.last(scene) == moved
     # What is adjusted afterwards begins with what was picked.
-    assert (operator.origin, operator.direction, operator.pixel) == (moved.origin, moved.direction, moved.pixel)
-    status = "Click: keep this ray   Esc: leave"
-    assert calls == ["EYEDROPPER", status, "no timer", "restored"] * 2
+    assert (itself.origin, itself.direction, itself.pixel) == (moved.origin, moved.direction, moved.pixel)
+    assert [call for call in window.calls if call != "modal"] == ["EYEDROPPER", "no timer", "restored"] * 2
+    assert [text for text in window.texts if text] == ["Click: keep this ray   Esc: leave"] * 2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tree that the overlay shows: renders and builds provide it, edits make it stale, and it follows the scene."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 from types import SimpleNamespace
@@ -11,6 +9,7 @@ from typing import Any
 import bpy
 import pytest
 from drawn import build
+from layouts import Window, operator, until_it_ends
 from shapes import cube, grid
 
 from addon.blender.session import building, trees
@@ -42,7 +41,6 @@ def test_a_render_leaves_its_tree_and_a_new_one_takes_its_place(scene: Any, add:
     scene.halfspace.samples = 1
     bpy.ops.render.render()
     tree = trees.last(scene)
-    assert tree is not None
     assert tree.count == 12
     gone = weakref.ref(tree)
     del tree
@@ -69,13 +67,11 @@ def test_a_shown_tree_follows_the_scene_by_itself(scene: Any, add: Any, monkeypa
     scene.halfspace.overlay.show = True
     run_ticks()
     first = trees.last(scene)
-    assert first is not None
     box.location.x = 5
     bpy.context.view_layer.update()
     assert first.stale
     run_ticks()
     second = trees.last(scene)
-    assert second is not None
     assert second.number > first.number
     assert second.origin[0] == pytest.approx(5)
     scene.halfspace.structure = "brute"
@@ -103,54 +99,20 @@ def test_an_automatic_build_that_fails_is_reported(scene: Any, add: Any, monkeyp
     assert building.problem() == ""
 
 
-class Operator:
-    """Stands for the operator, which Blender creates only in a window."""
-
-    _job: Any = None
-    _timer: Any = None
-    _end = building.HALFSPACE_OT_build_structure._end
-
-    def __init__(self) -> None:
-        self.reported: list[str] = []
-
-    def report(self, _kind: Any, text: str) -> None:
-        self.reported.append(text)
-
-
 @pytest.mark.parametrize("stopped", [True, False])
 def test_the_operator_builds_in_the_background_and_esc_stops_it(scene: Any, add: Any, stopped: bool) -> None:
     add("Sea", grid(300))
-    texts: list[str | None] = []
-    calls: list[str] = []
-    manager = SimpleNamespace(
-        progress_begin=lambda *_: calls.append("begin"),
-        progress_update=lambda *_: None,
-        progress_end=lambda: calls.append("end"),
-        event_timer_add=lambda *_args, **_kwargs: "timer",
-        event_timer_remove=calls.append,
-        modal_handler_add=lambda _operator: calls.append("modal"),
-    )
-    context = SimpleNamespace(
-        scene=scene,
-        window=None,
-        window_manager=manager,
-        workspace=SimpleNamespace(status_text_set=texts.append),
-        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
-    )
-    operator, kind = Operator(), building.HALFSPACE_OT_build_structure
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
-    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
-    result: set[str] = {"PASS_THROUGH"}  # other operators need the timer events too
+    window, kind = Window(scene), building.HALFSPACE_OT_build_structure
+    itself, context = operator(kind), window.context
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(itself, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
     if stopped:
-        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
-    for _ in range(100_000):
-        if result != {"PASS_THROUGH"}:
-            break
-        result = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
-    assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
-    assert calls == ["begin", "modal", "timer", "end"]
-    assert texts[-1] is None
+        assert kind.modal(itself, context, SimpleNamespace(type="ESC")) == {"CANCELLED"}
+    else:
+        assert until_it_ends(kind, itself, context) == {"FINISHED"}
+    assert window.calls == ["begin", "modal", "no timer", "end"]
+    assert window.texts[-1] is None
     assert (trees.last(scene) is None) == stopped
-    assert operator.reported == (
+    assert itself.said == (
         ["Building was stopped"] if stopped else [f"{catalogue.load()['kd'].label} over 180,000 triangles"]
     )

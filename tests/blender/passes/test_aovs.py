@@ -1,68 +1,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes that materials write, beside those of Cycles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as node
-from atlas import tile_material
-from exr_files import exr
-from shapes import cube, grid, with_nodes
+from atlas import add, made, tile_material
+from exr_files import both, exr
+from shapes import cube, grid, look, place, world
 
 from addon.blender.render.engine import ENGINE
 
+waves = made("VectorMath", made("NewGeometry", output="Position"), operation="SINE")
+"""A smooth colour of the place."""
 
-def waves(tree: Any) -> Any:
-    """A smooth colour of the place."""
-    wave = node(tree, "VectorMath", operation="SINE")
-    tree.links.new(node(tree, "NewGeometry").outputs["Position"], wave.inputs[0])
-    return wave.outputs[0]
+
+def write(tree: Any, name: str, **inputs: Any) -> None:
+    """Write to a pass."""
+    add(tree, "OutputAOV", aov_name=name, **inputs)
 
 
 def written(tree: Any) -> Any:
     """A matt surface that writes a varying colour and, inside a group, a varying number."""
-    color = node(tree, "OutputAOV")
-    color.aov_name = "Waves"
-    tree.links.new(waves(tree), color.inputs["Color"])
+    write(tree, "Waves", Color=waves)
     group = bpy.data.node_groups.new("Inside", "ShaderNodeTree")
-    number = node(group, "OutputAOV")
-    number.aov_name = "Fade"
-    group.links.new(node(group, "LayerWeight", Blend=0.3).outputs["Facing"], number.inputs["Value"])
+    write(group, "Fade", Value=made("LayerWeight", Blend=0.3, output="Facing"))
     tree.nodes.new("ShaderNodeGroup").node_tree = group
-    return node(tree, "BsdfDiffuse", Color=(0.6, 0.3, 0.2, 1)).outputs[0]
+    return add(tree, "BsdfDiffuse", Color=(0.6, 0.3, 0.2, 1)).outputs[0]
 
 
 def constant(tree: Any) -> Any:
-    """A surface that writes constants, half transparent."""
-    color = node(tree, "OutputAOV")
-    color.aov_name = "Waves"
-    color.inputs["Color"].default_value, color.inputs["Value"].default_value = (0.2, 0.4, 0.8, 1.0), 0.7
-    other = node(tree, "OutputAOV")
-    other.aov_name = "Fade"
-    other.inputs["Value"].default_value = 0.7
-    return node(tree, "BsdfDiffuse").outputs[0]
+    """A surface that writes constants."""
+    write(tree, "Waves", Color=(0.2, 0.4, 0.8, 1.0), Value=0.7)
+    write(tree, "Fade", Value=0.7)
+    return add(tree, "BsdfDiffuse").outputs[0]
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """Two cubes that write, on a floor that does not."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    for name, make, place in (("Varying", written, (-1.3, 0, 0)), ("Constant", constant, (1.3, 1, 0))):
-        mesh = cube(name)
-        mesh.materials.append(tile_material(name, make))
-        add(name, mesh, location=place, rotation_euler=(0.3, 0.2, 0.4))
-    add("Floor", grid(1), location=(0, 0, -1.3), scale=(3, 3, 1))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 4), rotation_euler=(1.1, 0, 0))
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 60, 40, 100
+    atlas.with_cycles(scene)
+    for name, make, where in (("Varying", written, (-1.3, 0, 0)), ("Constant", constant, (1.3, 1, 0))):
+        place(name, cube(name), tile_material(name, make), location=where, rotation_euler=(0.3, 0.2, 0.4))
+    place("Floor", grid(1), location=(0, 0, -1.3), scale=(3, 3, 1))
+    look((60, 40), (0, -8, 4), 1.1)
     atlas.configure(scene, 256, 1)
     layer = bpy.context.view_layer
     for name, kind in (("Fade", "VALUE"), ("Waves", "COLOR"), ("Unwritten", "COLOR")):
@@ -71,14 +55,12 @@ def stage(add: Any, scene: Any) -> Any:
     return scene
 
 
+NAMES = ("Fade.X", "Waves.R", "Waves.G", "Waves.B", "Waves.A")
+
+
 def test_materials_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -> None:
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        stage.render.engine = engine
-        found.append(exr(stage, tmp_path / f"{engine}.exr"))
-    ours, theirs = found
-    names = ["Fade.X", "Waves.R", "Waves.G", "Waves.B", "Waves.A"]
-    for name in names:
+    ours, theirs = both(stage, tmp_path)
+    for name in NAMES:
         assert theirs[name].std() > 0.1, name
         assert np.abs(ours[name] - theirs[name]).mean() < 0.01, name
         assert abs(ours[name].mean() - theirs[name].mean()) < 0.01 * np.abs(theirs[name]).mean(), name
@@ -86,25 +68,15 @@ def test_materials_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -
 
 
 def test_worlds_write_what_they_write_in_cycles(stage: Any, tmp_path: Path) -> None:
-    world = stage.world = bpy.data.worlds.new("World")
-    with_nodes(world)
-    tree = world.node_tree
-    color = node(tree, "OutputAOV")
-    color.aov_name = "Waves"
-    other = bpy.data.objects.new("Other", None)
-    other.location, other.rotation_euler, other.scale = (0.3, 0.2, -0.4), (0.4, 0.5, 0.6), (1.5, 2.0, 0.7)
-    stage.collection.objects.link(other)
-    tree.links.new(node(tree, "TexCoord", object=other).outputs["Object"], color.inputs["Color"])
-    number = node(tree, "OutputAOV")
-    number.aov_name, number.inputs["Value"].default_value = "Fade", 0.6
+    world()
+    turned = {"location": (0.3, 0.2, -0.4), "rotation_euler": (0.4, 0.5, 0.6), "scale": (1.5, 2.0, 0.7)}
+    tree, other = stage.world.node_tree, place("Other", None, **turned)
+    write(tree, "Waves", Color=made("TexCoord", object=other, output="Object"))
+    write(tree, "Fade", Value=0.6)
     stage.camera.rotation_euler = (1.4, 0, 0)
     atlas.configure(stage, 64, 1)
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        stage.render.engine = engine
-        found.append(exr(stage, tmp_path / f"{engine}.exr"))
-    ours, theirs = found
-    for name in ("Fade.X", "Waves.R", "Waves.G", "Waves.B", "Waves.A"):
+    ours, theirs = both(stage, tmp_path)
+    for name in NAMES:
         assert theirs[name].std() > 0.05 or name == "Waves.A", name
         assert np.abs(ours[name] - theirs[name]).mean() < 0.01, name
 

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Baked pictures beside those of Cycles."""
 
-from __future__ import annotations
-
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, grid, material, node, with_nodes
+from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.render.engine import ENGINE
 
@@ -43,31 +40,24 @@ def bake(engine: str, wanted: str, active: Any, *others: Any, **options: Any) ->
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """A mirrored box with UVs beside a wall, in the light of a lamp, a coloured floor and a world. Returns the box."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    box = cube("Box", 1.6)
-    paint = material("Paint", Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.35, Emission_Strength=0.3)
-    paint.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 0.2
-    paint.node_tree.nodes["Principled BSDF"].inputs["Emission Color"].default_value = (0.9, 0.4, 0.1, 1)
-    box.materials.append(paint)
-    item = add("Box", box, location=(0.3, -0.2, 1.1), rotation_euler=(0.1, 0.2, 0.4), scale=(-1, 1, 0.8))
-    floor = grid(1, "Floor")
-    floor.materials.append(material("Floor", Base_Color=(0.8, 0.3, 0.2, 1), Roughness=1.0))
-    add("Floor", floor, scale=(4, 4, 1))
-    wall = grid(1, "Wall")
-    wall.materials.append(material("Wall", Base_Color=(0.2, 0.7, 0.3, 1), Roughness=1.0))
-    add("Wall", wall, location=(-1.6, 0, 1), rotation_euler=(0, 1.57, 0))
-    lamp = bpy.data.lights.new("Lamp", "AREA")
-    lamp.energy, lamp.size = 250.0, 1.0
-    add("Lamp", lamp, location=(-2.5, -1, 4), rotation_euler=(0.2, -0.5, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.3, 0.4, 0.5, 1)
+    atlas.with_cycles(scene)
+    paint = material("Paint", Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.35, Transmission_Weight=0.2)
+    shader = node(paint.node_tree, "ShaderNodeBsdfPrincipled")
+    shader.inputs["Emission Strength"].default_value = 0.3
+    shader.inputs["Emission Color"].default_value = (0.9, 0.4, 0.1, 1)
+    turned = {"location": (0.3, -0.2, 1.1), "rotation_euler": (0.1, 0.2, 0.4), "scale": (-1, 1, 0.8)}
+    item = place("Box", cube("Box", 1.6), paint, **turned)
+    red, green = (
+        material("Wall", Base_Color=color, Roughness=1.0) for color in ((0.8, 0.3, 0.2, 1), (0.2, 0.7, 0.3, 1))
+    )
+    place("Floor", grid(1, "Floor"), red, scale=(4, 4, 1))
+    place("Wall", grid(1, "Wall"), green, location=(-1.6, 0, 1), rotation_euler=(0, 1.57, 0))
+    lamp("AREA", 250.0, size=1.0, location=(-2.5, -1, 4), rotation_euler=(0.2, -0.5, 0))
+    world(0.3, 0.4, 0.5)
     scene.world.light_settings.distance = scene.halfspace.ambient_distance = 3.0
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 4), rotation_euler=(1.1, 0, 0))
+    look((SIZE, SIZE), (0, -8, 4), 1.1)
     atlas.configure(scene, 16, 3)
     return item
 
@@ -123,10 +113,8 @@ def test_light_is_baked_as_in_cycles(stage: Any, wanted: str, contents: set[str]
     assert np.abs(a - b).max() < 0.06 * theirs.mean() + 0.02
 
 
-def test_other_surfaces_are_baked_into_the_active_one(stage: Any, add: Any) -> None:
-    shell = cube("Shell", 2.4)
-    shell.materials.append(material("Shell"))
-    around = add("Shell", shell, location=stage.location)
+def test_other_surfaces_are_baked_into_the_active_one(stage: Any) -> None:
+    around = place("Shell", cube("Shell", 2.4), material("Shell"), location=stage.location)
     options: dict[str, Any] = {"use_selected_to_active": True, "cage_extrusion": 0.3, "pass_filter": {"COLOR"}}
     ours, theirs = (bake(engine, "DIFFUSE", around, stage, **options) for engine in (ENGINE, "CYCLES"))
     assert (theirs.max(axis=2) > 0.1).mean() > 0.15

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cryptomatte beside that of Cycles, and as Blender's own node reads it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import OpenImageIO
 import pytest
-from exr_files import exr
-from shapes import cube, grid, material
+from exr_files import both, exr
+from shapes import cube, grid, look, material, place
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
@@ -25,22 +22,20 @@ WIDTH, HEIGHT = 60, 40
 
 
 @pytest.fixture
-def desk(add: Any, scene: Any) -> Any:
+def desk(scene: Any) -> Any:
     """Cubes, one of them half transparent, one a child, on a floor without a material."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
+    atlas.with_cycles(scene)
     parent = None
     for number, (name, alpha) in enumerate((("Böx", 1.0), ("Glass", 0.4), ("Child", 1.0))):
-        mesh = cube(name)
-        mesh.materials.append(material(f"Paint {number // 2}" if alpha == 1 else "Veil", Alpha=alpha))
-        item = add(name, mesh, location=(2.2 * number - 2.2, 0.7 * number, 0), rotation_euler=(0.2, 0.1, 0.3))
+        paint = material(f"Paint {number // 2}" if alpha == 1 else "Veil", Alpha=alpha)
+        item = place(
+            name, cube(name), paint, location=(2.2 * number - 2.2, 0.7 * number, 0), rotation_euler=(0.2, 0.1, 0.3)
+        )
         if name == "Child":
             item.parent = parent
         parent = item
-    add("Floor", grid(1), location=(0, 0, -1.3), scale=(3, 3, 1))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -9, 5), rotation_euler=(1.1, 0, 0))
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100
+    place("Floor", grid(1), location=(0, 0, -1.3), scale=(3, 3, 1))
+    look((WIDTH, HEIGHT), (0, -9, 5), 1.1)
     atlas.configure(scene, 256, 1)
     layer = bpy.context.view_layer
     layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = layer.use_pass_cryptomatte_asset = True
@@ -68,12 +63,8 @@ def coverage(channels: dict[str, Any], kind: str, name: str) -> Any:
 
 
 def test_mattes_and_their_metadata_are_those_of_cycles(desk: Any, tmp_path: Path) -> None:
-    found = {}
-    for engine in (ENGINE, "CYCLES"):
-        desk.render.engine = engine
-        path = tmp_path / f"{engine}.exr"
-        found[engine] = exr(desk, path), metadata(path)
-    (ours, own), (theirs, expected) = found.values()
+    ours, theirs = both(desk, tmp_path)
+    own, expected = (metadata(tmp_path / f"{engine}.exr") for engine in (ENGINE, "CYCLES"))
     manifests = {key: json.loads(value) for key, value in own.items() if key.endswith("/manifest")}
     assert len(manifests) == 3
     for key, value in expected.items():

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The light passes: they add up to the combined pass, and each is that of Cycles."""
 
-from __future__ import annotations
-
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as add_node
-from atlas import tile_material
-from exr_files import exr
-from shapes import cube, grid, node, with_nodes
+from atlas import made, tile_material
+from exr_files import both, colours, exr
+from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.read.passes import LIGHT_PASSES
 from addon.blender.render.engine import ENGINE
@@ -22,70 +19,58 @@ from addon.blender.render.engine import ENGINE
 KINDS = ("Diffuse", "Glossy", "Transmission")
 
 
-def paint(**settings: Any) -> atlas.Maker:
-    return lambda tree: add_node(tree, "BsdfPrincipled", **settings).outputs[0]
+paint = partial(made, "BsdfPrincipled")
 
-
-def leaf(tree: Any) -> Any:
-    """Light through both sides, and holes."""
-    holes, mixed = add_node(tree, "MixShader", Fac=0.6), add_node(tree, "MixShader", Fac=0.5)
-    tree.links.new(add_node(tree, "BsdfTransparent").outputs[0], holes.inputs[1])
-    tree.links.new(mixed.outputs[0], holes.inputs[2])
-    tree.links.new(add_node(tree, "BsdfTranslucent", Color=(0.3, 0.7, 0.1, 1)).outputs[0], mixed.inputs[1])
-    tree.links.new(add_node(tree, "BsdfDiffuse", Color=(0.2, 0.5, 0.1, 1)).outputs[0], mixed.inputs[2])
-    return holes.outputs[0]
+leaf = made(
+    "MixShader",
+    0.6,
+    made("BsdfTransparent"),
+    made(
+        "MixShader",
+        0.5,
+        made("BsdfTranslucent", Color=(0.3, 0.7, 0.1, 1)),
+        made("BsdfDiffuse", Color=(0.2, 0.5, 0.1, 1)),
+    ),
+)
+"""Light through both sides, and holes."""
 
 
 MATERIALS: dict[str, atlas.Maker] = {
     "plastic": paint(Base_Color=(0.7, 0.2, 0.1, 1), Roughness=0.4),
     "metal": paint(Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.3),
     "coat": paint(Base_Color=(0.1, 0.3, 0.6, 1), Coat_Weight=1.0, Coat_Roughness=0.2, Roughness=0.6),
-    "glass": lambda tree: add_node(tree, "BsdfGlass", Color=(0.8, 0.9, 1.0, 1), Roughness=0.3).outputs[0],
-    "mirror": lambda tree: add_node(tree, "BsdfGlossy", Color=(0.6, 0.7, 0.8, 1), Roughness=0.0).outputs[0],
+    "glass": made("BsdfGlass", Color=(0.8, 0.9, 1.0, 1), Roughness=0.3),
+    "mirror": made("BsdfGlossy", Color=(0.6, 0.7, 0.8, 1), Roughness=0.0),
     "leaf": leaf,
-    "lamp": lambda tree: add_node(tree, "Emission", Color=(1.0, 0.7, 0.4, 1), Strength=2.0).outputs[0],
+    "lamp": made("Emission", Color=(1.0, 0.7, 0.4, 1), Strength=2.0),
     "frost": paint(Base_Color=(0.6, 0.8, 0.7, 1), Transmission_Weight=1.0, Roughness=0.4),
 }
 
 
 @pytest.fixture
-def shelf(add: Any, scene: Any) -> Any:
+def shelf(scene: Any) -> Any:
     """Turned cubes of all kinds of lobes on a floor, in the light of an area, a sun and a world."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
+    atlas.with_cycles(scene)
     for index, (name, make) in enumerate(MATERIALS.items()):
-        mesh = cube(name)
-        mesh.materials.append(tile_material(name, make))
-        place = (index % 4 * 3.0 - 4.5, index // 4 * 3.0, 0.3)
-        add(name, mesh, location=place, rotation_euler=(0.3, 0.2, 0.4 + index))
-    pane = grid(1)
-    pane.materials.append(tile_material("Pane", MATERIALS["frost"]))
-    add("Pane", pane, location=(2.5, 8.5, 0.8), rotation_euler=(1.57, 0, 0.1), scale=(2, 2, 1))
-    floor = grid(1)
-    floor.materials.append(tile_material("Floor", paint(Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.5)))
-    add("Floor", floor, location=(0, 0, -1.2), scale=(9, 9, 1))
-    sun = bpy.data.lights.new("Sun", "SUN")
+        where = {"location": (index % 4 * 3.0 - 4.5, index // 4 * 3.0, 0.3), "rotation_euler": (0.3, 0.2, 0.4 + index)}
+        place(name, cube(name), tile_material(name, make), **where)
+    frost, grey = tile_material("Pane", MATERIALS["frost"]), paint(Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.5)
+    place("Pane", grid(1), frost, location=(2.5, 8.5, 0.8), rotation_euler=(1.57, 0, 0.1), scale=(2, 2, 1))
+    place("Floor", grid(1), tile_material("Floor", grey), location=(0, 0, -1.2), scale=(9, 9, 1))
     # Seen through glass, a smaller sun would be noise.
-    sun.energy, sun.angle = 2.0, 1.0
-    add("Sun", sun, rotation_euler=(0.5, 0.3, 0))
-    area = bpy.data.lights.new("Area", "AREA")
-    area.energy, area.size = 400.0, 2.0
-    add("Area", area, location=(-3, -4, 5), rotation_euler=(0.6, -0.4, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.2, 0.3, 0.5, 1)
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -12, 7), rotation_euler=(1.1, 0, 0))
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 40, 100
+    lamp("SUN", 2.0, angle=1.0, rotation_euler=(0.5, 0.3, 0))
+    lamp("AREA", 400.0, size=2.0, location=(-3, -4, 5), rotation_euler=(0.6, -0.4, 0))
+    world(0.2, 0.3, 0.5)
+    look((64, 40), (0, -12, 7), 1.1)
     for light in LIGHT_PASSES:
         setattr(bpy.context.view_layer, light.switch, True)
     return scene
 
 
-def colours(picture: dict[str, Any]) -> dict[str, Any]:
+def passes_of(picture: dict[str, Any]) -> dict[str, Any]:
     """The light passes, and Combined, of a picture, as (h, w, 3) by their names since Blender 5.0."""
     names = {"Combined": "Combined"} | {light.name: light.in_blender for light in LIGHT_PASSES}
-    return {name: np.dstack([picture[f"{own}.{c}"] for c in "RGB"]).astype(float) for name, own in names.items()}
+    return {name: colours(picture, own) for name, own in names.items()}
 
 
 def total(found: dict[str, Any]) -> Any:
@@ -100,7 +85,7 @@ def test_light_passes_add_up_to_combined(shelf: Any, tmp_path: Path, integrator:
     shelf.render.engine, shelf.halfspace.integrator = ENGINE, integrator
     shelf.halfspace.film_exposure = 1.7
     shelf.halfspace.clamp_indirect = 2.0
-    found = colours(exr(shelf, tmp_path / "picture.exr"))
+    found = passes_of(exr(shelf, tmp_path / "picture.exr"))
     assert found["Combined"].std() > 0.1
     assert np.allclose(total(found), found["Combined"], rtol=1e-4, atol=1e-5)
 
@@ -109,10 +94,7 @@ def test_each_light_pass_is_that_of_cycles(shelf: Any, tmp_path: Path) -> None:
     atlas.configure(shelf, 400, 3)
     for settings in (shelf.halfspace, shelf.cycles):  # their noise would hide small differences
         settings.caustics_reflective = settings.caustics_refractive = False
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        shelf.render.engine = engine
-        found.append(colours(exr(shelf, tmp_path / f"{engine}.exr")))
+    found = [passes_of(channels) for channels in both(shelf, tmp_path)]
     theirs = found[1]
     assert np.allclose(total(theirs), theirs["Combined"], rtol=1e-3, atol=1e-4), "the definition is that of Cycles"
     wrong = {}

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes and the lens beside those of Cycles, which says what they mean in Blender."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from exr_files import exr
-from shapes import cube, grid, material, node, with_nodes
+from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.read import passes
 from addon.blender.render import engine
@@ -23,8 +21,6 @@ BACKGROUND = 1e9
 def set_up(scene: Any, name: str, samples: int) -> None:
     """Choose an engine, with the same pixel filter and nothing clever."""
     scene.render.engine = name
-    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
-    scene.render.resolution_percentage = 100
     if name == "CYCLES":
         scene.cycles.samples = samples
         scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
@@ -43,19 +39,16 @@ def both(scene: Any, folder: Path, samples: int) -> tuple[dict[str, Any], dict[s
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """Two numbered cubes on a floor in mist, seen from above at an angle."""
-    for number, (name, place) in enumerate((("Left", (-1.6, 0, 0)), ("Right", (1.6, 1, 0))), 1):
-        mesh = cube(name)
-        mesh.materials.append(material(f"Paint {name}", Base_Color=(0.2 * number, 0.5, 0.4, 1)))
-        mesh.materials[0].pass_index = 10 * number
-        add(name, mesh, location=place, rotation_euler=(0, 0, 0.4 * number), pass_index=number)
-    add("Floor", grid(3), location=(0, 0, -1), scale=(9, 9, 1))
-    add("Sun", bpy.data.lights.new("Sun", "SUN"), rotation_euler=(0.5, 0.3, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 5), rotation_euler=(1.05, 0, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.2, 0.2, 0.2, 1)
+    for number, (name, where) in enumerate((("Left", (-1.6, 0, 0)), ("Right", (1.6, 1, 0))), 1):
+        paint = material(f"Paint {name}", Base_Color=(0.2 * number, 0.5, 0.4, 1))
+        paint.pass_index = 10 * number
+        place(name, cube(name), paint, location=where, rotation_euler=(0, 0, 0.4 * number), pass_index=number)
+    place("Floor", grid(3), location=(0, 0, -1), scale=(9, 9, 1))
+    lamp("SUN", rotation_euler=(0.5, 0.3, 0))
+    look((WIDTH, HEIGHT), (0, -8, 5), 1.05)
+    world(0.2, 0.2, 0.2)
     mist = scene.world.mist_settings
     mist.start, mist.depth = 6.0, 9.0
     return scene
@@ -116,22 +109,19 @@ LENSES = {
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_what_is_out_of_focus_is_blurred_as_in_cycles(add: Any, scene: Any, tmp_path: Path, name: str) -> None:
+def test_what_is_out_of_focus_is_blurred_as_in_cycles(scene: Any, tmp_path: Path, name: str) -> None:
     """A small bright plate before black shows the shape of the aperture."""
-    bright = material("Bright", Base_Color=(0, 0, 0, 1), Emission_Strength=20.0)
-    bright.node_tree.nodes["Principled BSDF"].inputs["Emission Color"].default_value = (1, 1, 1, 1)
-    plate = grid(1, "Plate")
-    plate.materials.append(bright)
-    add("Plate", plate, scale=(0.15, 0.1, 1), location=(0.1, 0, -0.05), rotation_euler=(np.pi / 2, 0, 0))
-    data = bpy.data.cameras.new("Camera")
+    bright = material("Bright", Base_Color=(0, 0, 0, 1), Emission_Strength=20.0, Emission_Color=(1, 1, 1, 1))
+    turned = {"scale": (0.15, 0.1, 1), "location": (0.1, 0, -0.05), "rotation_euler": (np.pi / 2, 0, 0)}
+    place("Plate", grid(1, "Plate"), bright, **turned)
+    data = look((WIDTH, HEIGHT), (0, -4, 0), np.pi / 2).data
     data.dof.use_dof = True
     data.dof.focus_distance, data.dof.aperture_fstop = 2.0, 0.04
     for key, value in LENSES[name].items():
         setattr(data.dof, key, value)
-    scene.camera = add("Camera", data, location=(0, -4, 0), rotation_euler=(np.pi / 2, 0, 0))
     if name == "parallel":
         data.type, data.ortho_scale = "ORTHO", 3.0
-        data.dof.focus_object = add("Focus", None, location=(5, -2, 3))
+        data.dof.focus_object = place("Focus", None, location=(5, -2, 3))
         data.dof.focus_distance = 4.0  # which does not count then
     scene.world = None
     ours, theirs = both(scene, tmp_path, 512)

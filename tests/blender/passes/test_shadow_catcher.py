@@ -1,47 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shadow catchers beside those of Cycles."""
 
-from __future__ import annotations
+from pathlib import Path
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import exr
-from shapes import cube, grid, material, node, with_nodes
+from exr_files import both
+from shapes import cube, grid, lamp, look, material, place, world
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 @pytest.fixture
-def staged(add: Any, scene: Any) -> Any:
+def staged(scene: Any) -> Any:
     """A cube over a catching floor that ends within the picture, in the light of a square lamp and a world."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    floor = grid(1, "Floor")
-    floor.materials.append(material("Floor", Base_Color=(0.7, 0.6, 0.5, 1), Roughness=0.8))
-    add("Floor", floor, scale=(3.2, 3.2, 1)).is_shadow_catcher = True
-    box = cube("Box", 1.2)
-    box.materials.append(material("Box", Base_Color=(0.6, 0.1, 0.05, 1), Roughness=0.5))
-    add("Box", box, location=(0, 0.2, 0.9), rotation_euler=(0.2, 0.1, 0.5))
-    lamp = bpy.data.lights.new("Lamp", "AREA")
-    lamp.energy, lamp.size = 300.0, 1.5
-    add("Lamp", lamp, location=(2.5, -1, 4), rotation_euler=(0.2, 0.55, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.4, 0.5, 0.6, 1)
-    camera = bpy.data.cameras.new("Camera")
-    scene.camera = add("Camera", camera, location=(0, -8, 5), rotation_euler=(1.0, 0, 0))
-    camera.lens = 40.0
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 40, 100
+    atlas.with_cycles(scene)
+    matt = material("Floor", Base_Color=(0.7, 0.6, 0.5, 1), Roughness=0.8)
+    place("Floor", grid(1, "Floor"), matt, scale=(3.2, 3.2, 1), is_shadow_catcher=True)
+    paint = material("Box", Base_Color=(0.6, 0.1, 0.05, 1), Roughness=0.5)
+    place("Box", cube("Box", 1.2), paint, location=(0, 0.2, 0.9), rotation_euler=(0.2, 0.1, 0.5))
+    lamp("AREA", 300.0, size=1.5, location=(2.5, -1, 4), rotation_euler=(0.2, 0.55, 0))
+    world(0.4, 0.5, 0.6)
+    look((48, 40), (0, -8, 5), 1.0, lens=40.0)
     atlas.configure(scene, 100, 3)
     return scene
 
@@ -55,11 +39,7 @@ def blocks(values: Any) -> Any:
 @pytest.mark.parametrize("transparent", [True, False])
 def test_the_picture_is_that_of_cycles(staged: Any, transparent: bool) -> None:
     staged.render.film_transparent = transparent
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        staged.render.engine = engine
-        found.append(pictures.render(staged).astype(float))
-    ours, theirs = found
+    ours, theirs = atlas.pair(staged, 4)
     assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 0.01 * theirs.mean()
     apart = np.abs(blocks(ours) - blocks(theirs))
     # Cycles darkens pixels of the background that an object shares with a catcher.
@@ -75,10 +55,7 @@ def test_the_pass_is_that_of_cycles(staged: Any, tmp_path: Path) -> None:
     layer = bpy.context.view_layer
     layer.halfspace.use_pass_shadow_catcher = layer.cycles.use_pass_shadow_catcher = True
     layer.use_pass_diffuse_direct = True
-    ours, theirs = {}, {}
-    for engine, found in ((ENGINE, ours), ("CYCLES", theirs)):
-        staged.render.engine = engine
-        found.update(exr(staged, tmp_path / f"{engine}.exr"))
+    ours, theirs = both(staged, tmp_path)
     for name in ("Combined.R", "Combined.A", "Shadow Catcher.R", "Shadow Catcher.G", "Shadow Catcher.B"):
         apart = np.abs(blocks(ours[name]) - blocks(theirs[name]))
         assert apart.max() < 0.03, name

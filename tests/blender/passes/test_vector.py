@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vector pass beside that of Cycles: a moving camera, and objects that move and deform."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import exr
-from shapes import cube, grid
+from exr_files import both, exr
+from shapes import cube, grid, look
 
 from addon.blender.render.engine import ENGINE
-from addon.blender.session import reports
 
 CHANNELS = ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W")
 
@@ -30,9 +26,7 @@ def animate(item: Any, name: str, *values: tuple[float, ...]) -> None:
 @pytest.fixture
 def track(add: Any, scene: Any) -> Any:
     """A cube that turns, one that deforms by a shape key, a floor at rest, and a camera that follows."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
+    atlas.with_cycles(scene)
     turning = add("Turning", cube("Turning"), location=(-1.6, 0, 0))
     animate(turning, "rotation_euler", (0.3, 0.2, 0.0), (0.3, 0.2, 0.1), (0.3, 0.2, 0.3))
     animate(turning, "location", (-1.8, 0, 0), (-1.6, 0, 0), (-1.5, 0.1, 0.2))
@@ -43,25 +37,13 @@ def track(add: Any, scene: Any) -> Any:
         point.co.z *= 1.5
     animate(key, "value", 0.0, 0.2, 0.7)
     add("Floor", grid(2), location=(0, 0, -1.3), scale=(4, 4, 1))
-    data = bpy.data.cameras.new("Camera")
-    scene.camera = add("Camera", data, location=(0, -8, 4), rotation_euler=(1.1, 0, 0))
-    animate(scene.camera, "location", (-0.1, -8, 4), (0, -8, 4), (0.2, -8.1, 4))
-    animate(data, "lens", 49.0, 50.0, 52.0)
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 60, 40, 100
+    camera = look((60, 40), (0, -8, 4), 1.1)
+    animate(camera, "location", (-0.1, -8, 4), (0, -8, 4), (0.2, -8.1, 4))
+    animate(camera.data, "lens", 49.0, 50.0, 52.0)
     scene.frame_set(10)
     bpy.context.view_layer.use_pass_vector = True
     atlas.configure(scene, 64, 0)
     return scene
-
-
-def both(scene: Any, folder: Path) -> tuple[Any, Any]:
-    """The vectors of this engine and of Cycles, (h, w, 4)."""
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        scene.render.engine = engine
-        channels = exr(scene, folder / f"{engine}.exr")
-        found.append(np.dstack([channels[name] for name in CHANNELS]).astype(float))
-    return found[0], found[1]
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
@@ -70,7 +52,7 @@ def test_vectors_are_those_of_cycles(track: Any, tmp_path: Path, kind: str) -> N
     if old and kind == "ORTHO":
         pytest.skip("Cycles of Blender 4.5 projects the vectors of orthographic cameras as if in perspective")
     track.camera.data.type, track.camera.data.ortho_scale = kind, 9.0
-    ours, theirs = (one.reshape(-1, 4) for one in both(track, tmp_path))
+    ours, theirs = (np.stack([one[name].ravel() for name in CHANNELS], axis=1) for one in both(track, tmp_path))
     if old:
         # Cycles of Blender 4.5 leaves out the motion of the background.
         seen = (theirs != 0).any(axis=1)
@@ -92,6 +74,4 @@ def test_other_numbers_of_triangles_have_no_motion_of_their_own(track: Any, tmp_
     track.render.engine = ENGINE
     channels = exr(track, tmp_path / "picture.exr")
     assert all(np.isfinite(channels[name]).all() for name in CHANNELS)
-    report = reports.last(track)
-    assert report is not None
-    assert report.triangles == 12 * 2 + 12 + 8
+    assert atlas.report(track).triangles == 12 * 2 + 12 + 8

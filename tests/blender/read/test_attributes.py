@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials read attributes of every kind that a mesh stores, and what they cannot read is said."""
 
-from __future__ import annotations
-
 import tracemalloc
 from typing import Any
 
+import atlas
 import bpy
 import halfspace_native
 import numpy as np
 import pytest
-from shapes import cube, material, node, read
+from atlas import made
+from shapes import cube, material, node, place, read, sphere
 
 from addon.blender.read import layers, meshes
 from addon.blender.read.layers import read_layers
@@ -24,11 +24,8 @@ KEY = ("tangent", "UVMap")
 @pytest.fixture
 def box(add: Any) -> Any:
     """The mesh of a cube whose paint is the attribute "wear"."""
-    paint = material("Paint")
-    tree = paint.node_tree
-    source = tree.nodes.new("ShaderNodeAttribute")
-    source.attribute_name = "wear"
-    tree.links.new(source.outputs["Color"], node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    source = made("Attribute", attribute_name="wear", output="Color")
+    paint = atlas.tile_material("Paint", made("BsdfPrincipled", Base_Color=source))
     mesh = cube()
     mesh.materials.append(paint)
     add("Box", mesh)
@@ -44,7 +41,6 @@ def test_numbers_of_every_type_are_read(box: Any, kind: str, domain: str) -> Non
     found, notes = read()
     assert notes == []
     (layer,) = found.geometry.layers
-    assert layer is not None
     stored = [float(item.value) for item in wear.data]
     if domain == "FACE":
         assert layer.reshape(6, -1).tolist() == [[value] * 18 for value in stored], "two triangles to a face"
@@ -71,15 +67,12 @@ def test_what_no_mesh_has_is_said(box: Any, add: Any) -> None:
 
 def test_what_an_unused_material_reads_is_not_missed(scene: Any, add: Any) -> None:
     paint = material("Unused")
-    source = paint.node_tree.nodes.new("ShaderNodeUVMap")
-    source.uv_map = "nowhere"
-    add("Bare", cube())
+    place("Bare", cube(), paint)
+    tree = paint.node_tree
+    source = atlas.add(tree, "UVMap", uv_map="nowhere")
     assert read()[1] == []
-    image = paint.node_tree.nodes.new("ShaderNodeTexChecker")
-    paint.node_tree.links.new(source.outputs[0], image.inputs["Vector"])
-    shader = node(paint.node_tree, "ShaderNodeBsdfPrincipled")
-    paint.node_tree.links.new(image.outputs[0], shader.inputs["Base Color"])
-    bpy.data.meshes["Cube"].materials.append(paint)
+    checker = made("TexChecker", source.outputs[0])(tree)
+    tree.links.new(checker, node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
     assert read()[1] == ["No mesh has the UV map 'nowhere', it is 0 everywhere, in material: Unused"]
 
 
@@ -156,7 +149,6 @@ def test_tangents_stay_in_the_space_of_their_mesh_within_the_memory_that_is_coun
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert layer is not None
     assert peak < 2 * layer.nbytes
     # The corners of mirrored places are in the order of their triangles.
     mirrored = np.linalg.det(matrices[:, :3, :3]) < 0
@@ -168,9 +160,7 @@ def test_tangents_stay_in_the_space_of_their_mesh_within_the_memory_that_is_coun
 
 
 def test_meshes_without_a_map_have_the_tangents_of_their_longitudes() -> None:
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=16)
-    mesh = bpy.context.object.data
-    mesh.uv_layers.remove(mesh.uv_layers[0])
+    mesh = sphere(32)
     keys = [("tangent", ""), ("tangent", "UVMap")]
     found = layers.read_layers(mesh, keys)
     assert layers.widths(mesh, keys) == {("tangent", ""): 4}
@@ -191,9 +181,7 @@ def test_meshes_without_a_map_have_the_tangents_of_their_longitudes() -> None:
 def test_a_custom_normal_that_is_not_finite_is_that_of_its_faces(domain: str, value: float) -> None:
     if bpy.app.version < (5, 0):
         pytest.skip("this Blender has no custom normals of this type")
-    bpy.ops.mesh.primitive_uv_sphere_add()
-    bpy.ops.object.shade_smooth()
-    mesh = bpy.context.object.data
+    mesh = sphere(32)
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", domain)
     values = np.tile(np.float32([0, 0, 1]), (len(normals.data), 1))
     values[7, 1] = value

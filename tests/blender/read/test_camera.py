@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The camera's window, against Blender's own projection of points."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,56 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Displacement of vertices by materials, when a scene is read."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from typing import Any
 
+import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as node
+from atlas import made
 from rounds import found
-from shapes import cube, grid, with_nodes
-
-Maker = Callable[[Any], Any]
+from shapes import cube, grid, node, place
 
 
-def displacing(make: Maker, method: str = "DISPLACEMENT", name: str = "Displaced") -> Any:
+def displacing(make: atlas.Maker, method: str = "DISPLACEMENT", name: str = "Displaced") -> Any:
     """A diffuse material with what `make` returns as its displacement."""
-    block = bpy.data.materials.new(name)
-    with_nodes(block)
+    block = atlas.tile_material(name, made("BsdfDiffuse"))
     tree = block.node_tree
-    tree.nodes.clear()
-    output, diffuse = tree.nodes.new("ShaderNodeOutputMaterial"), node(tree, "BsdfDiffuse")
-    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
-    tree.links.new(make(tree), output.inputs["Displacement"])
+    tree.links.new(make(tree), node(tree, "ShaderNodeOutputMaterial").inputs["Displacement"])
     block.displacement_method = method
     return block
 
 
-def raised(space: str = "OBJECT", height: float = 0.7, scale: float = 2.0) -> Maker:
+def raised(space: str = "OBJECT", height: float = 0.7, scale: float = 2.0) -> atlas.Maker:
     """A displacement by (height - 0.2) * scale along the normal."""
-
-    def make(tree: Any) -> Any:
-        return node(tree, "Displacement", space=space, Height=height, Midlevel=0.2, Scale=scale).outputs[0]
-
-    return make
+    return made("Displacement", space=space, Height=height, Midlevel=0.2, Scale=scale)
 
 
-def sloped(tree: Any) -> Any:
-    """A displacement by half of the object's x coordinate."""
-    place, split = node(tree, "TexCoord"), node(tree, "SeparateXYZ")
-    up = node(tree, "Displacement", Midlevel=0.0, Scale=0.5)
-    tree.links.new(place.outputs["Object"], split.inputs[0])
-    tree.links.new(split.outputs["X"], up.inputs["Height"])
-    return up.outputs[0]
-
-
-def placed(mesh: Any, *materials: Any) -> Any:
-    for one in materials:
-        mesh.materials.append(one)
-    return mesh
+sloped = made("Displacement", Height=made("SeparateXYZ", made("TexCoord", output="Object")), Midlevel=0.0, Scale=0.5)
+"""A displacement by half of the object's x coordinate."""
 
 
 def world_of(read: Any, number: int = 0) -> Any:
@@ -61,28 +38,29 @@ def world_of(read: Any, number: int = 0) -> Any:
 
 
 @pytest.mark.parametrize(("space", "rise"), [("OBJECT", 3.0), ("WORLD", 1.0)])
-def test_vertices_move_along_their_normals(add: Any, space: str, rise: float) -> None:
-    mesh = placed(grid(4), displacing(raised(space)))
-    add("Net", mesh, location=(100, 0, 5), scale=(1, 1, 3))
+def test_vertices_move_along_their_normals(space: str, rise: float) -> None:
+    mesh = grid(4)
+    place("Net", mesh, displacing(raised(space)), location=(100, 0, 5), scale=(1, 1, 3))
     read, notes = found()
     assert not notes
     assert np.allclose(world_of(read)[:, 2], 5 + rise, atol=1e-5)
     assert np.allclose(read.placements[0].mesh.positions[:, :2], [v.co[:2] for v in mesh.vertices], atol=1e-5)
 
 
-def test_turned_and_mirrored_objects_are_displaced_outwards(add: Any) -> None:
+def test_turned_and_mirrored_objects_are_displaced_outwards() -> None:
     for k, turn in enumerate(((0, 0, 0), (1, 0.5, 0.2), (3.1, 0, 0))):
-        box = placed(cube(f"Box {k}", smooth=True), displacing(raised(scale=0.5), name=f"Outer {k}"))
-        add(f"Box {k}", box, rotation_euler=turn, scale=(-1, 1, 1) if k == 1 else (1, 1, 1))
+        outer = displacing(raised(scale=0.5), name=f"Outer {k}")
+        box = place(f"Box {k}", cube(f"Box {k}", smooth=True), outer, rotation_euler=turn)
+        box.scale.x = -1 if k == 1 else 1
     read, notes = found()
     assert not notes
     for placement in read.placements:
         assert np.allclose(np.linalg.norm(placement.mesh.positions, axis=1), np.sqrt(3) + 0.25, atol=1e-5)
 
 
-def test_normals_follow_the_displaced_surface(add: Any) -> None:
-    add("Net", placed(grid(4, smooth=True), displacing(sloped)))
-    add("Facets", placed(grid(4, "Flat", smooth=False), bpy.data.materials["Displaced"]))
+def test_normals_follow_the_displaced_surface() -> None:
+    place("Net", grid(4, smooth=True), displacing(sloped))
+    place("Facets", grid(4, "Flat", smooth=False), bpy.data.materials["Displaced"])
     read = found()[0]
     flat, smooth = (placement.mesh for placement in read.placements)
     assert np.allclose(smooth.positions[:, 2], 0.5 * smooth.positions[:, 0], atol=1e-6)
@@ -90,10 +68,10 @@ def test_normals_follow_the_displaced_surface(add: Any) -> None:
     assert flat.normals is None
 
 
-def test_sharp_edges_stay_flat(add: Any) -> None:
+def test_sharp_edges_stay_flat() -> None:
     box = cube("Box", smooth=True)
     box.polygons[0].use_smooth = False
-    add("Box", placed(box, displacing(raised(scale=0.2))))
+    place("Box", box, displacing(raised(scale=0.2)))
     mesh = found()[0].placements[0].mesh
     corners = mesh.positions[mesh.triangles].astype(float)
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -104,19 +82,20 @@ def test_sharp_edges_stay_flat(add: Any) -> None:
     assert np.allclose(mesh.normals[mesh.normal_rows][~flat], outward[~flat], atol=0.35)
 
 
-def test_each_vertex_follows_the_material_of_its_first_triangle(add: Any) -> None:
-    mesh = placed(grid(4), displacing(raised()), displacing(raised(), "BUMP", "Bumped"))
+def test_each_vertex_follows_the_material_of_its_first_triangle() -> None:
+    mesh = grid(4)
+    place("Net", mesh, displacing(raised()), displacing(raised(), "BUMP", "Bumped"))
     mesh.polygons.foreach_set("material_index", [int(i >= 8) for i in range(16)])
-    add("Net", mesh)
     z = found()[0].placements[0].mesh.positions[:, 2]
     assert set(np.unique(z.round(5))) == {0, 1}
     assert (z == 0).sum() == 10
 
 
-def test_instances_of_a_displaced_mesh_share_it(add: Any) -> None:
-    mesh = placed(grid(4), displacing(raised()))
+def test_instances_of_a_displaced_mesh_share_it() -> None:
+    mesh = grid(4)
+    mesh.materials.append(displacing(raised()))
     for k in range(3):
-        add(f"Net {k}", mesh, location=(3 * k, 0, 0))
+        place(f"Net {k}", mesh, location=(3 * k, 0, 0))
     read = found()[0]
     assert len(read.placements) == 1
     assert len(read.instanced().geometry.meshes) == 1
@@ -124,18 +103,14 @@ def test_instances_of_a_displaced_mesh_share_it(add: Any) -> None:
 
 
 @pytest.mark.parametrize("space", ["OBJECT", "WORLD", "TANGENT"])
-def test_vectors_move_vertices(add: Any, space: str) -> None:
-    def make(tree: Any) -> Any:
-        vector = node(tree, "VectorDisplacement", space=space, Midlevel=0.1, Scale=2.0)
-        vector.inputs["Vector"].default_value = (0.6, 0.3, 0.0, 1)
-        return vector.outputs[0]
-
-    mesh = placed(grid(2), displacing(make))
+def test_vectors_move_vertices(space: str) -> None:
+    vector = {"space": space, "Midlevel": 0.1, "Scale": 2.0, "Vector": (0.6, 0.3, 0.0, 1)}
+    mesh = grid(2)
+    place("Net", mesh, displacing(made("VectorDisplacement", **vector)), scale=(2, 2, 2))
     if space == "TANGENT":
         uv = mesh.uv_layers.new(name="Map")
         for loop in mesh.loops:
             uv.uv[loop.index].vector = mesh.vertices[loop.vertex_index].co[:2]
-    add("Net", mesh, scale=(2, 2, 2))
     read, notes = found()
     assert not notes
     moved = read.placements[0].mesh.positions - np.array([v.co for v in mesh.vertices])
@@ -144,9 +119,8 @@ def test_vectors_move_vertices(add: Any, space: str) -> None:
     assert np.allclose(moved, offset, atol=1e-5)
 
 
-def test_bump_changes_the_normal_alone(add: Any) -> None:
-    mesh = placed(grid(4), displacing(sloped, "BUMP"))
-    add("Net", mesh)
+def test_bump_changes_the_normal_alone() -> None:
+    place("Net", grid(4), displacing(sloped, "BUMP"))
     read, notes = found()
     assert not notes
     assert np.allclose(read.placements[0].mesh.positions[:, 2], 0)
@@ -155,30 +129,25 @@ def test_bump_changes_the_normal_alone(add: Any) -> None:
     assert all(isinstance(closure.normal, int) for closure in material.closures)
 
 
-def test_both_is_displacement_with_a_note(add: Any) -> None:
-    add("Net", placed(grid(4), displacing(raised(), "BOTH")))
+def test_both_is_displacement_with_a_note() -> None:
+    place("Net", grid(4), displacing(raised(), "BOTH"))
     read, notes = found()
     assert np.allclose(read.placements[0].mesh.positions[:, 2], 1, atol=1e-5)
     assert len(notes) == 1
     assert "Bump by displacement" in notes[0]
 
 
-def test_absurd_displacements_are_listed(add: Any) -> None:
-    add("Far", placed(grid(4), displacing(raised(scale=3e38), name="Far")))
+def test_absurd_displacements_are_listed() -> None:
+    place("Far", grid(4), displacing(raised(scale=3e38), name="Far"))
     broken = grid(4, "Broken")
     broken.vertices[3].co.z = float("nan")
-    add("Broken", placed(broken, displacing(raised(), name="Usual")))
-    add("Empty", placed(bpy.data.meshes.new("Empty"), bpy.data.materials["Usual"]))
+    place("Broken", broken, displacing(raised(), name="Usual"))
+    place("Empty", bpy.data.meshes.new("Empty"), bpy.data.materials["Usual"])
 
-    def textured(tree: Any) -> Any:
-        image, up = node(tree, "TexImage"), node(tree, "Displacement", Midlevel=0.0)
-        image.image = bpy.data.images.new("Nothing", 1, 1)
-        image.image.source = "FILE"
-        image.image.filepath = "/nowhere.png"
-        tree.links.new(image.outputs["Color"], up.inputs["Height"])
-        return up.outputs[0]
-
-    add("Pictured", placed(grid(2), displacing(textured, name="Pictured")))
+    image = bpy.data.images.new("Nothing", 1, 1)
+    image.source, image.filepath = "FILE", "/nowhere.png"
+    textured = made("Displacement", Height=made("TexImage", image=image), Midlevel=0.0)
+    place("Pictured", grid(2), displacing(textured, name="Pictured"))
     read, notes = found()
     assert "Not displaced, vertices that would leave the scene: Far (25)" in notes
     assert any("missing" in line and "Nothing" in line for line in notes)

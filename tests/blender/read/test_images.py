@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images are read as Cycles takes them."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lights keep their power, size and colour."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import atlas
 import bpy
 import numpy as np
 import pytest
+from read_materials import nodes_group
 from shapes import node, read, with_nodes
 
 from addon.blender.read import lights
-
-if TYPE_CHECKING:
-    from addon.core.scene.scene import Light
+from addon.core.scene.scene import Light
 
 
 def only_light(add: Any, kind: str, *, scale: tuple[float, float, float] = (1, 1, 1), **settings: Any) -> Light:
@@ -155,15 +153,11 @@ def test_a_light_s_colour_takes_the_type_of_its_group_s_socket(add: Any, wall: s
     data = bpy.data.lights.new("Grouped", "POINT")
     data.energy = 10
     with_nodes(data)
-    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{wall}")
-    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-    group.links.new(first.outputs[0], last.inputs[0])
-    user, red = (data.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("Group", "RGB"))
-    user.node_tree, red.outputs[0].default_value = group, (1, 0, 0, 1)
-    data.node_tree.links.new(red.outputs[0], user.inputs[0])
-    data.node_tree.links.new(user.outputs[0], node(data.node_tree, "ShaderNodeEmission").inputs["Color"])
+    tree, group = data.node_tree, nodes_group(wall, wall, lambda _, value: value)
+    user, red = atlas.add(tree, "Group", node_tree=group), atlas.add(tree, "RGB")
+    red.outputs[0].default_value = (1, 0, 0, 1)
+    tree.links.new(red.outputs[0], user.inputs[0])
+    tree.links.new(user.outputs[0], node(tree, "ShaderNodeEmission").inputs["Color"])
     add("Grouped", data)
     powers = [light.power for light in read()[0].lights]
     wanted = expected if isinstance(expected, tuple) else (expected,) * 3

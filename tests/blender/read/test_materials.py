@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shader nodes become closures and programs; unsupported ones are listed by material and raise nothing."""
 
-from __future__ import annotations
-
-from itertools import pairwise
 from typing import Any
 
 import bpy
 import pytest
-from read_materials import converted, inputs, plug
-from shapes import material, node, with_nodes
+from atlas import add, made, number, tile_material
+from read_materials import converted, inputs, nodes_group, plug
+from shapes import material, node, world
 
+from addon.blender.read.images import Gallery
 from addon.blender.read.materials import Palette
+from addon.blender.read.world import read_world
 from addon.core.base.notes import Notes
 
 
@@ -40,35 +40,28 @@ def test_principled_constants() -> None:
 @pytest.mark.parametrize(
     ("node_type", "kind", "values", "expected"),
     [
-        ("ShaderNodeBsdfDiffuse", "diffuse", {"Color": (0.1, 0.2, 0.3, 1)}, {"color": (0.1, 0.2, 0.3, 1)}),
-        ("ShaderNodeBsdfAnisotropic", "glossy", {"Roughness": 0.125}, {"roughness": 0.125}),
-        ("ShaderNodeBsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
-        ("ShaderNodeBsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
-        ("ShaderNodeEmission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
-        ("ShaderNodeBsdfSheen", "sheen", {"Roughness": 0.25}, {"roughness": 0.25}),
-        ("ShaderNodeBsdfToon", "toon_diffuse", {"Size": 0.25, "Smooth": 0.5}, {"roughness": 0.25, "smooth": 0.5}),
-        ("ShaderNodeHoldout", "holdout", {}, {"weight": 1.0}),
-        ("ShaderNodeBsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
+        ("BsdfDiffuse", "diffuse", {"Color": (0.1, 0.2, 0.3, 1)}, {"color": (0.1, 0.2, 0.3, 1)}),
+        ("BsdfAnisotropic", "glossy", {"Roughness": 0.125}, {"roughness": 0.125}),
+        ("BsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
+        ("BsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
+        ("Emission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
+        ("BsdfSheen", "sheen", {"Roughness": 0.25}, {"roughness": 0.25}),
+        ("BsdfToon", "toon_diffuse", {"Size": 0.25, "Smooth": 0.5}, {"roughness": 0.25, "smooth": 0.5}),
+        ("Holdout", "holdout", {}, {"weight": 1.0}),
+        ("BsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
     ],
 )
 def test_simple_shaders(node_type: str, kind: str, values: dict[str, Any], expected: dict[str, Any]) -> None:
-    block = material("Simple")
-    shader = plug(block, node_type)
-    if kind in ("glossy", "glass", "refraction"):
-        shader.distribution = "GGX"
-    for name, value in values.items():
-        shader.inputs[name].default_value = value
-    found = inputs(block, kind)
+    settings = {"distribution": "GGX"} if kind in ("glossy", "glass", "refraction") else {}
+    found = inputs(tile_material("Simple", made(node_type, **settings, **values)), kind)
     for name, value in expected.items():
         assert found[name] == pytest.approx(value), name
 
 
 def test_facets_are_stretched_along_a_tangent_and_follow_the_distribution() -> None:
-    block = material("Brushed")
-    shader = plug(block, "ShaderNodeBsdfAnisotropic")
-    shader.distribution = "BECKMANN"
+    block = tile_material("Brushed", made("BsdfAnisotropic", distribution="BECKMANN"))
     assert "tangent" not in inputs(block, "glossy")
-    shader.inputs["Anisotropy"].default_value = 0.5
+    node(block.node_tree, "ShaderNodeBsdfAnisotropic").inputs["Anisotropy"].default_value = 0.5
     found, notes = converted(block)
     (closure,) = found.closures
     assert (closure.distribution, closure.multiscatter, notes) == ("beckmann", False, [])
@@ -79,36 +72,28 @@ def test_facets_are_stretched_along_a_tangent_and_follow_the_distribution() -> N
 
 
 def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
+    group = nodes_group("Color", "Shader", lambda tree, tint: made("BsdfDiffuse", tint)(tree))
     block = material("Routed")
     tree = block.node_tree
-    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
-    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
-    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-    inside, outside = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-    diffuse = group.nodes.new("ShaderNodeBsdfDiffuse")
-    group.links.new(inside.outputs["Tint"], diffuse.inputs["Color"])
-    group.links.new(diffuse.outputs[0], outside.inputs["Shader"])
-    user = tree.nodes.new("ShaderNodeGroup")
-    user.node_tree = group
-    colour, gamma = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeGamma")
+    user, colour, gamma = add(tree, "Group", node_tree=group), add(tree, "RGB"), add(tree, "Gamma")
     colour.outputs[0].default_value = (0.5, 0.25, 0.125, 1)
     gamma.mute = True
     tree.links.new(colour.outputs[0], gamma.inputs["Color"])
-    tree.links.new(gamma.outputs[0], user.inputs["Tint"])
+    tree.links.new(gamma.outputs[0], user.inputs[0])
     bend = tree.nodes.new("NodeReroute")
-    tree.links.new(user.outputs["Shader"], bend.inputs[0])
+    tree.links.new(user.outputs[0], bend.inputs[0])
     tree.links.new(bend.outputs[0], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
     assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
     tree.links.remove(next(link for link in tree.links if link.to_node == user))
-    user.inputs["Tint"].default_value = (0.1, 0.2, 0.3, 1)
+    user.inputs[0].default_value = (0.1, 0.2, 0.3, 1)
     assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
 
 
-@pytest.mark.parametrize("kind", ["ShaderNodeRGB", "ShaderNodeGamma", "ShaderNodeNewGeometry", "ShaderNodeTexImage"])
+@pytest.mark.parametrize("kind", ["RGB", "Gamma", "NewGeometry", "TexImage"])
 def test_a_muted_node_that_passes_nothing_on_is_no_link(kind: str) -> None:
     """As in Cycles: the input at the end of its link keeps its own value."""
     block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
-    muted = block.node_tree.nodes.new(kind)
+    muted = add(block.node_tree, kind)
     block.node_tree.links.new(muted.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
     muted.mute = True
     assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
@@ -128,26 +113,15 @@ def test_an_output_for_another_engine_is_better_than_none(target: str) -> None:
 
 
 def test_mixed_and_added_shaders_keep_their_shares() -> None:
-    block = material("Mixed")
-    tree = block.node_tree
-    add = plug(block, "ShaderNodeAddShader")
-    mix = tree.nodes.new("ShaderNodeMixShader")
-    diffuse, clear, glow = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfTransparent", "Emission")
-    )
-    tree.links.new(mix.outputs[0], add.inputs[0])
-    tree.links.new(glow.outputs[0], add.inputs[1])
-    tree.links.new(diffuse.outputs[0], mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
-    mix.inputs[0].default_value = 0.25
+    mix = made("MixShader", 0.25, made("BsdfDiffuse"), made("BsdfTransparent"))
+    block = tile_material("Mixed", made("AddShader", mix, made("Emission")))
     found, notes = converted(block)
-    assert [(c.kind, c.inputs["weight"]) for c in found.closures] == [
-        ("diffuse", 0.75),
-        ("transparent", 0.25),
-        ("emission", 1.0),
-    ]
+    shares = [("diffuse", 0.75), ("transparent", 0.25), ("emission", 1.0)]
+    assert [(c.kind, c.inputs["weight"]) for c in found.closures] == shares
     assert (found.program, notes) == ((), [])
-    tree.links.new(tree.nodes.new("ShaderNodeTexChecker").outputs["Fac"], mix.inputs[0])
+    tree = block.node_tree
+    checker = add(tree, "TexChecker").outputs["Fac"]
+    tree.links.new(checker, node(tree, "ShaderNodeMixShader").inputs[0])
     found, notes = converted(block)
     assert notes == []
     assert [step["op"] for step in found.program] == ["coordinate", "checker", "clamp", "math"]
@@ -155,12 +129,10 @@ def test_mixed_and_added_shaders_keep_their_shares() -> None:
 
 
 def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
-    block = material("Textured")
+    unknown = {"Base_Color": made("ShaderToRGB"), "Roughness": made("ShaderToRGB", output=1)}
+    block = tile_material("Textured", made("BsdfPrincipled", **unknown))
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    tree = block.node_tree
-    shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeShaderToRGB").outputs[0], shader.inputs["Base Color"])
-    tree.links.new(tree.nodes.new("ShaderNodeShaderToRGB").outputs[1], shader.inputs["Roughness"])
+    shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
     found, notes = converted(block)
     values = found.closures[0].inputs
     assert values["color"] == (0.25, 0.5, 0.75)
@@ -170,29 +142,21 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
 
 
 def test_a_coat_over_emission_is_supported() -> None:
-    block = material("Sign", Emission_Strength=2.0)
-    shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
-    shader.inputs["Coat Weight"].default_value = 0.5
-    found, notes = converted(block)
+    found, notes = converted(material("Sign", Emission_Strength=2.0, Coat_Weight=0.5))
     assert notes == []
     assert found.closures[0].inputs["coat_weight"] == pytest.approx(0.5)
 
 
 def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
-    block = material("Pictured")
-    tree = block.node_tree
-    shader = node(tree, "ShaderNodeBsdfPrincipled")
-    image, ramp, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "ValToRGB", "Mix"))
-    where, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
-    image.image, image.extension, image.interpolation = bpy.data.images.new("Picture", 4, 2), "EXTEND", "Closest"
-    where.uv_map, mix.data_type, mix.blend_type = "Second", "RGBA", "MULTIPLY"
-    mapping.inputs["Scale"].default_value = (2, 3, 1)
-    tree.links.new(where.outputs[0], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
-    tree.links.new(image.outputs["Color"], ramp.inputs[0])
-    tree.links.new(ramp.outputs["Color"], mix.inputs["A"] if "A" not in mix.inputs else mix.inputs[6])
-    tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
-    tree.links.new(image.outputs["Alpha"], shader.inputs["Alpha"])
+    def pictured(tree: Any) -> Any:
+        mapping = made("Mapping", made("UVMap", uv_map="Second"), Scale=(2, 3, 1))
+        settings = {"image": bpy.data.images.new("Picture", 4, 2), "extension": "EXTEND", "interpolation": "Closest"}
+        image = add(tree, "TexImage", mapping, **settings)
+        ramp = made("ValToRGB", image.outputs["Color"])
+        mix = made("Mix", *[None] * 6, ramp, data_type="RGBA", blend_type="MULTIPLY", output=2)
+        return made("BsdfPrincipled", Base_Color=mix, Alpha=image.outputs["Alpha"])(tree)
+
+    block = tile_material("Pictured", pictured)
     palette = Palette(Notes(), [block])
     assert palette.layers.keys == [("uv", "Second")]
     found, notes = converted(block)
@@ -204,32 +168,24 @@ def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
 
 
 def test_bad_nodes_make_remarks_not_exceptions() -> None:
-    block = material("Broken")
-    tree = block.node_tree
-    shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"])
-    a, b = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMath")
-    tree.links.new(a.outputs[0], b.inputs[0])
-    tree.links.new(b.outputs[0], a.inputs[0])
-    tree.links.new(a.outputs[0], shader.inputs["Metallic"])
-    value = tree.nodes.new("ShaderNodeValue")
-    value.outputs[0].default_value = float("nan")
-    tree.links.new(value.outputs[0], shader.inputs["Alpha"])
-    found, notes = converted(block)
+    def broken(tree: Any) -> Any:
+        a, b = add(tree, "Math"), add(tree, "Math")
+        tree.links.new(a.outputs[0], b.inputs[0])
+        tree.links.new(b.outputs[0], a.inputs[0])
+        values = {"Base_Color": made("TexImage"), "Metallic": a.outputs[0], "Alpha": number(float("nan"))}
+        return made("BsdfPrincipled", **values)(tree)
+
+    found, notes = converted(tile_material("Broken", broken))
     assert found.closures[0].inputs["color"] == (1.0, 0.0, 1.0, 1.0)
     assert any("Broken" in line for line in notes)
 
 
 def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
-    block = material("Specular")
-    plug(block, "ShaderNodeEeveeSpecular")
-    specular = next(n for n in block.node_tree.nodes if n.bl_idname == "ShaderNodeEeveeSpecular")
-    specular.inputs["Base Color"].default_value = (0.2, 0.5, 0.7, 1)
-    found, notes = converted(block)
+    found, notes = converted(tile_material("Specular", made("EeveeSpecular", Base_Color=(0.2, 0.5, 0.7, 1))))
     assert [closure.kind for closure in found.closures] == ["diffuse"]
     assert found.closures[0].inputs["color"] == pytest.approx((0.2, 0.5, 0.7, 1.0))
-    assert len(notes) == 1
-    assert "Specular BSDF" in notes[0]
+    (note,) = notes
+    assert "Specular BSDF" in note
 
 
 def test_subsurface_scattering_keeps_its_method_and_lets_objects_be_told_apart() -> None:
@@ -281,13 +237,12 @@ def test_principled_hair_has_the_pigments_of_its_parametrisation() -> None:
 
 
 def test_a_shader_of_volumes_as_a_surface_falls_back_to_the_viewport_look() -> None:
-    block = material("Cut out")
+    block = tile_material("Cut out", made("VolumeScatter"))
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
-    plug(block, "ShaderNodeVolumeScatter")
     found, notes = converted(block)
     assert found.base_color == (0.25, 0.5, 0.75)
-    assert len(notes) == 1
-    assert "Volume Scatter" in notes[0]
+    (note,) = notes
+    assert "Volume Scatter" in note
 
 
 def test_materials_without_output_or_shader_are_black() -> None:
@@ -300,35 +255,24 @@ def test_materials_without_output_or_shader_are_black() -> None:
 
 
 def test_a_world_is_a_colour(scene: Any) -> None:
-    from addon.blender.read.world import read_world
-
-    world = bpy.data.worlds.new("World")
-    with_nodes(world)
-    background = node(world.node_tree, "ShaderNodeBackground")
-    background.inputs["Color"].default_value = (0.5, 0.25, 0.125, 1)
+    background = world(0.5, 0.25, 0.125)
     background.inputs["Strength"].default_value = 2
     notes = Notes()
-    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
+    assert read_world(scene.world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
-    unknown = world.node_tree.nodes.new("ShaderNodeShaderToRGB")
-    world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
-    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
+    tree = scene.world.node_tree
+    tree.links.new(add(tree, "ShaderToRGB").outputs[0], background.inputs["Color"])
+    assert read_world(scene.world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert any("Shader to RGB" in line and "World" in line for line in notes.lines())
     assert read_world(None, notes)[0].color == (0, 0, 0)
 
 
 def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
-    from addon.blender.read.images import Gallery
-    from addon.blender.read.world import read_world
-
-    world = bpy.data.worlds.new("World")
-    with_nodes(world)
-    background = node(world.node_tree, "ShaderNodeBackground")
-    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
-    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    background, tree = world(), scene.world.node_tree
+    sky = add(tree, "TexEnvironment", image=bpy.data.images.new("Sky", 8, 4, float_buffer=True))
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
     notes = Notes()
-    found, images, _ = read_world(world, notes, Gallery())
+    found, images, _ = read_world(scene.world, notes, Gallery())
     assert [step["op"] for step in found.program] == ["coordinate", "image"]
     assert found.program[1]["projection"] == "panorama"
     assert (found.radiance, images, notes.lines()) == (1, {0}, [])
@@ -337,12 +281,10 @@ def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
 @pytest.mark.parametrize("by_reroute", [False, True])
 def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> None:
     """As in Cycles, where a surface without a shader has no effect."""
-    block = bpy.data.materials.new("Fog")
-    with_nodes(block)
+    block = tile_material("Fog", made("VolumePrincipled"))
     tree = block.node_tree
-    output = node(tree, "ShaderNodeOutputMaterial")
-    tree.nodes.remove(node(tree, "ShaderNodeBsdfPrincipled"))
-    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    output, volume = node(tree, "ShaderNodeOutputMaterial"), node(tree, "ShaderNodeVolumePrincipled")
+    tree.links.remove(output.inputs["Surface"].links[0])
     if by_reroute:
         through = tree.nodes.new("NodeReroute")
         tree.links.new(volume.outputs[0], through.inputs[0])
@@ -352,7 +294,6 @@ def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> N
     (closure,) = found.closures
     assert closure.kind == "transparent"
     assert closure.inputs["color"] == (1.0, 1.0, 1.0)
-    assert found.volume is not None
     assert len(found.volume["closures"]) == 1
     assert not notes
     # With a surface shader that emits and scatters nothing, the material is black as before.
@@ -362,41 +303,27 @@ def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> N
     assert found.base_color == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("number", [0, 1])
-@pytest.mark.parametrize("kind", ["ShaderNodeBsdfPrincipled", "ShaderNodeEmission"])
-def test_a_computed_strength_multiplies_whichever_step_computes_it(kind: str, number: int) -> None:
+@pytest.mark.parametrize("before", [0, 1])
+@pytest.mark.parametrize("kind", ["BsdfPrincipled", "Emission"])
+def test_a_computed_strength_multiplies_whichever_step_computes_it(kind: str, before: int) -> None:
     """The index of a step is no constant 0 or 1."""
-    block = bpy.data.materials.new("Lamp")
-    with_nodes(block)
-    tree = block.node_tree
-    shader = plug(block, kind)
-    names = ("Emission Strength", "Emission Color") if kind == "ShaderNodeBsdfPrincipled" else ("Strength", "Color")
-    sums = [tree.nodes.new("ShaderNodeMath") for _ in range(number + 1)]
-    for one, following in pairwise(sums):
-        tree.links.new(one.outputs[0], following.inputs[0])
-    tree.links.new(sums[-1].outputs[0], shader.inputs[names[0]])
-    shader.inputs[names[1]].default_value = (1, 0.5, 0.25, 1)
-    found, _ = converted(block)
+    strength, color = ("Emission_Strength", "Emission_Color") if "Principled" in kind else ("Strength", "Color")
+    total = made("Math") if before == 0 else made("Math", made("Math"))
+    found, _ = converted(tile_material("Lamp", made(kind, **{strength: total, color: (1, 0.5, 0.25, 1)})))
     (closure,) = found.closures
     last = closure.inputs["emission"]
     assert isinstance(last, int)
     assert found.program[last]["op"] == "mix"
-    assert found.program[last]["args"][1:] == ((1.0, 0.5, 0.25, 1.0), number)
+    assert found.program[last]["args"][1:] == ((1.0, 0.5, 0.25, 1.0), before)
 
 
 def test_nested_mixes_multiply_whichever_step_is_a_factor() -> None:
-    block = bpy.data.materials.new("Nested")
-    with_nodes(block)
-    tree = block.node_tree
-    outer = plug(block, "ShaderNodeMixShader")
-    inner, attribute, half = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("MixShader", "LayerWeight", "BsdfDiffuse")
-    )
-    tree.links.new(attribute.outputs["Facing"], outer.inputs[0])
-    tree.links.new(attribute.outputs["Fresnel"], inner.inputs[0])
-    tree.links.new(inner.outputs[0], outer.inputs[2])
-    tree.links.new(half.outputs[0], inner.inputs[2])
-    found, _ = converted(block)
+    def nested(tree: Any) -> Any:
+        facing = add(tree, "LayerWeight").outputs
+        inner = made("MixShader", facing["Fresnel"], None, made("BsdfDiffuse"))
+        return made("MixShader", facing["Facing"], None, inner)(tree)
+
+    found, _ = converted(tile_material("Nested", nested))
     (closure,) = found.closures
     weight = closure.inputs["weight"]
     assert isinstance(weight, int)

@@ -1,22 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Instanced scenes have the same triangles, normals and pictures as flattened ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
+import atlas
 import bpy
 import halfspace_native as native
 import numpy as np
 import pytest
-from atlas import add as add_node
 from exr_files import render
-from shapes import cube, grid, material, node, with_nodes
+from shapes import cube, grid, lamp, look, material, node, world
 
 from addon.blender.read import extract
 from addon.blender.render import engine
-from addon.blender.session import reports
 from addon.core.base.notes import Notes
 from addon.core.structures.trees import Trees
 
@@ -24,10 +21,7 @@ from addon.core.structures.trees import Trees
 @pytest.fixture
 def forest(add: Any, scene: Any) -> Any:
     """Instances of three meshes: rotated, mirrored, unevenly scaled, far away, some with materials of their own."""
-    scene.render.engine = engine.ENGINE
-    scene.render.resolution_x, scene.render.resolution_y = 48, 32
-    scene.render.resolution_percentage = 100
-    scene.halfspace.samples = 2
+    scene.render.engine, scene.halfspace.samples = engine.ENGINE, 2
     shapes = [cube("Block", smooth=False), grid(6, "Leaf", smooth=True), cube("Ball", smooth=True)]
     colours = [material(f"Colour {i}", Base_Color=(0.2 + 0.3 * i, 0.5, 0.3, 1)) for i in range(3)]
     for mesh in shapes:
@@ -40,13 +34,9 @@ def forest(add: Any, scene: Any) -> Any:
         if i % 5 == 0:
             item.material_slots[0].link = "OBJECT"
             item.material_slots[0].material = colours[1 + i % 2]
-    add("Sun", bpy.data.lights.new("Sun", "SUN"), rotation_euler=(0.5, 0.3, 0))
-    scene.camera = add(
-        "Camera", bpy.data.cameras.new("Camera"), location=(1000, -9, 0), rotation_euler=(np.pi / 2, 0, 0)
-    )
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.3, 0.4, 0.5, 1)
+    lamp("SUN", rotation_euler=(0.5, 0.3, 0))
+    look((48, 32), (1000, -9, 0), np.pi / 2)
+    world(0.3, 0.4, 0.5)
     return scene
 
 
@@ -73,8 +63,7 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
     for mode in ("flatten", "two-level", "auto"):
         forest.halfspace.instancing = mode
         pictures[mode] = render(forest, tmp_path)
-        report = reports.last(forest)
-        assert report is not None
+        report = atlas.report(forest)
         expected = "two levels" if mode == "two-level" else "instances: flattened"
         assert report.instances.startswith(expected)
         assert not any("instances" in line or "two levels" in line for line in report.left_out), "nothing is left out"
@@ -86,19 +75,19 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
 
 
 READ = {
-    "uv map": lambda tree: add_node(tree, "UVMap", uv_map="UVMap").outputs[0],
-    "colour": lambda tree: add_node(tree, "Attribute", attribute_name="wear").outputs["Color"],
-    "tangents": lambda tree: add_node(tree, "Tangent", direction_type="UV_MAP", uv_map="UVMap").outputs[0],
-    "normal map": lambda tree: add_node(tree, "NormalMap", Color=(0.7, 0.3, 0.9, 1)).outputs[0],
-    "object's number": lambda tree: add_node(tree, "ObjectInfo").outputs["Random"],
-    "object's colour": lambda tree: add_node(tree, "ObjectInfo").outputs["Color"],
-    "place": lambda tree: add_node(tree, "ObjectInfo").outputs["Location"],
-    "box": lambda tree: add_node(tree, "TexCoord").outputs["Generated"],
-    "object space": lambda tree: add_node(tree, "TexCoord").outputs["Object"],
-    "normal in object space": lambda tree: add_node(tree, "TexCoord").outputs["Normal"],
-    "pointiness": lambda tree: add_node(tree, "NewGeometry").outputs["Pointiness"],
-    "island": lambda tree: add_node(tree, "NewGeometry").outputs["Random Per Island"],
-    "near": lambda tree: add_node(tree, "AmbientOcclusion", only_local=True).outputs["Color"],
+    "uv map": lambda tree: atlas.add(tree, "UVMap", uv_map="UVMap").outputs[0],
+    "colour": lambda tree: atlas.add(tree, "Attribute", attribute_name="wear").outputs["Color"],
+    "tangents": lambda tree: atlas.add(tree, "Tangent", direction_type="UV_MAP", uv_map="UVMap").outputs[0],
+    "normal map": lambda tree: atlas.add(tree, "NormalMap", Color=(0.7, 0.3, 0.9, 1)).outputs[0],
+    "object's number": lambda tree: atlas.add(tree, "ObjectInfo").outputs["Random"],
+    "object's colour": lambda tree: atlas.add(tree, "ObjectInfo").outputs["Color"],
+    "place": lambda tree: atlas.add(tree, "ObjectInfo").outputs["Location"],
+    "box": lambda tree: atlas.add(tree, "TexCoord").outputs["Generated"],
+    "object space": lambda tree: atlas.add(tree, "TexCoord").outputs["Object"],
+    "normal in object space": lambda tree: atlas.add(tree, "TexCoord").outputs["Normal"],
+    "pointiness": lambda tree: atlas.add(tree, "NewGeometry").outputs["Pointiness"],
+    "island": lambda tree: atlas.add(tree, "NewGeometry").outputs["Random Per Island"],
+    "near": lambda tree: atlas.add(tree, "AmbientOcclusion", only_local=True).outputs["Color"],
 }
 """Nodes whose values differ between the triangles of a mesh or between its instances."""
 
@@ -148,9 +137,7 @@ def compared_in_both(scene: Any, folder: Path) -> dict[str, Any]:
     for mode, expected in (("flatten", "instances: flattened"), ("two-level", "two levels")):
         scene.halfspace.instancing = mode
         pictures[mode] = render(scene, folder)
-        report = reports.last(scene)
-        assert report is not None
-        assert report.instances.startswith(expected)
+        assert atlas.report(scene).instances.startswith(expected)
     flat = pictures["flatten"]
     assert flat["Combined.R"].std() > 0.01
     assert flat.keys() == pictures["two-level"].keys()
@@ -163,8 +150,7 @@ def test_an_object_that_the_tree_over_instances_drops_is_named(forest: Any, add:
     add("Speck", forest.objects["Item 0"].data, scale=(1e-30, 1e-30, 1e-30))
     forest.halfspace.instancing = "two-level"
     render(forest, tmp_path)
-    report = reports.last(forest)
-    assert report is not None
+    report = atlas.report(forest)
     assert "Dropped, the transform is out of range: Speck" in report.warnings
 
 
@@ -189,8 +175,7 @@ def test_emissive_instances_are_sampled_as_lights(forest: Any, tmp_path: Path) -
         pictures[mode] = render(forest, tmp_path)["Combined.R"]
     # The same random numbers find the same points of the same lights.
     assert np.array_equal(pictures["flatten"], pictures["two-level"])
-    report = reports.last(forest)
-    assert report is not None
+    report = atlas.report(forest)
     assert report.instances.startswith("two levels")
     assert not any(line.startswith("shadow rays") for line in report.left_out)
 
@@ -202,8 +187,7 @@ def test_emissive_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_p
     for mode in ("flatten", "two-level"):
         forest.halfspace.instancing = mode
         pictures[mode] = render(forest, tmp_path)["Combined.R"]
-        report = reports.last(forest)
-        assert report is not None
+        report = atlas.report(forest)
         assert report.instances.startswith("instances: flattened, since Whitted's integrator")
     assert np.array_equal(pictures["flatten"], pictures["two-level"])
 

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hair curves, particle hair and point clouds become triangles when a scene is read."""
 
-from __future__ import annotations
-
 from typing import Any
 
+import atlas
 import bpy
 import numpy as np
 import pytest
+from atlas import made
 from rounds import camera, cloud, found, fur, hair, locks, pointed
-from shapes import cube, grid, material, with_nodes
+from shapes import cube, grid, material
 
 from addon.blender.read.strands import collecting
 from addon.blender.read.value_nodes import COLOR, STRAND, UV
@@ -23,24 +23,11 @@ def view(scene: Any) -> None:
 
 def reading(*sockets: tuple[str, str], **settings: Any) -> Any:
     """A material that adds these outputs of nodes, by the type of node and the output's name."""
-    block = bpy.data.materials.new("Reader")
-    with_nodes(block)
-    tree = block.node_tree
-    tree.nodes.clear()
-    output, total = tree.nodes.new("ShaderNodeOutputMaterial"), None
+    total = None
     for kind, name in sockets:
-        node, add = tree.nodes.new(kind), tree.nodes.new("ShaderNodeVectorMath")
-        for key, value in settings.items():
-            if key in node.bl_rna.properties:
-                setattr(node, key, value)
-        tree.links.new(node.outputs[name], add.inputs[0])
-        if total is not None:
-            tree.links.new(total, add.inputs[1])
-        total = add.outputs[0]
-    emission = tree.nodes.new("ShaderNodeEmission")
-    tree.links.new(total, emission.inputs["Color"])
-    tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    return block
+        own = settings if kind == "Attribute" else {}
+        total = made("VectorMath", made(kind, output=name, **own), total)
+    return atlas.tile_material("Reader", made("Emission", Color=total))
 
 
 def test_hair_curves_are_tubes_of_their_material(add: Any) -> None:
@@ -161,7 +148,7 @@ def test_detail_grows_towards_the_camera(add: Any, scene: Any) -> None:
 
 def test_values_of_strands_reach_materials(add: Any) -> None:
     names = ("Is Strand", "Intercept", "Length", "Thickness", "Random")
-    reader = reading(*(("ShaderNodeHairInfo", name) for name in names))
+    reader = reading(*(("HairInfo", name) for name in names))
     curves = hair([[(0, 0, 0), (1, 0, 0), (3, 0, 0)]] * 2, [[0.1, 0.2, 0.3]] * 2)
     curves.materials.append(reader)
     add("Curls", curves)
@@ -186,9 +173,7 @@ def test_attributes_and_uv_maps_of_hair_reach_materials(add: Any) -> None:
     roots.data.foreach_set("vector", np.arange(8, dtype=np.float32) / 8)
     shade = curves.attributes.new("shade", "FLOAT_COLOR", "POINT")
     shade.data.foreach_set("color", np.linspace(0, 1, 4 * 5 * 4).astype(np.float32))
-    curves.materials.append(
-        reading(("ShaderNodeUVMap", "UV"), ("ShaderNodeAttribute", "Color"), attribute_name="shade")
-    )
+    curves.materials.append(reading(("UVMap", "UV"), ("Attribute", "Color"), attribute_name="shade"))
     add("Curls", curves)
     read, notes = found()
     assert not notes
@@ -201,7 +186,7 @@ def test_attributes_and_uv_maps_of_hair_reach_materials(add: Any) -> None:
 
 def test_particle_hair_has_the_uv_of_its_roots(add: Any) -> None:
     item = add("Head", cube())
-    item.data.materials.append(reading(("ShaderNodeUVMap", "UV")))
+    item.data.materials.append(reading(("UVMap", "UV")))
     fur(item, 20)
     read = found()[0]
     uv = read.placements[-1].mesh.layers[UV, ""].reshape(20, -1, 2)
@@ -212,7 +197,7 @@ def test_particle_hair_has_the_uv_of_its_roots(add: Any) -> None:
 
 def test_values_of_points_reach_materials(add: Any) -> None:
     dust = cloud([(0, 0, 0), (1, 0, 0)], [0.1, 0.2])
-    dust.materials.append(reading(*(("ShaderNodePointInfo", name) for name in ("Position", "Radius", "Random"))))
+    dust.materials.append(reading(*(("PointInfo", name) for name in ("Position", "Radius", "Random"))))
     add("Dust", dust)
     layers = found()[0].placements[0].mesh.layers
     assert np.unique(layers[STRAND, "Radius"]).tolist() == pytest.approx([0.1, 0.2])

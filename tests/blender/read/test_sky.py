@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sky Textures come as pictures and suns, once for each content, and what goes wrong is said."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
@@ -16,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube
+import shapes
 
 import addon
 from addon.blender.measure import workloads
@@ -31,11 +29,9 @@ from addon.core.base.notes import Notes
 @pytest.fixture
 def world(scene: Any) -> Any:
     """A world whose colour is a sky with the sun 30° high, in the direction of +X, half as strong as it is."""
-    made = bpy.data.worlds.new("World")
-    if made.node_tree is None:
-        made.use_nodes = True
+    background = shapes.world()
+    made = scene.world
     tree = made.node_tree
-    background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
     background.inputs["Strength"].default_value = 0.5
     texture = tree.nodes.new("ShaderNodeTexSky")
     texture.sun_elevation, texture.sun_rotation = math.radians(30), math.radians(90)
@@ -70,7 +66,7 @@ def test_a_sky_is_a_picture_and_a_sun(world: Any, monkeypatch: pytest.MonkeyPatc
     assert read_world(world, notes, Gallery())[2][0].power == pytest.approx([2 * c for c in sun.power])
 
     # Behind a node, the sun is part of the program.
-    texture = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture = shapes.node(tree, "ShaderNodeTexSky")
     gamma = tree.nodes.new("ShaderNodeGamma")
     tree.links.new(texture.outputs[0], gamma.inputs[0])
     tree.links.new(gamma.outputs[0], tree.nodes["Background"].inputs["Color"])
@@ -86,7 +82,7 @@ def test_a_sky_that_cannot_be_rendered_is_said(world: Any, monkeypatch: pytest.M
     def fail(*_: Any, **__: Any) -> None:
         raise error
 
-    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture = shapes.node(world.node_tree, "ShaderNodeTexSky")
     texture.sun_elevation = 0.123
     monkeypatch.setattr(sky, "_run", fail)
     notes = Notes()
@@ -100,7 +96,7 @@ def test_a_sky_that_cannot_be_rendered_is_said(world: Any, monkeypatch: pytest.M
 def test_the_viewport_does_not_wait(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[str] = []
     monkeypatch.setattr(sky, "_begin", begun.append)
-    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture = shapes.node(world.node_tree, "ShaderNodeTexSky")
     texture.sun_elevation = 0.321
     notes = Notes()
     read_world(world, notes, Gallery(), wait=False)
@@ -122,7 +118,7 @@ def wait_until(true: Any) -> None:
 
 def test_disabling_the_extension_ends_the_other_blender(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sky, "_command", hold_on)
-    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture = shapes.node(world.node_tree, "ShaderNodeTexSky")
     texture.sun_elevation = 0.456
     with pytest.raises(sky.SkyError, match="being prepared"):
         sky.of_node(texture, wait=False)
@@ -146,7 +142,7 @@ def test_disabling_the_extension_ends_the_other_blender(world: Any, monkeypatch:
 
 def test_a_render_does_not_wait_for_a_sky_that_is_stopped(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sky, "_command", hold_on)
-    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture = shapes.node(world.node_tree, "ShaderNodeTexSky")
     texture.sun_elevation = 0.567
     said: list[str] = []
 
@@ -175,30 +171,27 @@ def test_the_other_blender_has_its_time_and_not_more(monkeypatch: pytest.MonkeyP
         sky._run([sys.executable, "-c", "raise SystemExit(3)"])
 
 
-def only(world: Any, scene: Any, add: Any) -> Any:
+def only(world: Any, scene: Any) -> Any:
     """The texture of the world, in a scene with a cube before a camera."""
     scene.world = world
-    add("Cube", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 8))
-    scene.render.engine = "HALFSPACE"
-    scene.render.resolution_x = scene.render.resolution_y = 8
-    scene.halfspace.samples = 1
-    return next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    shapes.place("Cube", shapes.cube())
+    shapes.look((8, 8), (0, 0, 8))
+    scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
+    return shapes.node(world.node_tree, "ShaderNodeTexSky")
 
 
-def test_measuring_waits_for_the_sky(world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(world, scene, add).sun_elevation = 0.678
+def test_measuring_waits_for_the_sky(world: Any, scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    only(world, scene).sun_elevation = 0.678
     made = sky.Sky(np.ones((4, 8, 4), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), 0.01)
     monkeypatch.setattr(sky, "_render", lambda *_: made)
     monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun beside what is timed"))
     found = workloads.current("cube", (8, 8))
     assert found.notes == ()
-    assert found.render_scene is not None
     assert [light.kind for light in found.render_scene.lights] == ["sun"]
 
 
-def test_a_build_needs_no_sky(world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(world, scene, add).sun_elevation = 0.789
+def test_a_build_needs_no_sky(world: Any, scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    only(world, scene).sun_elevation = 0.789
     monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun for triangles alone"))
     assert building.build_now(scene, bpy.context.evaluated_depsgraph_get()).triangles == 12
     assert not sky._running
@@ -206,9 +199,9 @@ def test_a_build_needs_no_sky(world: Any, scene: Any, add: Any, monkeypatch: pyt
 
 @pytest.mark.parametrize("stop", [False, KeyboardInterrupt], ids=["Esc", "Ctrl-C"])
 def test_a_render_that_waits_for_a_sky_can_be_stopped(
-    world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch, stop: Any
+    world: Any, scene: Any, monkeypatch: pytest.MonkeyPatch, stop: Any
 ) -> None:
-    only(world, scene, add).sun_elevation = 0.89
+    only(world, scene).sun_elevation = 0.89
     monkeypatch.setattr(sky, "_command", hold_on)
     monkeypatch.setattr(sky, "TIMEOUT", 600)
     asked: list[int] = []

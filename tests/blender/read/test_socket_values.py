@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Values of sockets: converted on their way through groups, mapped, clamped, and divided by alpha."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 import pytest
+from atlas import add, made, tile_material
 from mathutils import Euler
-from read_materials import converted, inputs
+from read_materials import converted, inputs, nodes_group
 from shapes import material, node
 
 from addon.blender.read.images import read_image
@@ -19,19 +18,12 @@ def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = 
     """A group linked to the material's base colour. kinds: of its input and output. inside: a node in the group, whose
     `socket` is linked to the group's input; "" for none.
     """
+
+    def within(tree: Any, value: Any) -> Any:
+        return made(inside, **{socket: value})(tree) if inside else value
+
     tree = block.node_tree
-    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
-    for direction, kind in zip(("INPUT", "OUTPUT"), kinds, strict=True):
-        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{kind}")
-    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-    source = first.outputs[0]
-    if inside:
-        within = group.nodes.new(inside)
-        group.links.new(source, within.inputs[socket])
-        source = within.outputs[0]
-    group.links.new(source, last.inputs[0])
-    user = tree.nodes.new("ShaderNodeGroup")
-    user.node_tree = group
+    user = add(tree, "Group", node_tree=nodes_group(*kinds, within))
     tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
     return user
 
@@ -54,7 +46,7 @@ def test_values_through_a_group_are_converted_to_its_socket_types(
     block.node_tree.links.new(user.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs[socket])
     name = {"Metallic": "metallic", "Base Color": "color"}[socket]
     assert inputs(block)[name] == pytest.approx(expected)
-    colour = block.node_tree.nodes.new("ShaderNodeRGB")
+    colour = add(block.node_tree, "RGB")
     colour.outputs[0].default_value = (0.9, 0.1, 0.2, 1)
     block.node_tree.links.new(colour.outputs[0], user.inputs[0])
     assert inputs(block)[name] == pytest.approx(expected)
@@ -98,7 +90,7 @@ def test_constants_are_converted_to_integer_and_boolean_sockets(
 @pytest.mark.parametrize("socket", ["Location", "Rotation", "Scale"])
 def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) -> None:
     block = material("Mapped")
-    user = grouped(block, (kind, "Color"), "ShaderNodeMapping", socket)
+    user = grouped(block, (kind, "Color"), "Mapping", socket)
     value = {"Float": 2.0, "Int": 2, "Vector": (2, 2, 2), "Color": (2, 2, 2, 1)}[kind]
     user.inputs[0].default_value = value
     found, notes = converted(block)
@@ -116,7 +108,7 @@ def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) 
 @pytest.mark.parametrize("kind", ["TEXTURE", "NORMAL", "POINT"])
 def test_a_mapping_divides_by_no_zero(kind: str) -> None:
     block = material("Flat")
-    user = grouped(block, ("Vector", "Color"), "ShaderNodeMapping", "Vector")
+    user = grouped(block, ("Vector", "Color"), "Mapping", "Vector")
     mapping = node(user.node_tree, "ShaderNodeMapping")
     mapping.vector_type = kind
     mapping.inputs["Scale"].default_value = (0, 2, 1)
@@ -127,7 +119,7 @@ def test_a_mapping_divides_by_no_zero(kind: str) -> None:
 
 def test_a_clamp_to_a_range_takes_its_ends_in_either_order() -> None:
     block = material("Clamped")
-    user = grouped(block, ("Float", "Float"), "ShaderNodeClamp", "Value")
+    user = grouped(block, ("Float", "Float"), "Clamp", "Value")
     assert [step["op"] for step in converted(block)[0].program] == ["clamp"]
     node(user.node_tree, "ShaderNodeClamp").clamp_type = "RANGE"
     low, high, clamp = converted(block)[0].program
@@ -137,7 +129,7 @@ def test_a_clamp_to_a_range_takes_its_ends_in_either_order() -> None:
 def test_a_texture_in_a_group_uses_the_vector_of_the_group() -> None:
     """As in Cycles: the vector of the group counts even where nothing is linked to it."""
     block = material("Placed")
-    user = grouped(block, ("Vector", "Color"), "ShaderNodeTexChecker", "Vector")
+    user = grouped(block, ("Vector", "Color"), "TexChecker", "Vector")
     user.inputs[0].default_value = (0.5, 0.25, 0)
     (checker,) = [step for step in converted(block)[0].program if step["op"] == "checker"]
     assert checker["args"][0] == (0.5, 0.25, 0)
@@ -159,18 +151,15 @@ def test_colours_are_divided_by_alpha_only_where_it_is_in_them(
     space: str, mode: str, expected: tuple[bool, float]
 ) -> None:
     """As in Cycles. Alpha is one half."""
-    block = material("Cut out")
-    tree, picture = block.node_tree, bpy.data.images.new("Leaf", 2, 2, alpha=True)
+    picture = bpy.data.images.new("Leaf", 2, 2, alpha=True)
     picture.colorspace_settings.name, picture.alpha_mode = space, mode
     picture.pixels.foreach_set([0.5] * 16)  # last: another space generates it anew
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = picture
-    shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
-    tree.links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
+
+    def textured(tree: Any) -> Any:
+        texture = add(tree, "TexImage", image=picture).outputs
+        return made("BsdfPrincipled", Base_Color=texture["Color"], Alpha=texture["Alpha"])(tree)
+
+    block = tile_material("Cut out", textured)
     (step,) = [step for step in converted(block)[0].program if step["op"] == "image"]
     pixels = read_image(picture, Notes()).pixels
-    assert (step["unassociate"], pixels[0, 0, 0]) == (
-        expected[0],
-        pytest.approx(255 * expected[1], abs=1),
-    )
+    assert (step["unassociate"], pixels[0, 0, 0]) == (expected[0], pytest.approx(255 * expected[1], abs=1))

@@ -1,41 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Settings of view layers are applied, and unsupported ones are reported."""
 
-from __future__ import annotations
+from pathlib import Path
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+import atlas
 import bpy
 import pytest
 from exr_files import exr
-from shapes import cube, material, node, read, with_nodes
+from shapes import cube, look, material, place, read, world
 
 from addon.blender.read import visibility
 from addon.blender.read.linking import Linking
-from addon.blender.session import reports
 from addon.core.base.notes import Notes
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-
-def world(name: str, *color: float) -> Any:
-    made = bpy.data.worlds.new(name)
-    with_nodes(made)
-    node(made.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (*color, 1)
-    return made
 
 
 @pytest.fixture
-def layer(scene: Any, add: Any) -> Any:
+def layer(scene: Any) -> Any:
     """The view layer of a scene with a red cube in a collection of its own, a bare cube, and a green world."""
     apart = bpy.data.collections.new("Apart")
     scene.collection.children.link(apart)
-    mesh = cube()
-    mesh.materials.append(material("Red"))
-    apart.objects.link(bpy.data.objects.new("Cube", mesh))
-    add("Bare", cube("Bare"), location=(4, 0, 0))
-    scene.world = world("Green", 0, 1, 0)
+    red = place("Cube", cube(), material("Red"))
+    apart.objects.link(red)
+    scene.collection.objects.unlink(red)
+    place("Bare", cube("Bare"), location=(4, 0, 0))
+    world(0, 1, 0)
     bpy.context.view_layer.update()
     return bpy.context.view_layer
 
@@ -54,7 +43,9 @@ def test_a_material_override_is_all_that_is_seen(layer: Any) -> None:
 def test_a_world_override_is_the_world(layer: Any, scene: Any) -> None:
     if not hasattr(layer, "world_override"):
         pytest.skip("this Blender has no worlds of view layers")
-    layer.world_override = world("Blue", 0, 0, 1)
+    green = scene.world
+    world(0, 0, 1)
+    layer.world_override, scene.world = scene.world, green
     assert read()[0].world.color == (0, 0, 1)
     layer.world_override = None
     assert read()[0].world.color == (0, 1, 0)
@@ -107,28 +98,13 @@ def test_lamps_that_are_no_shadow_catchers_are_reported_where_there_are_any(laye
     assert [material.catcher for material in found.materials].count(True) == 1
 
 
-def test_light_linking_is_reported_where_an_object_glows(layer: Any) -> None:
-    item = bpy.data.objects["Bare"]
-    item.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
-    assert read()[1] == []
-    item.data.materials.append(material("Glow", Emission_Strength=2.0))
-    assert read()[1] == ["Light linking is supported for lights only, not for glowing objects: Bare"]
-
-
 def test_passes_that_are_not_rendered_are_reported(layer: Any, scene: Any, tmp_path: Path) -> None:
-    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.collection.objects.link(scene.camera)
+    look((8, 8))
     scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
-    scene.render.resolution_x = scene.render.resolution_y = 8
     layer.use_pass_z = layer.use_pass_ambient_occlusion = layer.use_pass_shadow = True
     exr(scene, tmp_path / "picture.exr")
-    report = reports.last(scene)
-    assert report is not None
-    lines = [line for line in report.warnings if line.startswith("The pass ")]
-    assert [line.split(" is not")[0] for line in lines] == [
-        "The pass Shadow",
-        "The pass Ambient Occlusion",
-    ]
+    lines = [line for line in atlas.warnings(scene) if line.startswith("The pass ")]
+    assert [line.split(" is not")[0] for line in lines] == ["The pass Shadow", "The pass Ambient Occlusion"]
     assert all(line.endswith(f": {layer.name}") for line in lines)
 
 

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Node trees that stand for far more than they hold are read in time, or only in part."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 import pytest
-from read_materials import converted
+from atlas import add, made, number, tile_material
+from read_materials import converted, nodes_group
 from shapes import material, node, with_nodes
 
 from addon.blender.read import values
@@ -99,8 +98,7 @@ def test_a_normal_map_of_normal_maps_that_are_unknown() -> None:
 def test_groups_that_double_at_each_level_end_at_what_the_native_module_takes() -> None:
     block = material("Grouped", Roughness=0.25)
     tree = block.node_tree
-    user = tree.nodes.new("ShaderNodeGroup")
-    user.node_tree = groups_of_two()
+    user = add(tree, "Group", node_tree=groups_of_two())
     tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Roughness"])
     found, notes = converted(block)
     assert found.closures[0].inputs["roughness"] == 0.25
@@ -110,18 +108,15 @@ def test_groups_that_double_at_each_level_end_at_what_the_native_module_takes() 
 
 def test_a_constant_is_read_where_there_is_no_room_for_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(values, "MOST_STEPS", 1)
-    block = material("Full")
-    tree = block.node_tree
-    shader = node(tree, "ShaderNodeBsdfPrincipled")
-    number, color, place, more = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("Value", "RGB", "NewGeometry", "Gamma")
-    )
-    number.outputs[0].default_value = 0.125
-    color.outputs[0].default_value = (0.25, 0.5, 0.75, 1)
-    tree.links.new(place.outputs["Position"], shader.inputs["Base Color"])
-    tree.links.new(number.outputs[0], shader.inputs["IOR"])
-    tree.links.new(color.outputs[0], shader.inputs["Coat Tint"])
-    tree.links.new(more.outputs[0], shader.inputs["Specular Tint"])
+
+    def full(tree: Any) -> Any:
+        color = add(tree, "RGB")
+        color.outputs[0].default_value = (0.25, 0.5, 0.75, 1)
+        tints = {"Coat_Tint": color.outputs[0], "Specular_Tint": made("Gamma")}
+        position = made("NewGeometry", output="Position")
+        return made("BsdfPrincipled", Base_Color=position, IOR=number(0.125), **tints)(tree)
+
+    block = tile_material("Full", full)
     found, notes = converted(block)
     inputs = found.closures[0].inputs
     assert (len(found.program), inputs["ior"], inputs["coat_tint"]) == (1, 0.125, (0.25, 0.5, 0.75, 1.0))
@@ -129,18 +124,9 @@ def test_a_constant_is_read_where_there_is_no_room_for_a_step(monkeypatch: pytes
 
 
 def test_the_empty_socket_of_a_group_s_input_is_unknown() -> None:
-    block = material("Grouped")
-    tree = block.node_tree
-    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
-    inner.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
-    start, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
-    sum_ = inner.nodes.new("ShaderNodeMath")
-    sum_.inputs[0].default_value, sum_.inputs[1].default_value = 0.125, 0.25
-    inner.links.new(start.outputs[-1], sum_.inputs[0])
-    inner.links.new(sum_.outputs[0], end.inputs[0])
-    user = tree.nodes.new("ShaderNodeGroup")
-    user.node_tree = inner
-    tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Roughness"])
+    inner = nodes_group("Float", "Float", lambda tree, _: made("Math", 0.125, 0.25)(tree))
+    inner.links.new(node(inner, "NodeGroupInput").outputs[-1], node(inner, "ShaderNodeMath").inputs[0])
+    block = tile_material("Grouped", made("BsdfPrincipled", Roughness=made("Group", node_tree=inner)))
     found, notes = converted(block)
     assert [step["args"][:2] for step in found.program] == [(0.125, 0.25)]
     assert notes == ["Group Input for Value is not supported yet in material: Grouped"]
@@ -150,15 +136,9 @@ def test_a_world_of_too_many_steps_is_its_plain_colour() -> None:
     world = bpy.data.worlds.new("Grouped")
     with_nodes(world)
     tree = world.node_tree
-    users = [tree.nodes.new("ShaderNodeGroup") for _ in range(2)]
-    backgrounds = [tree.nodes.new("ShaderNodeBackground") for _ in range(2)]
-    add = tree.nodes.new("ShaderNodeAddShader")
-    inner = groups_of_two()
-    for i, (user, background) in enumerate(zip(users, backgrounds, strict=True)):
-        user.node_tree = inner
-        tree.links.new(user.outputs[0], background.inputs["Strength"])
-        tree.links.new(background.outputs[0], add.inputs[i])
-    tree.links.new(add.outputs[0], node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
+    backgrounds = [made("Background", Strength=made("Group", node_tree=groups_of_two())) for _ in range(2)]
+    both = made("AddShader", *backgrounds)(tree)
+    tree.links.new(both, node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
     notes = Notes()
     found, _, _ = read_world(world, notes)
     assert len(found.program) <= MOST_STEPS

@@ -1,43 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The checkbox *Denoise*: final renders lose their noise, and nothing else changes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
-import bpy
+import atlas
 import numpy as np
 import pytest
-from exr_files import render
-from shapes import cube, grid, with_nodes
+from exr_files import colours, render
+from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.render import engine
-from addon.blender.session import reports
 from addon.core.base import denoise
-
-WIDTH, HEIGHT = 96, 64
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """A cube on a floor in soft light, with much noise at two samples."""
-    scene.render.engine = engine.ENGINE
-    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
-    scene.halfspace.samples = 2
-    add("Cube", cube(), location=(0, 0, 1), rotation_euler=(0, 0, 0.6))
-    add("Floor", grid(4), scale=(6, 6, 6))
-    lamp = bpy.data.lights.new("Lamp", "AREA")
-    lamp.energy, lamp.size = 800, 4
-    add("Lamp", lamp, location=(-3, -3, 6), rotation_euler=(0.5, -0.5, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -9, 4), rotation_euler=(1.2, 0, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
+    scene.render.engine, scene.halfspace.samples = engine.ENGINE, 2
+    place("Cube", cube(), location=(0, 0, 1), rotation_euler=(0, 0, 0.6))
+    place("Floor", grid(4), scale=(6, 6, 6))
+    lamp("AREA", 800, size=4, location=(-3, -3, 6), rotation_euler=(0.5, -0.5, 0))
+    look((96, 64), (0, -9, 4), 1.2)
+    world()
     return scene
-
-
-def colors(channels: dict[str, Any]) -> Any:
-    return np.stack([channels[f"Combined.{c}"] for c in "RGB"], axis=-1)
 
 
 def rmse(a: Any, b: Any) -> float:
@@ -48,7 +34,7 @@ def rmse(a: Any, b: Any) -> float:
 def test_the_error_falls_and_alpha_stays(stage: Any, tmp_path: Path, integrator: str) -> None:
     stage.halfspace.integrator = integrator
     stage.halfspace.samples = 1024
-    reference = colors(render(stage, tmp_path))
+    reference = colours(render(stage, tmp_path))
     stage.halfspace.samples = 2
     stage.halfspace.render_seed = 5
     stage.render.film_transparent = True
@@ -58,11 +44,9 @@ def test_the_error_falls_and_alpha_stays(stage: Any, tmp_path: Path, integrator:
     assert clean.keys() == noisy.keys(), "no pass appears that was not asked for"
     assert np.array_equal(clean["Combined.A"], noisy["Combined.A"])
     surface = noisy["Combined.A"] == 1
-    before, after = (rmse(colors(p)[surface], reference[surface]) for p in (noisy, clean))
+    before, after = (rmse(colours(p)[surface], reference[surface]) for p in (noisy, clean))
     assert after < 0.5 * before
-    report = reports.last(stage)
-    assert report is not None
-    assert not report.warnings
+    assert not atlas.warnings(stage)
 
 
 def test_passes_that_guide_keep_their_values(stage: Any, tmp_path: Path) -> None:
@@ -80,25 +64,22 @@ def test_a_border_is_denoised_alone(stage: Any, tmp_path: Path) -> None:
     render_ = stage.render
     render_.use_border = render_.use_crop_to_border = True
     render_.border_min_x, render_.border_max_x, render_.border_min_y, render_.border_max_y = 0.2, 0.7, 0.1, 0.9
-    assert colors(render(stage, tmp_path)).std() > 0
+    assert colours(render(stage, tmp_path)).std() > 0
 
 
 def test_without_the_library_the_noise_stays_and_is_reported(
     stage: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    noisy = colors(render(stage, tmp_path))
+    noisy = colours(render(stage, tmp_path))
     stage.halfspace.use_denoising = True
 
     def missing(_folders: Any) -> Any:
         raise denoise.DenoiseError("Open Image Denoise cannot be loaded: gone")
 
     monkeypatch.setattr(denoise, "load", missing)
-    assert np.array_equal(colors(render(stage, tmp_path)), noisy)
-    report = reports.last(stage)
-    assert report is not None
-    assert any(
-        "The noise could not be removed: Open Image Denoise cannot be loaded: gone" in w for w in report.warnings
-    )
+    assert np.array_equal(colours(render(stage, tmp_path)), noisy)
+    said = "The noise could not be removed: Open Image Denoise cannot be loaded: gone"
+    assert any(said in line for line in atlas.warnings(stage))
 
 
 def test_a_folder_without_the_library_gives_that_of_blender_itself(tmp_path: Path) -> None:

@@ -1,45 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final renders through `bpy.ops.render.render`: pictures, passes, warnings, errors, cancelling and memory."""
-
-from __future__ import annotations
+"""Final renders through `bpy.ops.render.render`: pictures, passes, warnings, errors, cancelling, memory; previews."""
 
 import os
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import atlas
 import bpy
 import halfspace_native
 import numpy as np
 import OpenImageIO
 import pytest
 from exr_files import exr, render
-from shapes import cube, grid, material, node, with_nodes
+from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.read import extract
 from addon.blender.render import engine, requested, viewport
 from addon.blender.session import reports, trees
 from addon.core.base import room
 from addon.core.session import coarse
-from addon.core.session.session import Cancelled
 
 WIDTH, HEIGHT = 48, 32
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """A grey cube under a sun before a blue background, seen from the front."""
     scene.render.engine = engine.ENGINE
-    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
-    scene.render.resolution_percentage = 100
     scene.halfspace.samples = 4
-    add("Cube", cube())
-    add("Sun", bpy.data.lights.new("Sun", "SUN"), rotation_euler=(0.5, 0.3, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    background = node(scene.world.node_tree, "ShaderNodeBackground")
-    background.inputs["Color"].default_value = (0.25, 0.5, 1.0, 1.0)
+    place("Cube", cube())
+    lamp("SUN", rotation_euler=(0.5, 0.3, 0))
+    look((WIDTH, HEIGHT), (0, -8, 0), np.pi / 2)
+    world(0.25, 0.5, 1.0)
     return scene
 
 
@@ -49,8 +43,7 @@ def test_the_picture_shows_cube_and_background(stage: Any, tmp_path: Path) -> No
     assert np.allclose([c[0, 0] for c in blue], (0.25, 0.5, 1.0), rtol=1e-3)
     assert abs(blue[0][HEIGHT // 2, WIDTH // 2] - 0.25) > 0.02
     assert (picture["Combined.A"] == 1).all()
-    report = reports.last(stage)
-    assert report is not None
+    report = atlas.report(stage)
     assert report.triangles == 12
     assert any("smooth" in line for line in report.left_out)
 
@@ -73,19 +66,6 @@ def test_passes_hold_depth_normal_position_and_counts(stage: Any, tmp_path: Path
     assert picture["Position.X"][corner] == 0
     assert picture["Traversal Steps.X"][middle] > 0
     assert picture["Triangle Tests.X"][middle] >= 1
-
-
-def test_an_empty_scene_is_all_background(stage: Any, tmp_path: Path) -> None:
-    bpy.data.objects.remove(stage.objects["Cube"])
-    picture = render(stage, tmp_path)
-    assert np.allclose(picture["Combined.B"], 1.0, rtol=1e-3)
-
-
-def test_a_transparent_film_has_no_background(stage: Any, tmp_path: Path) -> None:
-    stage.render.film_transparent = True
-    picture = render(stage, tmp_path)
-    assert picture["Combined.A"][0, 0] == picture["Combined.B"][0, 0] == 0
-    assert picture["Combined.A"][HEIGHT // 2, WIDTH // 2] == 1
 
 
 def test_the_first_shown_picture_is_whole_and_changes_nothing(
@@ -135,21 +115,6 @@ def test_percentage_scales_the_picture(stage: Any, tmp_path: Path) -> None:
     assert render(stage, tmp_path)["Combined.G"].shape == (HEIGHT // 2, WIDTH // 2)
 
 
-def test_hidden_objects_are_not_rendered(stage: Any, tmp_path: Path) -> None:
-    stage.objects["Cube"].hide_render = True
-    assert np.allclose(render(stage, tmp_path)["Combined.B"], 1.0, rtol=1e-3)
-
-
-def test_every_structure_gives_the_same_picture(stage: Any, tmp_path: Path) -> None:
-    ball = stage.objects["Cube"].modifiers.new("Round", "SUBSURF")
-    ball.render_levels = 2
-    pictures = []
-    for structure in ("brute", "kd", "kd-sah"):
-        stage.halfspace.structure = structure
-        pictures.append(render(stage, tmp_path)["Combined.R"])
-    assert all(np.array_equal(pictures[0], other) for other in pictures[1:])
-
-
 def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     used: list[tuple[str, int]] = []
 
@@ -184,38 +149,14 @@ def test_unsupported_nodes_and_triangles_without_area_are_reported_once(stage: A
     line.from_pydata([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [], [(0, 1, 2)])
     stage.collection.objects.link(bpy.data.objects.new("Line", line))
     render(stage, tmp_path)
-    report = reports.last(stage)
-    assert report is not None
-    assert len([w for w in report.warnings if "Odd" in w]) == 1
-    assert len([w for w in report.warnings if "without area" in w and "Line" in w]) == 1
-
-
-def test_vertices_that_are_not_finite_cost_only_their_triangles(stage: Any, tmp_path: Path) -> None:
-    whole = render(stage, tmp_path)["Combined.R"]
-    broken = cube("Broken")
-    for vertex, value in zip(broken.vertices, (np.nan, np.inf, -np.inf), strict=False):
-        vertex.co.x = value
-    stage.collection.objects.link(bpy.data.objects.new("Broken", broken))
-    picture = render(stage, tmp_path)["Combined.R"]
-    assert np.isfinite(picture).all()
-    assert np.allclose(picture[0, 0], whole[0, 0])
-    report = reports.last(stage)
-    assert report is not None
-    assert any("not finite" in line and "Broken" in line for line in report.warnings)
+    warnings = atlas.warnings(stage)
+    assert len([w for w in warnings if "Odd" in w]) == 1
+    assert len([w for w in warnings if "without area" in w and "Line" in w]) == 1
 
 
 def test_no_camera_is_refused(stage: Any) -> None:
     stage.camera = None
     with pytest.raises(RuntimeError, match="camera"):
-        bpy.ops.render.render()
-
-
-def test_an_error_while_rendering_is_one_readable_line(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_args: Any, **_kwargs: Any) -> None:
-        raise ValueError("the scene\nis odd")
-
-    monkeypatch.setattr(engine.extract, "find", fail)
-    with pytest.raises(RuntimeError, match="the scene is odd"):
         bpy.ops.render.render()
 
 
@@ -249,68 +190,51 @@ def test_a_scene_that_needs_more_than_its_memory_limit_is_refused(stage: Any) ->
     bpy.ops.render.render()
 
 
-@pytest.mark.parametrize("during", ["build", "trace"])
-def test_a_cancelled_render_ends_without_an_error(stage: Any, monkeypatch: pytest.MonkeyPatch, during: str) -> None:
-    """`test_break` cannot be triggered in background, so the method that calls it is replaced."""
-    if during == "build":
-        stage.collection.objects.link(bpy.data.objects.new("Grid", grid(700)))
+@pytest.fixture
+def long(stage: Any) -> Iterator[Any]:
+    """A render that takes hours, and leaves neither a report nor a build."""
+    place("Grid", grid(700))
     stage.halfspace.samples = 1 << 16
+    yield stage
+    assert reports.last(stage) is None
+    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
+
+
+@pytest.mark.parametrize("method", ["_building", "_tracing"])
+def test_a_cancelled_render_ends_without_an_error(long: Any, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    """`test_break` cannot be triggered in background, so the method that calls it is replaced."""
     calls = []
 
     def break_after_a_while(picture: Any, progress: float) -> bool:
         calls.append(progress)
         return len(calls) < 3
 
-    method = "_building" if during == "build" else "_tracing"
     monkeypatch.setattr(engine._Picture, method, break_after_a_while)
     bpy.ops.render.render()
     assert len(calls) == 3
-    assert reports.last(stage) is None
-    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
-@pytest.mark.parametrize("during", ["extract", "build", "trace"])
+@pytest.mark.parametrize("method", ["find", "_building", "_tracing"])
 def test_an_interrupted_render_leaves_the_old_picture(
-    stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, during: str
+    long: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, method: str
 ) -> None:
-    if during == "build":
-        stage.collection.objects.link(bpy.data.objects.new("Grid", grid(700)))
-    stage.halfspace.samples = 1 << 16
-
     def interrupt(*_: Any, **__: Any) -> Any:
         raise KeyboardInterrupt
 
-    if during == "extract":
-        monkeypatch.setattr(engine.extract, "find", interrupt)
-    else:
-        monkeypatch.setattr(engine._Picture, "_building" if during == "build" else "_tracing", interrupt)
+    monkeypatch.setattr(engine.extract if method == "find" else engine._Picture, method, interrupt)
     old = tmp_path / "picture.png"
     old.write_bytes(b"old")
-    stage.render.filepath = str(old)
+    long.render.filepath = str(old)
     with pytest.raises(RuntimeError, match="interrupted"):
         bpy.ops.render.render(write_still=True)
     assert old.read_bytes() == b"old"
-    assert reports.last(stage) is None
-    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
 def test_an_empty_scene_reports_why_the_picture_is_empty(stage: Any, tmp_path: Path) -> None:
     bpy.data.objects.remove(stage.objects["Cube"])
     picture = render(stage, tmp_path)
     assert np.allclose(picture["Combined.B"], 1.0, rtol=1e-3)
-    report = reports.last(stage)
-    assert report is not None
-    assert [line for line in report.warnings if "no surface" in line]
-
-
-def test_volumes_are_named(stage: Any, add: Any, tmp_path: Path) -> None:
-    add("Smoke", bpy.data.volumes.new("Smoke"))
-    add("Nowhere", None)
-    render(stage, tmp_path)
-    report = reports.last(stage)
-    assert report is not None
-    assert len([line for line in report.warnings if line.startswith("Skipped") and "Smoke" in line]) == 1
-    assert not [line for line in report.warnings if "Nowhere" in line]
+    assert [line for line in atlas.warnings(stage) if "no surface" in line]
 
 
 def test_every_view_layer_shows_what_it_holds(stage: Any, tmp_path: Path) -> None:
@@ -340,9 +264,7 @@ def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool
     second.layer_collection.children["Away"].exclude = True
 
     def warnings() -> list[str]:
-        report = reports.last(stage)
-        assert report is not None
-        return [line.partition(" ")[0] + line.partition(":")[2] for line in report.warnings]
+        return [line.partition(" ")[0] + line.partition(":")[2] for line in atlas.warnings(stage)]
 
     bpy.ops.render.render()
     assert sorted(warnings()) == ["Dropped, Cube", "Skipped, Fog", "The Second"]
@@ -358,8 +280,8 @@ def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool
 def test_an_animation_renders_the_frames_that_are_asked_for(stage: Any, tmp_path: Path, persistent: bool) -> None:
     """As with `blender -b FILE -E HALFSPACE -s 3 -e 9 -j 2 -a`; a frame equals its picture outside of an animation."""
     item = stage.objects["Cube"]
-    for frame, place in ((1, -3.0), (10, 3.0)):
-        item.location.x = place
+    for frame, x in ((1, -3.0), (10, 3.0)):
+        item.location.x = x
         item.keyframe_insert("location", frame=frame)
     stage.frame_start, stage.frame_end, stage.frame_step = 3, 9, 2
     stage.render.use_persistent_data = persistent
@@ -403,5 +325,28 @@ def _resident() -> int:
     return int(status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def test_cancelled_is_not_an_error() -> None:
-    assert not issubclass(Cancelled, RuntimeError)
+def preview(block: Any) -> Any:
+    """The pixels of a data block's preview, (h, w, 4)."""
+    block.use_fake_user = True
+    assert bpy.ops.wm.previews_ensure() == {"FINISHED"}
+    found = block.preview
+    width, height = found.image_size
+    return np.array(found.image_pixels_float, np.float32).reshape(height, width, 4)
+
+
+def test_materials_have_previews_in_their_colours(scene: Any, add: Any) -> None:
+    scene.render.engine = engine.ENGINE
+    add("Box", cube())
+    bpy.ops.halfspace.build_structure()
+    tree, report = trees.last(scene), reports.last(scene)
+    pictures = {}
+    for name, color in (("Red", (0.8, 0.02, 0.02, 1)), ("Blue", (0.02, 0.02, 0.8, 1))):
+        pictures[name] = preview(material(name, Base_Color=color, Roughness=0.8))
+    red, blue = (picture[48:80, 48:80, :3].mean(axis=(0, 1)) for picture in pictures.values())
+    assert pictures["Red"].shape == (128, 128, 4)
+    assert red[0] > 1.3 * red[2]
+    assert blue[2] > 1.3 * blue[0]
+    assert np.isfinite(pictures["Red"]).all()
+    # The structure and the report of the last picture are still those of the scene.
+    assert trees.last(scene) is tree
+    assert reports.last(scene) is report

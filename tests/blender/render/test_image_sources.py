@@ -1,41 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images of all sources, formats, colour spaces and projections, beside Cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import atlas
 import bpy
 import numpy as np
+import OpenImageIO
 import pytest
-from atlas import add
+from atlas import add, made
 from shapes import cube, grid
 
 from addon.blender.read.bundled import bundled
-
-SAMPLES = 64
-
-
-def oiio() -> Any:
-    """Blender's module OpenImageIO."""
-    bpy.utils.expose_bundled_modules()
-    return pytest.importorskip("OpenImageIO")
 
 
 def written(path: Path, seed: int, kind: str = "uint8", channels: int = 3, *, width: int = 7, height: int = 5) -> Path:
     """A file of random numbers; alpha is never 0."""
     values = np.random.default_rng(seed).uniform(0.05, 1, (height, width, channels))
-    module = oiio()
-    spec = module.ImageSpec(width, height, channels, kind)
+    spec = OpenImageIO.ImageSpec(width, height, channels, kind)
     if channels in (2, 4):
         spec.alpha_channel = channels - 1
         if path.suffix == ".png":
             spec.attribute("oiio:UnassociatedAlpha", 1)
-    out = module.ImageOutput.create(str(path))
-    assert out.open(str(path), spec), module.geterror()
+    out = OpenImageIO.ImageOutput.create(str(path))
+    assert out.open(str(path), spec), OpenImageIO.geterror()
     assert out.write_image(values.astype(np.float32))
     out.close()
     return path
@@ -53,21 +44,16 @@ def loaded(path: Path, space: str | None = None, **settings: Any) -> Any:
 
 def shown(image: Any, scale: float = 1.0, *, alpha: bool = False, **settings: Any) -> atlas.Maker:
     """The image over the tile, `scale` times in each direction."""
+    user = settings.pop("user", {})
 
     def make(tree: Any) -> Any:
-        user = settings.pop("user", {})
-        texture = add(tree, "TexImage", image=image, **settings)
+        where = made("TexCoord", output="Generated")
+        mapping = made("Mapping", where, Scale=(scale,) * 3, Location=(0.03, 0.02, 0.0))
+        texture = add(tree, "TexImage", mapping, image=image, **settings)
         for name, value in user.items():
             setattr(texture.image_user, name, value)
-        mapping = add(tree, "Mapping", Scale=(scale,) * 3, Location=(0.03, 0.02, 0.0))
-        tree.links.new(add(tree, "TexCoord").outputs["Generated"], mapping.inputs["Vector"])
-        tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
-        if not alpha:
-            return texture.outputs["Color"]
-        mixed = add(tree, "VectorMath", operation="MULTIPLY")
-        tree.links.new(texture.outputs["Color"], mixed.inputs[0])
-        tree.links.new(texture.outputs["Alpha"], mixed.inputs[1])
-        return mixed.outputs[0]
+        color, share = texture.outputs["Color"], texture.outputs["Alpha"]
+        return made("VectorMath", color, share, operation="MULTIPLY")(tree) if alpha else color
 
     return make
 
@@ -131,9 +117,8 @@ def kept(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
 def interpolations(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
     """All ways to interpolate and to continue."""
     image = loaded(written(folder / "four.png", 9, "uint8", 4))
-    for mode in ("Linear", "Closest", "Cubic", "Smart"):
-        for extension in ("REPEAT", "EXTEND", "CLIP", "MIRROR"):
-            yield f"{mode} {extension}", shown(image, 2.7, interpolation=mode, extension=extension)
+    for mode, extension in product(("Linear", "Closest", "Cubic", "Smart"), ("REPEAT", "EXTEND", "CLIP", "MIRROR")):
+        yield f"{mode} {extension}", shown(image, 2.7, interpolation=mode, extension=extension)
 
 
 def sequences(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
@@ -210,15 +195,9 @@ def projections(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
         yield kind, shown(image, projection=kind)
     for blend in (0.0, 0.3, 1.0):
         yield f"BOX {blend}", shown(image, projection="BOX", projection_blend=blend)
-    for kind in ("EQUIRECTANGULAR", "MIRROR_BALL"):
-        for mode in ("Linear", "Cubic"):
-
-            def make(tree: Any, kind: str = kind, mode: str = mode) -> Any:
-                texture = add(tree, "TexEnvironment", image=image, projection=kind, interpolation=mode)
-                tree.links.new(atlas.place(tree), texture.inputs["Vector"])
-                return texture.outputs[0]
-
-            yield f"{kind} {mode}", make
+    for kind, mode in product(("EQUIRECTANGULAR", "MIRROR_BALL"), ("Linear", "Cubic")):
+        settings = {"image": image, "projection": kind, "interpolation": mode}
+        yield f"{kind} {mode}", made("TexEnvironment", atlas.place, **settings)
 
 
 @pytest.mark.parametrize(
@@ -228,9 +207,8 @@ def test_images_are_those_of_cycles(family: Callable[[Path], Any], scene: Any, t
     makers = dict(family(tmp_path))
     solid = family is projections
     atlas.sheet(scene, makers, cube(size=0.5, smooth=True) if solid else grid(1))
-    for index, item in enumerate(item for item in scene.objects if item.type == "MESH"):
+    for index, item in enumerate(atlas.tiles(scene)):
         item.rotation_euler = (0.5, 0.4, 0.3 + 0.1 * index) if solid else (0, 0, 0)
         item.scale = (1.0, 1.0, 1.0) if solid else (0.5, 0.5, 1.0)
     scene.frame_set(12)
-    ours, theirs = atlas.both(scene, makers, samples=SAMPLES, bounces=0)
-    assert not atlas.differences(ours, theirs)
+    assert not atlas.differences(*atlas.both(scene, makers, samples=64, bounces=0))

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Filter Glossy, caustics and exposure beside Cycles with the same settings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
-import addon_utils
+import atlas
 import bpy
-import numpy as np
 import pytest
-from exr_files import render
+from exr_files import colours, render
 
 from addon.blender.render import engine
 from addon.lab.pictures import proving_parts as parts
@@ -22,9 +19,7 @@ SAMPLES, BOUNCES = 1024, 4
 @pytest.fixture
 def stage(scene: Any) -> Any:
     """A matte floor between a chrome wall, glass and coated balls, in the light of a lamp."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
+    atlas.with_cycles(scene)
     parts.new_world(scene, (0.2, 0.25, 0.3))
     parts.wear(parts.plane(scene, 6), parts.one_shader("Floor", "BsdfDiffuse", Color=(0.6, 0.6, 0.6, 1)))
     wall = parts.box(scene, (0, 2.2, 1.5), (3, 0.1, 1.5))
@@ -43,23 +38,16 @@ def stage(scene: Any) -> Any:
 
 def prepared(scene: Any, *, filter_glossy: float, reflective: bool, refractive: bool) -> None:
     """Give both engines the same settings."""
+    atlas.configure(scene, SAMPLES, BOUNCES)
     ours, theirs = scene.halfspace, scene.cycles
-    ours.samples, ours.max_bounces, ours.clamp_indirect = SAMPLES, BOUNCES, 0.0
     ours.filter_glossy, ours.caustics_reflective, ours.caustics_refractive = filter_glossy, reflective, refractive
-    theirs.device, theirs.samples, theirs.use_denoising, theirs.use_adaptive_sampling = "CPU", SAMPLES, False, False
-    for kind in ("max", "diffuse", "glossy", "transmission"):
-        setattr(theirs, f"{kind}_bounces", BOUNCES)
-    theirs.sample_clamp_indirect = theirs.sample_clamp_direct = 0.0
     theirs.blur_glossy, theirs.caustics_reflective, theirs.caustics_refractive = filter_glossy, reflective, refractive
-    theirs.filter_width, theirs.pixel_filter_type = ours.filter_width, ours.pixel_filter_type
-    theirs.film_exposure = ours.film_exposure
 
 
 def means(scene: Any, name: str, folder: Path) -> Any:
     """Mean colours of the picture of an engine."""
     scene.render.engine = name
-    picture = render(scene, folder)
-    return np.array([picture[f"Combined.{c}"].mean() for c in "RGB"])
+    return colours(render(scene, folder)).mean(axis=(0, 1))
 
 
 @pytest.mark.parametrize(

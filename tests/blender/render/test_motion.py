@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion blur beside Cycles: a camera that moves and turns, and objects that move and change their shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, material, with_nodes
+from shapes import cube, look, material, place, world
 
 from addon.blender.measure import pictures
 from addon.blender.render import cameras, shutter
-from addon.blender.session import reports
 
 SIZE, SAMPLES = 48, 256
 
@@ -32,21 +28,14 @@ def animate(item: Any, path: str, *values: Any) -> None:
 
 
 @pytest.fixture(name="stage")
-def staged(scene: Any, add: Any) -> Any:
+def staged(scene: Any) -> Any:
     """A glowing cube below the camera in a dim world, while the shutter is open for a frame around frame 1."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    mesh = cube(size=1.0)
-    mesh.materials.append(material("Glow", Emission_Color=(1, 0.5, 0.2, 1), Emission_Strength=1.0))
-    add("Cube", mesh)
-    camera = bpy.data.cameras.new("Camera")
-    scene.camera = add("Camera", camera, location=(0, 0, 6))
+    atlas.with_cycles(scene)
+    world()
+    glow = material("Glow", Emission_Color=(1, 0.5, 0.2, 1), Emission_Strength=1.0)
+    place("Cube", cube(size=1.0), glow)
+    look((SIZE, SIZE), (0, 0, 6))
     render = scene.render
-    render.resolution_x = render.resolution_y = SIZE
-    render.resolution_percentage = 100
     render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, 1.0, "CENTER"
     scene.frame_set(1)
     atlas.configure(scene, SAMPLES, 1)
@@ -55,15 +44,9 @@ def staged(scene: Any, add: Any) -> Any:
 
 def compared(scene: Any) -> tuple[np.ndarray[Any, Any], float]:
     """Our picture, and the root mean square of its difference from Cycles', relative to the spread of Cycles'."""
-    found = []
-    for engine in ("HALFSPACE", "CYCLES"):
-        scene.render.engine = engine
-        found.append(pictures.render(scene)[..., :3].astype(float))
-    ours, theirs = found
+    ours, theirs = atlas.pair(scene)
     assert abs(ours.mean() / theirs.mean() - 1) < 0.01
-    report = reports.last(scene)
-    assert report is not None
-    assert not report.warnings
+    assert not atlas.warnings(scene)
     return ours, float(((ours - theirs) ** 2).mean() ** 0.5 / theirs.std())
 
 
@@ -116,9 +99,7 @@ def test_a_shutter_that_never_opens_is_named(stage: Any) -> None:
     if shutter.interval(stage) is not None:
         pytest.skip("this Blender has no shutter of 0")
     assert np.array_equal(pictures.render(stage), still)
-    report = reports.last(stage)
-    assert report is not None
-    assert any("shutter" in warning for warning in report.warnings)
+    assert any("shutter" in warning for warning in atlas.warnings(stage))
 
 
 def test_the_shutter_opens_in_frames_that_are_not_stretched(stage: Any) -> None:

@@ -1,22 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Interpolated, custom and mapped normals beside Cycles, square by square."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
+from atlas import made
 from mathutils import Vector
-from shapes import material, node, with_nodes
-
-from addon.blender.measure import pictures
-from addon.blender.render.engine import ENGINE
+from shapes import cube, lamp, look, material, place, world
 
 SAMPLES, SIZE, SQUARE = 64, (64, 48), 8
 """Samples, pixels of the picture, and pixels along a square."""
@@ -25,35 +20,19 @@ Maker = Callable[[Any], Any]
 """Adds objects with a material to the scene."""
 
 
-def stage(add: Any, scene: Any, place: tuple[float, float, float], lens: float) -> None:
+def stage(scene: Any, location: tuple[float, float, float], lens: float, grey: float = 0.4) -> None:
     """A grey world, a sun, and a camera that looks at the middle."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs[0].default_value = (0.4, 0.4, 0.4, 1)
-    sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy, sun.angle = 3.0, 0.0
-    add("Sun", sun, rotation_euler=(math.radians(50), 0.2, 0.1))
-    camera = bpy.data.cameras.new("Camera")
-    camera.lens = lens
-    turned = (-Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    scene.camera = add("Camera", camera, location=place, rotation_euler=turned)
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = 100
+    atlas.with_cycles(scene)
+    world(grey, grey, grey)
+    lamp("SUN", 3.0, angle=0.0, rotation_euler=(math.radians(50), 0.2, 0.1))
+    look(SIZE, location, lens=lens).rotation_euler = (-Vector(location)).to_track_quat("-Z", "Y").to_euler()
 
 
 def apart(scene: Any) -> tuple[float, float]:
     """The largest difference of a square between this engine and Cycles, and that of the means, relative to Cycles."""
     atlas.configure(scene, SAMPLES, 4)
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        scene.render.engine = engine
-        found.append(pictures.render(scene)[..., :3].astype(float))
-    ours, theirs = (
-        one.reshape(SIZE[1] // SQUARE, SQUARE, SIZE[0] // SQUARE, SQUARE, 3).mean(axis=(1, 3, 4)) for one in found
-    )
+    squares = (2, SIZE[1] // SQUARE, SQUARE, SIZE[0] // SQUARE, SQUARE, 3)
+    ours, theirs = atlas.pair(scene).reshape(squares).mean(axis=(2, 4, 5))
     differences = np.abs(ours - theirs) / np.maximum(theirs, 0.02)  # some squares are black
     return float(differences.max()), abs(float(ours.mean() / theirs.mean()) - 1)
 
@@ -66,14 +45,11 @@ def bipyramid(surface: Any) -> None:
     mesh = bpy.data.meshes.new("Bipyramid")
     mesh.from_pydata(corners, [], faces)
     mesh.polygons.foreach_set("use_smooth", [True] * len(faces))
-    mesh.materials.append(surface)
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Bipyramid", mesh))
+    place("Bipyramid", mesh, surface)
 
 
 def smooth_cube(surface: Any) -> None:
-    bpy.ops.mesh.primitive_cube_add(size=1.2, rotation=(0, 0, 0.5))
-    bpy.ops.object.shade_smooth()
-    bpy.context.object.data.materials.append(surface)
+    place("Cube", cube(size=1.2, smooth=True), surface, rotation_euler=(0, 0, 0.5))
 
 
 @pytest.mark.parametrize("make", [bipyramid, smooth_cube])
@@ -88,9 +64,9 @@ def smooth_cube(surface: Any) -> None:
     ids=["mirror", "stretched", "plastic", "coat"],
 )
 def test_reflections_off_interpolated_normals_leave_the_surface(
-    add: Any, scene: Any, make: Maker, inputs: dict[str, float]
+    scene: Any, make: Maker, inputs: dict[str, float]
 ) -> None:
-    stage(add, scene, (0, -5, 1.2), 100)
+    stage(scene, (0, -5, 1.2), 100)
     make(material("Surface", **{key.replace(" ", "_"): value for key, value in inputs.items()}))
     square, mean = apart(scene)
     assert square < 0.06
@@ -99,11 +75,7 @@ def test_reflections_off_interpolated_normals_leave_the_surface(
 
 def with_map(color: tuple[float, float, float]) -> Any:
     """A material with a tangent-space normal map of one colour."""
-    surface = material("Mapped")
-    tree = surface.node_tree
-    maps = atlas.add(tree, "NormalMap", Color=(*color, 1))
-    tree.links.new(maps.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Normal"])
-    return surface
+    return atlas.tile_material("Mapped", made("BsdfPrincipled", Normal=made("NormalMap", Color=(*color, 1))))
 
 
 def sphere(scale: tuple[float, float, float], *, maps: bool = True, segments: int = 32) -> Maker:
@@ -127,18 +99,14 @@ def instances(surface: Any) -> None:
     bpy.context.scene.collection.objects.unlink(item)
     kept.objects.link(item)
     for x, scale in ((-1, (1, 1, 2)), (1, (-1, 1.5, 1))):
-        place = bpy.data.objects.new("Place", None)
-        place.instance_type, place.instance_collection = "COLLECTION", kept
-        place.location, place.scale, place.rotation_euler = (x, 0, 0), scale, (0.3, 0.5, 0.2)
-        bpy.context.scene.collection.objects.link(place)
+        empty = place("Place", None, instance_type="COLLECTION", instance_collection=kept)
+        empty.location, empty.scale, empty.rotation_euler = (x, 0, 0), scale, (0.3, 0.5, 0.2)
 
 
 def sheared(surface: Any) -> None:
     item = sphere((1, 1, 1))(surface)
     item.rotation_euler = (0.4, 0.7, 0.3)
-    item.parent = bpy.data.objects.new("Parent", None)
-    item.parent.scale = (1, 2, 0.6)
-    bpy.context.scene.collection.objects.link(item.parent)
+    item.parent = place("Parent", None, scale=(1, 2, 0.6))
 
 
 def metaball(surface: Any) -> None:
@@ -175,10 +143,10 @@ MAPPED: dict[str, Maker] = {
 
 
 @pytest.mark.parametrize("case", MAPPED)
-def test_normal_maps_bend_as_in_cycles(add: Any, scene: Any, case: str) -> None:
+def test_normal_maps_bend_as_in_cycles(scene: Any, case: str) -> None:
     if bpy.app.version < (5, 0) and case in ("no map", "no map, stretched", "metaball"):
         pytest.skip("Cycles 4.5 takes other tangents without a UV map")
-    stage(add, scene, (4, -5, 3.5), 50)
+    stage(scene, (4, -5, 3.5), 50)
     MAPPED[case](with_map((0.8, 0.35, 0.9)))
     square, mean = apart(scene)
     assert square < 0.06
@@ -186,24 +154,14 @@ def test_normal_maps_bend_as_in_cycles(add: Any, scene: Any, case: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["Diffuse", "Glossy", "Translucent"])
-def test_a_mapped_normal_beyond_a_right_angle_is_dark(add: Any, scene: Any, kind: str) -> None:
-    stage(add, scene, (0, 0, 5), 50)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs[1].default_value = 0.0
+def test_a_mapped_normal_beyond_a_right_angle_is_dark(scene: Any, kind: str) -> None:
+    stage(scene, (0, 0, 5), 50, grey=0.0)
     bpy.ops.mesh.primitive_plane_add(size=2)
     turned = math.radians(95)
-
-    def make(tree: Any) -> Any:
-        color = (0.5, 0.5 - 0.5 * math.sin(turned), 0.5 + 0.5 * math.cos(turned), 1)
-        shader, maps = atlas.add(tree, f"Bsdf{kind}"), atlas.add(tree, "NormalMap", Color=color)
-        tree.links.new(maps.outputs[0], shader.inputs["Normal"])
-        return shader.outputs[0]
-
-    bpy.context.object.data.materials.append(atlas.tile_material("Turned", make))
+    bend = made("NormalMap", Color=(0.5, 0.5 - 0.5 * math.sin(turned), 0.5 + 0.5 * math.cos(turned), 1))
+    bpy.context.object.data.materials.append(atlas.tile_material("Turned", made(f"Bsdf{kind}", Normal=bend)))
     atlas.configure(scene, 16, 4)
-    means = []
-    for engine in (ENGINE, "CYCLES"):
-        scene.render.engine = engine
-        means.append(float(pictures.render(scene)[..., :3].mean()))
+    means = atlas.pair(scene).mean(axis=(1, 2, 3))
     assert means[0] == pytest.approx(means[1], rel=0.01, abs=1e-4)
     assert (means[0] < 1e-3) == (kind != "Glossy")
 
@@ -211,8 +169,8 @@ def test_a_mapped_normal_beyond_a_right_angle_is_dark(add: Any, scene: Any, kind
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0.01), (1, 0, 0), (0, 0.7, 0.7)])
 @pytest.mark.parametrize("kind", ["Principled", "Metal", "Diffuse"])
 @pytest.mark.skipif(bpy.app.version < (5, 0), reason="Cycles 4.5 makes them up to 2.5 % brighter than Cycles 5.2")
-def test_cards_whose_normals_face_away(add: Any, scene: Any, kind: str, normal: tuple[float, float, float]) -> None:
-    stage(add, scene, (0, -5, 1.5), 50)
+def test_cards_whose_normals_face_away(scene: Any, kind: str, normal: tuple[float, float, float]) -> None:
+    stage(scene, (0, -5, 1.5), 50)
     bpy.ops.mesh.primitive_plane_add(size=12, location=(0, 0, -1))
     for k, turn in enumerate((0, 0.6, -0.6)):
         bpy.ops.mesh.primitive_plane_add(size=1.2, location=(1.3 * k - 1.3, 0, 0), rotation=(math.pi / 2, 0, turn))
@@ -220,26 +178,9 @@ def test_cards_whose_normals_face_away(add: Any, scene: Any, kind: str, normal: 
         bpy.ops.object.shade_smooth()
         mesh = bpy.context.object.data
         mesh.normals_split_custom_set([normal] * len(mesh.loops))
-        if kind == "Diffuse":
-            mesh.materials.append(atlas.tile_material("Leaf", lambda tree: atlas.add(tree, "BsdfDiffuse").outputs[0]))
-        else:
-            mesh.materials.append(material("Leaf", Metallic=float(kind == "Metal"), Roughness=0.4))
+        glossy = material("Leaf", Metallic=float(kind == "Metal"), Roughness=0.4)
+        mesh.materials.append(atlas.tile_material("Leaf", made("BsdfDiffuse")) if kind == "Diffuse" else glossy)
     square, mean = apart(scene)
     # Squares of the cards differ by 11 % at these samples where the normal faces away; the means agree.
     assert square < 0.15
     assert mean < 0.005
-
-
-def test_one_normal_that_is_not_finite_fails_nothing(add: Any, scene: Any) -> None:
-    if bpy.app.version < (5, 0):
-        pytest.skip("this Blender has no custom normals of this type")
-    stage(add, scene, (4, -5, 3.5), 50)
-    bpy.ops.mesh.primitive_uv_sphere_add()
-    bpy.ops.object.shade_smooth()
-    mesh = bpy.context.object.data
-    normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
-    values = np.tile(np.float32([0, 0, 1]), (len(normals.data), 1))
-    values[0, 0] = np.nan
-    normals.data.foreach_set("vector", values.ravel())
-    scene.render.engine, scene.halfspace.samples = ENGINE, 4
-    assert np.isfinite(pictures.render(scene)).all()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exceptions that are no `Exception`, as panics of the native module are: reported, and the last picture stays."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, material
+from shapes import cube, look, material, place
 
 from addon.blender.inspector import levels, second, worst
 from addon.blender.measure import checking, comparing, cost_maps
@@ -32,13 +30,11 @@ def panic(*_: Any, **__: Any) -> Any:
 
 
 @pytest.fixture
-def stage(add: Any, scene: Any) -> Any:
+def stage(scene: Any) -> Any:
     """A cube before a camera."""
-    scene.render.engine = engine.ENGINE
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 32, 24, 100
-    scene.halfspace.samples = 1
-    add("Cube", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
+    scene.render.engine, scene.halfspace.samples = engine.ENGINE, 1
+    place("Cube", cube())
+    look((32, 24), (0, -8, 0), np.pi / 2)
     return scene
 
 
@@ -88,7 +84,7 @@ def test_a_panic_at_any_stage_of_a_render_keeps_the_last_picture(
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_other_exceptions_end_a_render_as_before(stage: Any, monkeypatch: pytest.MonkeyPatch, error: Any) -> None:
     def fail(*_: Any, **__: Any) -> Any:
-        raise error("the scene is odd")
+        raise error("the scene\nis odd")
 
     monkeypatch.setattr(engine.extract, "find", fail)
     with pytest.raises(RuntimeError, match="interrupted" if error is KeyboardInterrupt else "the scene is odd"):
@@ -111,13 +107,10 @@ def test_a_panic_in_a_preview_is_reported(stage: Any, monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("during", ["read", "build", "write"])
 def test_a_panic_in_a_bake_is_reported(stage: Any, monkeypatch: pytest.MonkeyPatch, during: str) -> None:
-    item = stage.objects["Cube"]
-    item.data.uv_layers.new(name="UVMap")
-    image = bpy.data.images.new("Baked", 8, 8)
     painted = material("Painted", Base_Color=(1, 0, 0, 1))
     target = painted.node_tree.nodes.new("ShaderNodeTexImage")
-    target.image, painted.node_tree.nodes.active = image, target
-    item.data.materials.clear()
+    target.image, painted.node_tree.nodes.active = bpy.data.images.new("Baked", 8, 8), target
+    item = stage.objects["Cube"]
     item.data.materials.append(painted)
     bpy.context.view_layer.objects.active = item
     item.select_set(True)

@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panoramic cameras beside Cycles, in a scene of differently coloured walls."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
-import addon_utils
 import atlas
-import bpy
 import numpy as np
 import pytest
-from atlas import add as node
-from atlas import tile_material
-from shapes import grid
+from atlas import made, tile_material
+from shapes import grid, look
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
-from addon.blender.session import reports
 
 WIDTH, HEIGHT = 60, 36
 
@@ -42,23 +36,15 @@ KINDS: dict[str, dict[str, Any]] = {
 PARTS = {"part of a sphere": "EQUIRECTANGULAR", "part of a cylinder": "CENTRAL_CYLINDRICAL"}
 
 
-def coordinates(tree: Any) -> Any:
-    """A colour for each position, smooth and of at least 0.1."""
-    place = node(tree, "NewGeometry").outputs["Position"]
-    mapped = node(tree, "VectorMath", operation="MULTIPLY_ADD")
-    tree.links.new(place, mapped.inputs[0])
-    mapped.inputs[1].default_value, mapped.inputs[2].default_value = (0.1, 0.13, 0.16), (0.5, 0.5, 0.5)
-    return mapped.outputs[0]
-
-
 @pytest.fixture(name="hall")
 def walls(scene: Any, add: Any) -> Any:
     """Five walls around the camera; the ceiling is open."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
+    atlas.with_cycles(scene)
+    # A colour for each position, smooth and of at least 0.1.
+    where = made("NewGeometry", output="Position")
+    colour = made("VectorMath", where, (0.1, 0.13, 0.16), (0.5, 0.5, 0.5), operation="MULTIPLY_ADD")
     mesh = grid(1)
-    mesh.materials.append(tile_material("Wall", coordinates))
+    mesh.materials.append(tile_material("Wall", colour))
     quarter = math.pi / 2
     for place, turn in (
         ((3, 0, 0), (0, quarter, 0)),
@@ -68,24 +54,24 @@ def walls(scene: Any, add: Any) -> Any:
         ((0, 0, -1), (0, 0, 0)),
     ):
         add("Wall", mesh, location=place, rotation_euler=turn, scale=(1.5, 1.5, 1.5))
-    data = bpy.data.cameras.new("Dome")
-    data.type = "PANO"
-    scene.camera = add("Dome", data, rotation_euler=(1.2, 0.1, 0.4), location=(0.1, 0.2, 0.3))
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100
+    look((WIDTH, HEIGHT), (0.1, 0.2, 0.3), type="PANO").rotation_euler = (1.2, 0.1, 0.4)
     atlas.configure(scene, 128, 0)
     return scene
 
 
-@pytest.mark.parametrize("kind", list(KINDS))
-def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
+def choose(hall: Any, kind: str) -> Any:
+    """Give the camera this kind of panorama; its data."""
     settings = hall.camera.data
     settings.panorama_type = PARTS.get(kind, kind)
     for name, value in KINDS[kind].items():
         setattr(settings, name, value)
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        hall.render.engine = engine
-        found.append(pictures.render(hall).astype(float))
+    return settings
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
+    choose(hall, kind)
+    found = atlas.pair(hall, 4)
     assert np.array_equal(found[0][..., 3], found[1][..., 3])
     ours, theirs = (picture[..., :3] for picture in found)
     assert ours.std() > 0.05
@@ -97,10 +83,7 @@ def test_panoramas_are_those_of_cycles(hall: Any, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["EQUIRECTANGULAR", "MIRRORBALL"])
 def test_depth_of_field_is_that_of_cycles(hall: Any, kind: str) -> None:
-    settings = hall.camera.data
-    settings.panorama_type = PARTS.get(kind, kind)
-    for name, value in KINDS[kind].items():
-        setattr(settings, name, value)
+    settings = choose(hall, kind)
     hall.render.engine = ENGINE
     sharp = pictures.render(hall).astype(float)
     # An aperture of three blades, narrow and turned: a sideways one is apart by a tenth.
@@ -108,14 +91,8 @@ def test_depth_of_field_is_that_of_cycles(hall: Any, kind: str) -> None:
     dof = settings.dof
     dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 1.0, 0.05
     dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 3, 0.4, 2.0
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        hall.render.engine = engine
-        found.append(pictures.render(hall).astype(float))
-    report = reports.last(hall)
-    assert report is not None
-    assert not report.warnings
-    ours, theirs = (picture[..., :3] for picture in found)
+    ours, theirs = atlas.pair(hall)
+    assert not atlas.warnings(hall)
     blur = np.abs(ours - sharp[..., :3]).mean()
     assert blur > 0.04 * ours.mean()
     assert np.abs(ours - theirs).mean() < 0.02 * theirs.mean()
@@ -131,5 +108,4 @@ def test_absurd_lenses_give_a_picture(hall: Any, value: float) -> None:
         settings.fisheye_lens = settings.fisheye_polynomial_k1 = value
         settings.central_cylindrical_range_u_max = settings.central_cylindrical_range_v_max = value
         assert np.isfinite(pictures.render(hall)).all()
-    report = reports.last(hall)
-    assert report is not None
+    atlas.report(hall)

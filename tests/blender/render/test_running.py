@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Unregistering ends renders on other threads, waits for them, and lets no other begin."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time
@@ -11,7 +9,7 @@ from typing import Any
 
 import bpy
 import pytest
-from shapes import cube
+from shapes import cube, look, place
 
 from addon.blender.render import running
 
@@ -73,14 +71,16 @@ def test_a_render_that_does_not_end_is_reported(
     assert "did not end" in caplog.text
 
 
+def small(scene: Any, size: tuple[int, int], samples: int) -> None:
+    """A cube before a camera."""
+    place("Cube", cube())
+    look(size, (0, 0, 9))
+    scene.render.engine, scene.halfspace.samples = "HALFSPACE", samples
+
+
 @pytest.mark.parametrize("closing", [False, True])
-def test_no_render_begins_while_closing(
-    scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch, *, closing: bool
-) -> None:
-    add("Cube", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
-    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
-    scene.halfspace.samples = 1
+def test_no_render_begins_while_closing(scene: Any, monkeypatch: pytest.MonkeyPatch, *, closing: bool) -> None:
+    small(scene, (8, 8), 1)
     begun: list[Any] = []
     original = running.picture
 
@@ -95,11 +95,8 @@ def test_no_render_begins_while_closing(
     assert len(begun) == (0 if closing else 1)
 
 
-def test_a_render_stops_when_the_engine_closes(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    add("Cube", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
-    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 640, 480
-    scene.halfspace.samples = 1 << 20
+def test_a_render_stops_when_the_engine_closes(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    small(scene, (640, 480), 1 << 20)
     timer = threading.Timer(1.0, running._closing.set)
     timer.start()
     bpy.ops.render.render()  # a million samples would take hours

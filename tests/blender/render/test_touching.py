@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfaces that lie on each other or closely before another, and scenes of any size and order of objects."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any
 
+import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import render
+from atlas import made
+from exr_files import colours, render
 from mathutils import Vector
-from shapes import cube, grid, material, node, read, with_nodes
+from shapes import cube, grid, lamp, material, node, place, read, world
 
 WHITE = (0.8, 0.8, 0.8, 1.0)
 
@@ -24,22 +24,8 @@ def _plain(scene: Any) -> None:
     scene.render.resolution_x, scene.render.resolution_y = 48, 36
     scene.halfspace.samples, scene.halfspace.max_bounces = 64, 4
     scene.halfspace.use_adaptive, scene.halfspace.use_denoising = False, False
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs[0].default_value = (0.4, 0.4, 0.4, 1)
-    sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy, sun.angle = 3.0, 0.0
-    place("Sun", sun, rotation_euler=(0.6, 0.3, 0.2))
-
-
-def place(name: str, data: Any, made: Any = None, **properties: Any) -> Any:
-    item = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(item)
-    for key, value in properties.items():
-        setattr(item, key, value)
-    if made is not None:
-        data.materials.append(made)
-    return item
+    world(0.4, 0.4, 0.4)
+    lamp("SUN", 3.0, "Sun", angle=0.0, rotation_euler=(0.6, 0.3, 0.2))
 
 
 def look(origin: tuple[float, ...], target: tuple[float, ...]) -> None:
@@ -52,8 +38,7 @@ def look(origin: tuple[float, ...], target: tuple[float, ...]) -> None:
 
 
 def picture(scene: Any, folder: Path) -> np.ndarray[Any, Any]:
-    channels = render(scene, folder)
-    return np.stack([channels[f"Combined.{c}" if f"Combined.{c}" in channels else c] for c in "RGB"], axis=-1)
+    return np.asarray(colours(render(scene, folder)))
 
 
 def clear_scene() -> None:
@@ -62,25 +47,23 @@ def clear_scene() -> None:
             bpy.data.objects.remove(item)
 
 
-def absorbing(name: str, density: float = 1.0) -> Any:
-    made = bpy.data.materials.new(name)
-    with_nodes(made)
-    tree = made.node_tree
-    tree.nodes.remove(node(tree, "ShaderNodeBsdfPrincipled"))
-    volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
-    volume.inputs["Density"].default_value = density
-    tree.links.new(volume.outputs[0], node(tree, "ShaderNodeOutputMaterial").inputs["Volume"])
-    return made
+def floor() -> None:
+    place("Floor", grid(1), material("Grey", Base_Color=WHITE), scale=(6, 6, 1), location=(0, 0, -1))
 
 
 def blocks(scene: Any, folder: Path, spans: list[tuple[float, float]]) -> float:
     """The mean of boxes over these parts of the x axis, over a floor."""
     clear_scene()
     look((4, -5, 3.5), (0, 0, 0))
-    place("Floor", grid(1), material("Grey", Base_Color=WHITE), scale=(6, 6, 1), location=(0, 0, -1))
+    floor()
     for number, (low, high) in enumerate(spans):
         scale = (high - low, 1.2, 1.2)
-        place(f"Box {number}", cube(size=1.0), absorbing("Fog"), location=((low + high) / 2, 0, 0), scale=scale)
+        fog = atlas.tile_material("Fog", made("VolumeAbsorption", Density=1.0))
+        tree = fog.node_tree
+        output = node(tree, "ShaderNodeOutputMaterial")
+        tree.links.new(node(tree, "ShaderNodeVolumeAbsorption").outputs[0], output.inputs["Volume"])
+        tree.links.remove(output.inputs["Surface"].links[0])
+        place(f"Box {number}", cube(size=1.0), fog, location=((low + high) / 2, 0, 0), scale=scale)
     return float(picture(scene, folder).mean())
 
 
@@ -96,17 +79,8 @@ def test_glass_on_a_floor_in_any_order(scene: Any, tmp_path: Path, gap: float) -
     def made(order: tuple[str, ...], gap: float) -> np.ndarray[Any, Any]:
         clear_scene()
         look((4, -5, 3.5), (0, 0, 0))
-        things = {
-            "Floor": lambda: place(
-                "Floor", grid(1), material("Grey", Base_Color=WHITE), scale=(6, 6, 1), location=(0, 0, -1)
-            ),
-            "Block": lambda: place(
-                "Block",
-                cube(size=1.5),
-                material("Glass", Transmission_Weight=1.0, Roughness=0.0),
-                location=(0, 0, -0.25 + gap),
-            ),
-        }
+        glass, where = material("Glass", Transmission_Weight=1.0, Roughness=0.0), (0, 0, -0.25 + gap)
+        things = {"Floor": floor, "Block": lambda: place("Block", cube(size=1.5), glass, location=where)}
         for name in order:
             things[name]()
         return picture(scene, tmp_path)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The rendered viewport, drawn into an offscreen buffer: a coarse picture at once, then the full one."""
 
-from __future__ import annotations
-
 import gc
 import time
 import weakref
@@ -14,7 +12,7 @@ import gpu
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shapes import cube, grid, node, with_nodes
+from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.read import views
 from addon.blender.render import viewport
@@ -50,14 +48,11 @@ class Engine:
 
 
 @pytest.fixture
-def context(add: Any, scene: Any) -> Any:
+def context(scene: Any) -> Any:
     """A view of a dark cube before a white background, through the scene's camera."""
-    cube_mesh = cube()
-    add("Cube", cube_mesh)
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
-    scene.world = bpy.data.worlds.new("World")
-    with_nodes(scene.world)
-    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (1, 1, 1, 1)
+    place("Cube", cube())
+    look((WIDTH, HEIGHT), (0, -8, 0), np.pi / 2)
+    world(1, 1, 1)
     scene.halfspace.preview_samples = 4
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -117,7 +112,6 @@ def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
     context.scene.halfspace.use_preview_denoising = denoised
     view, engine = Viewport(), Engine()
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
-    assert view._preview is not None
     view._preview.look(views.seen(context, view._origin))
     view._engine = weakref.ref(engine)
     for _ in range(MOST_REDRAWS):
@@ -126,16 +120,13 @@ def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
         time.sleep(0.01)
     else:
         pytest.fail("the picture never converges")
-    assert view._preview.picture is not None
     return view._preview.picture.pixels.reshape(HEIGHT, WIDTH, 4), view.status()
 
 
 @pytest.mark.parametrize("integrator", ["path", "ao"])
-def test_the_noise_of_the_viewport_falls(add: Any, context: Any, integrator: str) -> None:
-    add("Wall", grid(4), location=(0, 3, 0), rotation_euler=(np.pi / 2, 0, 0), scale=(9, 9, 9))
-    lamp = bpy.data.lights.new("Lamp", "AREA")
-    lamp.energy, lamp.size = 800, 4
-    add("Lamp", lamp, location=(-3, -3, 3), rotation_euler=(0.9, 0, -0.8))
+def test_the_noise_of_the_viewport_falls(context: Any, integrator: str) -> None:
+    place("Wall", grid(4), location=(0, 3, 0), rotation_euler=(np.pi / 2, 0, 0), scale=(9, 9, 9))
+    lamp("AREA", 800, size=4, location=(-3, -3, 3), rotation_euler=(0.9, 0, -0.8))
     bpy.context.view_layer.update()
     context.scene.halfspace.integrator = integrator
     reference, _ = converged(context, 1024, denoised=False)
@@ -168,22 +159,10 @@ def test_the_start_of_denoising_is_a_sample(scene: Any) -> None:
     assert viewport.clean_from(group) == 1
 
 
-def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_args: Any, **_kwargs: Any) -> None:
-        raise ValueError("the scene is odd")
-
-    monkeypatch.setattr(viewport.extract, "find", fail)
-    engine, view = Engine(), Viewport()
-    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
-    view.draw(engine, context)
-    assert engine.said == "the scene is odd"
-
-
 def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
     view, engine = Viewport(), Engine()
     context.scene.halfspace.preview_samples = 1 << 16
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
-    assert view._preview is not None
     view._preview.look(views.seen(context, view._origin))
     for _ in range(MOST_REDRAWS):
         view.tick()

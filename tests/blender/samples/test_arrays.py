@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Import of scene files of arrays: triangles, camera, and files that cannot be read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

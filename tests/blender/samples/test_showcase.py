@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The built-in scene: number of triangles, only supported features, and equal geometry each time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The benchmark of the scene open in Blender: the same rows as of its file from outside, but for times."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Halfspace beside Cycles through the command, on a scene file small enough for a test."""
 
-from __future__ import annotations
-
 import functools
 import re
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command that times extraction: that it measures what it says, never how long that took."""
 
-from __future__ import annotations
-
 import extraction
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands that write pictures where there is no room for them: the old pictures stay, and one line says so."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

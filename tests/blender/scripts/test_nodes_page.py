@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The page of shader nodes agrees with Blender, with the engine's tables and with the tests that it names."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendering from the command line: what is rendered, with which structure, and one line for whatever is wrong."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

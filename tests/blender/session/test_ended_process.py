@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The process is ended while a picture is being rendered."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -23,7 +21,6 @@ def test_an_ended_process_leaves_the_old_picture(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         watchdog = threading.Timer(600, process.kill)
         watchdog.start()
-        assert process.stdout is not None
         # Wait until samples are being rendered.
         for line in process.stdout:
             if "Sample " in line:

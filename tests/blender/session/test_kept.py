@@ -1,31 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The kept structure is measured over its own triangles, and built again when the scene is no longer what it was."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from shapes import cube
+from drawn import row
+from layouts import draw
 
 from addon.blender.measure import cost_maps, map_pictures, workloads
-from addon.blender.session import trees
-from addon.blender.ui import overlay_panels
+from addon.blender.render import engine
+from addon.blender.session import building, trees
+from addon.blender.ui import overlay_panels, panels
 from addon.core.base import native
 from addon.core.measure import costmap
 from addon.lab.pictures import whole
 
 
 @pytest.fixture
-def seen(scene: Any, add: Any) -> Any:
+def seen(scene: Any) -> Any:
     """Boxes before a camera, and nothing shown of any structure."""
-    for i in range(5):
-        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
+    row(scene, (64, 32))
     scene.render.engine = "HALFSPACE"
-    scene.render.resolution_x, scene.render.resolution_y = 64, 32
     scene.halfspace.samples = 1
     scene.halfspace.instancing = "flatten"
     assert not scene.halfspace.overlay.show
@@ -33,9 +30,12 @@ def seen(scene: Any, add: Any) -> Any:
 
 
 def kept(scene: Any) -> trees.Tree:
-    tree = trees.last(scene)
-    assert tree is not None
-    return tree
+    return trees.last(scene)
+
+
+def right(tree: trees.Tree) -> bool:
+    """Whether the tree was checked and does not err."""
+    return tree.check is not None and tree.check.right
 
 
 def turn(scene: Any) -> None:
@@ -68,9 +68,7 @@ def test_an_edit_while_nothing_is_shown_is_noticed_before_measuring(seen: Any) -
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert before.stale
     assert kept(seen) is not before
-    found = kept(seen).check
-    assert found is not None
-    assert found.right
+    assert right(kept(seen))
     # Once more, over the same triangles: nothing is built again.
     now = kept(seen)
     assert bpy.ops.halfspace.check() == {"FINISHED"}
@@ -86,9 +84,7 @@ def test_a_render_is_measured_over_its_own_triangles(seen: Any, change: Any, tri
     assert rendered.count == triangles
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert kept(seen) is rendered
-    found = rendered.check
-    assert found is not None
-    assert found.right
+    assert right(rendered)
     assert whole.check_rays(seen).right
 
 
@@ -100,14 +96,10 @@ def test_only_another_frame_makes_an_animated_render_stale(seen: Any) -> None:
     seen.frame_set(10)
     assert rendered.stale
     assert bpy.ops.halfspace.check() == {"FINISHED"}
-    found = kept(seen).check
-    assert found is not None
-    assert found.right
+    assert right(kept(seen))
 
 
 def test_an_edit_during_a_build_leaves_its_tree_stale(seen: Any) -> None:
-    from addon.blender.session import building
-
     job = building.Job(seen, bpy.context.evaluated_depsgraph_get())
     turn(seen)
     bpy.context.view_layer.update()
@@ -150,11 +142,6 @@ def test_cost_maps_walk_the_triangles_that_they_were_built_over(seen: Any, chang
 
 
 def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from layouts import draw
-
-    from addon.blender.render import engine
-    from addon.blender.ui import panels
-
     said: list[str] = []
     monkeypatch.setattr(engine._Picture, "_show_status", lambda _self, text: said.append(text))
     bpy.ops.render.render()
@@ -184,8 +171,6 @@ def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch
 
 
 def test_the_panel_tells_an_edit_that_nobody_has_seen(seen: Any) -> None:
-    from layouts import draw
-
     assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
     assert "The scene has changed since" not in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=seen)
     turn(seen)

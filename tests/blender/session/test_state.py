@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is kept of scenes, and for how long."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
@@ -39,14 +37,6 @@ def test_states_of_deleted_scenes_are_dropped(scene: Any, add: Any) -> None:
     bpy.context.view_layer.update()
     assert WORD.all() == ["one"]
     assert not gone.values
-
-
-def test_states_of_another_file_are_dropped(scene: Any) -> None:
-    WORD.keep(scene, "one")
-    kept = state.of(scene)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert WORD.all() == []
-    assert kept.scene is None
 
 
 def test_no_two_moments_are_equal(scene: Any, add: Any) -> None:

@@ -1,25 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scene settings come from the registry and follow the chosen structure."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import atlas
 import bpy
 import halfspace_native
-import numpy as np
 import pytest
 from layouts import Layout, draw, draw_all
-from shapes import cube
+from shapes import cube, look, reopened
 
 from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
-from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import data_panels, panels, pass_panels, structure, texts
+from addon.blender.ui import panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
@@ -60,23 +57,11 @@ def test_a_value_that_the_user_set_survives_a_change_of_structure(scene: Any) ->
     assert properties.spec(scene.halfspace) == "kd:traversal=sung"
 
 
-def test_the_native_module_understands_what_the_properties_say(scene: Any) -> None:
-    scene.halfspace.max_depth = 20
-    scene.halfspace.step_cost = 0.7
-    text = properties.spec(scene.halfspace)
-    nothing = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
-    assert halfspace_native.build(*nothing, text).spec == text
-
-
 def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None:
     scene.halfspace.structure = "kd-sah"
     scene.halfspace.samples = 7
     scene.view_layers[0].halfspace.use_pass_steps = True
-    file = str(tmp_path / "settings.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=file)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.wm.open_mainfile(filepath=file)
-    loaded = bpy.context.scene
+    loaded = reopened(tmp_path / "settings.blend")
     assert (loaded.halfspace.structure, loaded.halfspace.samples) == ("kd-sah", 7)
     assert loaded.view_layers[0].halfspace.use_pass_steps
 
@@ -94,17 +79,14 @@ def store(scene: Any, name: str, value: int) -> None:
 
 def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: Any) -> None:
     add("Cube", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
-    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
-    scene.halfspace.samples = 1
+    look((8, 8), (0, 0, 9))
+    scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
     store(scene, "structure", 9999)
     store(scene, "second", 9999)
     assert scene.halfspace.structure == scene.halfspace.second == ""
     assert properties.spec(scene.halfspace) == "kd"
     bpy.ops.render.render()
-    report = reports.last(scene)
-    assert report is not None
-    assert f"{properties.UNKNOWN}: kd-tree" in report.warnings
+    assert f"{properties.UNKNOWN}: kd-tree" in atlas.warnings(scene)
     assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert bpy.ops.halfspace.cost_map(width=8) == {"FINISHED"}
@@ -187,11 +169,7 @@ def test_switches_of_files_that_stored_a_choice_are_read(tmp_path: Path, scene: 
     scene.halfspace.structure = "bsp-wn-plus-kd"
     for name in ("clip", "early"):
         store(scene, name, number)
-    file = str(tmp_path / "switches.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=file)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.wm.open_mainfile(filepath=file)
-    group = bpy.context.scene.halfspace
+    group = reopened(tmp_path / "switches.blend").halfspace
     assert (group.use_clip, group.use_early) == (on, on)
     assert properties.spec(group) == ("bsp-wn-plus-kd:early=1" if on else "bsp-wn-plus-kd:clip=0")
 
@@ -256,22 +234,8 @@ def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monk
     assert "cannot be loaded" in " ".join(lines)
 
 
-@pytest.mark.parametrize("kind", ["POINT", "SUN", "SPOT", "AREA"])
-def test_light_panels_draw_properties_that_exist(kind: str) -> None:
-    light = bpy.data.lights.new("Light", kind)
-    assert "energy" in draw(data_panels.HALFSPACE_PT_light, light=light)
-    if kind == "AREA":
-        light.shape = "ELLIPSE"
-        assert "size_y" in draw(data_panels.HALFSPACE_PT_light, light=light)
-
-
-def test_the_other_panels_draw(scene: Any) -> None:
-    assert "integrator" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
-    assert "samples" in draw(panels.HALFSPACE_PT_sampling_render, scene=scene)
-    film = ["film_exposure", "film_transparent", "film_transparent_glass", "film_transparent_roughness"]
-    assert draw(panels.HALFSPACE_PT_film, scene=scene) == film
+def test_without_a_picture_there_are_no_statistics(scene: Any) -> None:
     assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
-    assert "use_pass_steps" in draw(pass_panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
 
 
 def test_tooltips_are_sentences(scene: Any) -> None:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whatever changes the file can be undone by itself, and leaving a tool leaves things as they were."""
 
-from __future__ import annotations
-
 import importlib
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import pytest
-from shapes import cube
+from layouts import Window, operator
+from shapes import cube, look
 
 import addon
 from addon.blender.measure import compare_files, comparing, cost_maps
@@ -23,13 +22,12 @@ def seen(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(comparing, "VIEW_WIDTH", 32)
     monkeypatch.setattr(comparing, "REPEATS", 1)
     add("Box", cube())
-    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
-    scene.render.resolution_x = scene.render.resolution_y = 32
+    look((32, 32), (0, 0, 12))
     return scene
 
 
 @pytest.mark.parametrize(
-    ("operator", "arguments", "made"),
+    ("name", "arguments", "made"),
     [
         ("compare", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
         ("choose", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
@@ -38,54 +36,35 @@ def seen(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     ],
 )
 def test_what_an_operator_adds_to_the_file_is_a_step_of_its_own(
-    seen: Any, operator: str, arguments: dict[str, Any], made: Any
+    seen: Any, name: str, arguments: dict[str, Any], made: Any
 ) -> None:
     bpy.ops.ed.undo_push(message="start")
     bpy.data.meshes.new("Mark").use_fake_user = True
     bpy.ops.ed.undo_push(message="a mark")
     # True: with its own step, as when a user calls it.
-    assert getattr(bpy.ops.halfspace, operator)("EXEC_DEFAULT", True, **arguments) == {"FINISHED"}
+    assert getattr(bpy.ops.halfspace, name)("EXEC_DEFAULT", True, **arguments) == {"FINISHED"}
     assert len(made()) == 1
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert made() == []
     assert "Mark" in bpy.data.meshes
 
 
-class Picker:
-    """The operator's own part, which Blender makes only in a window."""
-
-    _before: Any = None
-    _timer: Any = None
-    _end = picking.HALFSPACE_OT_pick_ray._end
-    _leave = picking.HALFSPACE_OT_pick_ray._leave
-
-
 def test_a_click_beside_all_views_leaves_the_ray_as_it_was(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
 
-    def nothing(*_: Any) -> None:
-        pass
-
-    context = SimpleNamespace(
-        scene=seen,
-        screen=None,
-        window=SimpleNamespace(cursor_modal_set=nothing, cursor_modal_restore=nothing),
-        workspace=SimpleNamespace(status_text_set=nothing),
-        window_manager=SimpleNamespace(
-            modal_handler_add=nothing, event_timer_add=lambda *_, **__: None, event_timer_remove=nothing
-        ),
-    )
     first, other = (picking.Ray((x, 0.0, 9.0), (0.0, 0.0, -1.0)) for x in (0.0, 1.0))
     picking.keep(seen, first)
-    operator, kind = Picker(), picking.HALFSPACE_OT_pick_ray
+    window, kind = Window(seen), picking.HALFSPACE_OT_pick_ray
+    itself, context = operator(kind), window.context
+    context.screen = None
     settings = seen.halfspace.overlay
     before = (settings.show, set(settings.parts))
-    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert kind.invoke(itself, context, None) == {"RUNNING_MODAL"}
     monkeypatch.setattr(picking, "under", lambda *_: other)
-    kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE", value="NOTHING"))
+    kind.modal(itself, context, SimpleNamespace(type="MOUSEMOVE", value="NOTHING"))
     assert picking.last(seen) == other
     monkeypatch.setattr(picking, "under", lambda *_: None)
-    assert kind.modal(operator, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS")) == {"CANCELLED"}
+    assert kind.modal(itself, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS")) == {"CANCELLED"}
     assert picking.last(seen) == first
     assert (settings.show, set(settings.parts)) == before
     assert "UNDO" in kind.bl_options

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The package's BVHTree against Blender's own; where they differ, exact arithmetic decides for the package's."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bmesh

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A real Blender with the installed zip, without a window: every command `blender ...` of the documents."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the manifest tells users of the extension, against what its modules do."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The manual names panels, properties and buttons as they are labelled: each name in italics is a label."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels read and never work; presets, help and the check of a structure."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path
@@ -97,7 +95,6 @@ def test_statistics_show_every_number_and_the_check(scene: Any, add: Any) -> Non
     for label in ("Build", "Memory", "Refs per triangle", "Depth, largest", "Expected cost", "primary"):
         assert label in text
     verdict = re.search(r"([\d,]+) answers of .* are those of brute force, bit for bit", " ".join(text))
-    assert verdict is not None
     assert int(verdict[1].replace(",", "")) > 100
     bpy.ops.halfspace.build_structure()
     assert "primary" not in draw(shown, scene=scene)  # another structure: nothing is known of it yet
@@ -107,9 +104,7 @@ def test_a_structure_that_errs_is_shown_as_such(scene: Any, add: Any) -> None:
     add("Box", cube())
     bpy.ops.halfspace.check()
     tree = trees.last(scene)
-    assert tree is not None
     found = tree.check
-    assert found is not None
     assert found.right
     # Five that differ, of which two are right but for the last bit of their distance.
     wrong = dataclasses.replace(found.errors, false_miss=3, wrong=5)

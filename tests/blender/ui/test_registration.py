@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Registering adds, unregistering takes away, as often as one likes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A real Blender window with the installed extension: all panels, a final render, the viewport, cost maps, a film."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Values that instances have from their instancers, beside Cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
-import addon_utils
 import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add
-from shapes import grid
-
-from addon.blender.measure import pictures
-from addon.blender.render.engine import ENGINE
+from atlas import read
+from shapes import grid, look
 
 
 def fan(makers: Sequence[atlas.Maker]) -> Any:
@@ -30,31 +24,11 @@ def fan(makers: Sequence[atlas.Maker]) -> Any:
     return mesh
 
 
-def read(kind: str, output: str, factor: float = 0.5, **settings: Any) -> atlas.Maker:
-    """A value of a node, negative ones visible, too."""
-
-    def make(tree: Any) -> Any:
-        node = add(tree, "VectorMath", operation="MULTIPLY_ADD")
-        tree.links.new(add(tree, kind, **settings).outputs[output], node.inputs[0])
-        node.inputs[1].default_value, node.inputs[2].default_value = (factor,) * 3, (0.5,) * 3
-        return node.outputs[0]
-
-    return make
-
-
 @pytest.fixture
 def stage(scene: Any) -> Any:
     """A camera above the origin."""
-    addon_utils.enable("cycles")
-    if not hasattr(scene, "cycles"):
-        pytest.skip("this Blender has no Cycles")
-    data = bpy.data.cameras.new("Above")
-    data.type, data.ortho_scale = "ORTHO", 6
-    scene.camera = bpy.data.objects.new("Above", data)
-    scene.camera.location = (0, 0, 10)
-    scene.collection.objects.link(scene.camera)
-    scene.render.resolution_x = scene.render.resolution_y = 96
-    scene.render.resolution_percentage = 100
+    atlas.with_cycles(scene)
+    look((96, 96), (0, 0, 10), type="ORTHO", ortho_scale=6)
     return scene
 
 
@@ -62,11 +36,7 @@ def compared(scene: Any) -> None:
     """Both engines show the same."""
     atlas.configure(scene, 64, 0)
     atlas.remember_nodes()
-    found = []
-    for engine in (ENGINE, "CYCLES"):
-        scene.render.engine = engine
-        found.append(pictures.render(scene)[..., :3])
-    ours, theirs = found
+    ours, theirs = atlas.pair(scene)
     assert theirs.std() > 0.05
     assert not atlas.differences({"all": ours}, {"all": theirs})
     apart = np.abs(ours - theirs).max(axis=2) > 0.1
@@ -80,8 +50,7 @@ def test_particles_are_those_of_cycles(stage: Any, add: Any) -> None:
     shown = add("Shown", fan(makers), location=(0, -2.7, 0))
     emitter = add("Emitter", grid(3))
     emitter.scale = (1.2, 1.2, 1)
-    with bpy.context.temp_override(object=emitter, active_object=emitter):
-        bpy.ops.object.particle_system_add()
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
     emitter.show_instancer_for_render = False
     settings = emitter.particle_systems[0].settings
     settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 9, -20, 0, 60
@@ -156,8 +125,7 @@ def by_nodes(shown: Any, add: Any) -> None:
 
 def by_particles(shown: Any, add: Any) -> None:
     emitter = add("Emitter", grid(2), location=(0.2, 0.4, 0), scale=(1.3, 1.2, 1))
-    with bpy.context.temp_override(object=emitter, active_object=emitter):
-        bpy.ops.object.particle_system_add()
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
     emitter.show_instancer_for_render, emitter["tint"] = False, (0.2, 0.5, 0.6)
     settings = emitter.particle_systems[0].settings
     settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 4, 1, 1, 60
