@@ -108,7 +108,7 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
         what = ": the triangles of the built-in scene alone" if row["family"] == "oracle" else " of the built-in scene"
         lines += [f"![{row['label']}{what}](../pictures/{row['id']}.jpg)", ""]
     if row["aliases"]:
-        lines += ["Also known as " + ", ".join(f"`{name}`" for name in row["aliases"]) + ".", ""]
+        lines += [f"Also known as {structures_page.others(row)}.", ""]
     lines += [
         "## Source",
         "",

@@ -16,24 +16,9 @@ from ...core.structures import catalogue, presets, specs
 from . import properties
 
 
-def _settings(spec: str) -> tuple[str, dict[str, catalogue.Value]]:
-    """`presets.settings`, also for configurations of former versions, whose names the native module knows."""
-    known = catalogue.load()
-    try:
-        return presets.settings(known, spec)
-    except specs.SpecError:
-        try:
-            today = specs.canonical(native.load(), spec)
-        except specs.SpecError:
-            pass
-        else:
-            return presets.settings(known, today)
-        raise
-
-
 def apply(group: Any, spec: str) -> None:
     """Set the structure and all parameters of a configuration in a `scene.halfspace` group. Raises specs.SpecError."""
-    structure, values = _settings(spec)
+    structure, values = presets.settings(catalogue.load(), spec)
     group.structure = structure
     for name, value in values.items():
         setattr(group, name, value)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -73,9 +73,9 @@ class Way:
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: further names for the id, used by other authors. ways: all valid pairs of nodes and traversal. heading: of
-    its family in lists. menu: title of the menu of its names in the literature. literature: these names, each with its
-    configuration.
+    aliases: further names, used by other authors, with the parameters that each stands for. ways: all valid pairs of
+    nodes and traversal. heading: of its family in lists. menu: title of the menu of its names in the literature.
+    literature: these names, each with its configuration.
     """
 
     id: str
@@ -85,7 +85,7 @@ class Structure:
     summary: str
     paper: str
     parameters: tuple[Parameter, ...]
-    aliases: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
     ways: tuple[Way, ...] = ()
     heading: str = ""
     menu: str = ""
@@ -146,7 +146,7 @@ def _structure(row: Mapping[str, Any]) -> Structure:
         summary=row["summary"],
         paper=row["paper"],
         parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
-        aliases=tuple(row["aliases"]),
+        aliases=dict(row["aliases"]),
         ways=tuple(_way(way) for way in row["ways"]),
         heading=row["heading"],
         menu=row["menu"],

@@ -3,25 +3,18 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import pytest
-from layouts import draw
 from shapes import cube
 
 from addon.blender.render.viewport import Viewport
 from addon.blender.session import reports
 from addon.blender.settings import earlier, properties, quality
-from addon.blender.ui import panels, structure
-from addon.core.base import native
 from addon.core.base.notes import Notes
-from addon.core.structures import specs
-
-WAYS = Path(__file__).resolve().parents[3] / "native" / "structure" / "src" / "way.rs"
 
 
 @pytest.fixture
@@ -55,21 +48,6 @@ def warnings(scene: Any) -> list[str]:
     report = reports.last(scene)
     assert report is not None
     return [line for line in report.warnings if line.startswith(earlier.REPLACED)]
-
-
-def test_former_traversals_are_those_of_the_native_module() -> None:
-    spelled = re.findall(r'spelled: "([a-z0-9]+)"', WAYS.read_text(encoding="utf-8"))
-    assert sorted(spelled) == sorted(earlier.SPELLINGS)
-
-
-@pytest.mark.parametrize("spelled", earlier.SPELLINGS)
-def test_a_former_traversal_is_kept(lit: Any, tmp_path: Path, spelled: str) -> None:
-    loaded = reopened(lit, tmp_path / "old.blend", {"traversal": earlier.number_of(spelled)})
-    assert not loaded.halfspace.traversal
-    today = specs.canonical(native.load(), f"kd:traversal={spelled}")
-    assert properties.spec(loaded.halfspace) == today != "kd"
-    assert warnings(loaded) == []
-    assert structure.menu_of("traversal") in draw(panels.HALFSPACE_PT_structure, scene=loaded)
 
 
 @pytest.mark.parametrize(

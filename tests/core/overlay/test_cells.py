@@ -85,7 +85,7 @@ def test_every_structure_has_leaves_and_paths(spec: str) -> None:
     assert (found["t"], found["triangle"]) == (hits.t[0], hits.triangle[0])
 
 
-@pytest.mark.parametrize("spec", [*IDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
+@pytest.mark.parametrize("spec", [*IDS, "kd:nodes=boxes", "bsp-wn-plus-kd:nodes=boxes"])
 def test_paths_are_those_of_the_traversal(spec: str) -> None:
     tree = native.build(*soup(), spec)
     rng = np.random.default_rng(6)

@@ -95,10 +95,12 @@ INTERVALS = (
 )
 BEAMS = ("beam-hh",)
 OCTREES = [f"octree-{walk}" for walk in ("glassner", "arvo", "param", "samet", "net", "beam")]
-WALKS = [f"kd:traversal={walk}" for walk in ("ta-a", "ta-b", "sung", "arvo", "dir", "tile8", "tile16")]
+WALKS = [f"kd:traversal={walk}" for walk in ("ta-a", "ta-b", "sung", "arvo", "dir", "tile", "tile16")]
 WALKS += [f"{tree}:traversal={walk}" for tree in ("kd", "kd-median") for walk in ("seq", "rope", "ropetree")]
 WALKS += [
-    f"{tree}:traversal={walk}" for tree in ("kd", "rbsp", "bsp-ize-kd", "bvh-sah") for walk in ("p4", "p8", "p16")
+    f"{tree}:traversal={walk}"
+    for tree in ("kd", "rbsp", "bsp-ize-kd", "bvh-sah")
+    for walk in ("packet4", "packet8", "packet")
 ]
 WALKS += ["rbsp:traversal=projected", "rbsp-kd:set=random,traversal=projected"]
 WALKS += ["rbsp:traversal=ta-b-poly", "bsp-wn-plus-kd:traversal=ta-b-poly"]
@@ -115,6 +117,7 @@ def test_every_name_of_the_sources_is_accepted() -> None:
         assert spec.partition(":")[0] in {row["id"] for row in rows}
         assert halfspace_native.build(corners, triangle, name).validate() == []
     assert specs.expand("skd,boxtree:leaf_size=2", rows, {}) == ["bih", "bih:leaf_size=2"]
+    assert specs.expand("bih4:leaf_size=2|3", rows, {}) == ["bih-n:n=2,leaf_size=2", "bih-n:n=2,leaf_size=3"]
     sweep = specs.expand("bsp-sweep", rows, {})
     assert {"bsp-random", "bsp-wn-plus-kd", "bsp-cn-axial-plus-kd", "bsp-hybrid-plus-kd"} < set(sweep)
     assert not {"bsp-ize", "kd", "rbsp"} & set(sweep)
