@@ -2,7 +2,9 @@
 //! The only list of structures. User interface, command line, tests, benchmark and documentation read these rows; a new
 //! structure is one file in this room and one row here.
 
-use crate::{bbox_gs, bih, bih_obl, brute, bsp, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree};
+use crate::{
+    bbox_gs, bih, bih_obl, brute, bsp, bvh_ploc, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree,
+};
 use halfspace_base::error::{Error, Result};
 use halfspace_structure::effective::Effective;
 use halfspace_structure::row::StructureSpec;
@@ -33,6 +35,7 @@ pub const TREES: &[StructureSpec] = &[
     bsp::hybrid::SPEC,
     bsp::beam_hh::SPEC,
     bvh_sah::SPEC,
+    bvh_ploc::SPEC,
     obb::SPEC,
     bih::PLAIN,
     bih::SURFACE_AREA,
