@@ -87,10 +87,10 @@ class Route(TypedDict):
     counted: bool
 
 class StructureRow(TypedDict):
-    """A row of the registry. code is saved in .blend files and never reused. aliases: other names of the id."""
+    """A row of the registry. code is saved in .blend files and never reused. aliases: names and their parameters."""
 
     id: str
-    aliases: list[str]
+    aliases: dict[str, str]
     code: int
     label: str
     family: str

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Trees with each kind of nodes, and whether the octant alone puts children in order. Otherwise the first ray of a
 /// list does, and decides for the others which leaves come first.
-const TREES: [(&str, bool); 18] = [
+const TREES: [(&str, bool); 17] = [
     ("kd", true),
     ("bsp-wn-plus-kd", false),
     ("kd:nodes=wide", false),
@@ -28,7 +28,6 @@ const TREES: [(&str, bool); 18] = [
     ("bih5:cut=split", true),
     ("bih-bvh", true),
     ("bih1", true),
-    ("bih4", true),
     ("bih-n:n=2", true),
     ("bih-n:n=8", true),
     ("bih-obl", false),

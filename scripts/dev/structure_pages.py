@@ -58,6 +58,8 @@ HEADINGS: Mapping[str, str] = {
 """Claims, by their beginnings, to the heading of docs/papers.md about them. The registry has the structures."""
 
 STATED: Mapping[str, str] = {
+    "bvh-ploc": "Its source measures builds and rays on graphics processors; no claim of it is measured here. The tree "
+    "is the same for any number of threads.",
     "brute": "It is the reference: every other structure must return its answers, bit for bit. Its own are compared "
     "with integer and rational arithmetic: see [correctness](../correctness.md#how-it-is-tested).",
 }
@@ -109,7 +111,7 @@ def page(row: Row, cost: Cost, pictures: Collection[str]) -> str:
         what = ": the triangles of the built-in scene alone" if row["family"] == "oracle" else " of the built-in scene"
         lines += [f"![{row['label']}{what}](../pictures/{row['id']}.jpg)", ""]
     if row["aliases"]:
-        lines += ["Also known as " + ", ".join(f"`{name}`" for name in row["aliases"]) + ".", ""]
+        lines += [f"Also known as {structures_page.others(row)}.", ""]
     lines += [
         "## Source",
         "",

@@ -33,10 +33,7 @@ of the sources.
 
 TRAVERSALS = """\
 What rays are tested against (*nodes*), and how they go through it (*traversal*); the first of several is the default. A
-structure with only one of them lacks the parameter.
-
-Older names of `traversal` stay valid: `p16`, `p8`, `p4` for `packet`, `packet8`, `packet4`; `tile8` for `tile`; `wide`
-for `nodes=wide,traversal=flight`; `boxes` for `nodes=boxes,traversal=ordered`."""
+structure with only one of them lacks the parameter."""
 
 WAYS = "The traversals, each with its name in the panels if that differs, and its nodes:"
 
@@ -71,11 +68,16 @@ def page(rows: Sequence[Row]) -> str:
     return "\n".join([INTRODUCTION, *tables, _traversals(rows), _parameters(rows)])
 
 
+def others(row: Row) -> str:
+    """The other names of a structure, with the parameters that they stand for."""
+    return ", ".join(f"`{name}`" + (f" for `{given}`" if given else "") for name, given in row["aliases"].items())
+
+
 def _family(heading: str, rows: Iterable[Row]) -> str:
     """A heading and a list with one line per structure."""
     lines = [f"## {heading}", ""]
     for row in rows:
-        aliases = f" (also {_ids(row['aliases'])})" if row["aliases"] else ""
+        aliases = f" (also {others(row)})" if row["aliases"] else ""
         source = "; ".join(TITLE.sub(r"\1", part) for part in row["paper"].split("; "))
         lines.append(f"- `{row['id']}`{aliases}, *{row['label']}*: {row['summary'].removesuffix('.')}. {source}.")
     return "\n".join(lines) + "\n"

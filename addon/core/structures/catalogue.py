@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any
 
@@ -73,9 +73,9 @@ class Way:
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: further names for the id, used by other authors. ways: all valid pairs of nodes and traversal. heading: of
-    its family in lists. menu: title of the menu of its names in the literature. literature: these names, each with its
-    configuration.
+    aliases: further names, used by other authors, with the parameters that each stands for. ways: all valid pairs of
+    nodes and traversal. heading: of its family in lists. menu: title of the menu of its names in the literature.
+    literature: these names, each with its configuration.
     """
 
     id: str
@@ -85,7 +85,7 @@ class Structure:
     summary: str
     paper: str
     parameters: tuple[Parameter, ...]
-    aliases: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
     ways: tuple[Way, ...] = ()
     heading: str = ""
     menu: str = ""
@@ -139,9 +139,9 @@ def of(structures: Iterable[Mapping[str, Any]]) -> Catalogue:
 
 def _structure(row: Mapping[str, Any]) -> Structure:
     own = {item.name: row[item.name] for item in fields(Structure)}
-    lists = {name: tuple(own[name]) for name in ("aliases", "literature")}
+    own |= {"aliases": dict(own["aliases"]), "literature": tuple(map(tuple, own["literature"]))}
     parameters, ways = tuple(map(_parameter, row["parameters"])), tuple(Way(**way) for way in row["ways"])
-    return Structure(**{**own, **lists, "parameters": parameters, "ways": ways})
+    return Structure(**{**own, "parameters": parameters, "ways": ways})
 
 
 def _parameter(row: Mapping[str, Any]) -> Parameter:

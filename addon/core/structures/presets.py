@@ -25,10 +25,12 @@ def offered(catalogue: Catalogue) -> tuple[Preset, ...]:
 
 def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
     """The id of a configuration's structure, and the values of all its parameters. Raises specs.SpecError."""
-    structure = catalogue.get(specs.structure_of(spec))
+    name = specs.structure_of(spec)
+    structure = catalogue.get(name)
     if structure is None:
         known = ", ".join(one.id for one in catalogue.structures)
         raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}; there are {known}")
+    spec = specs.joined(structure.id, structure.aliases.get(name, ""), specs.parameters(spec))
     values: dict[str, Value] = {parameter.name: parameter.default for parameter in structure.parameters}
     given: set[str] = set()
     for key, text in specs.pairs(spec):

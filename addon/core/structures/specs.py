@@ -142,12 +142,13 @@ def expand(
     left_out: gets one line for each structure with skipped values. Raises SpecError.
     """
     rows = {row["id"]: row for row in structures}
-    ids = {alias: row["id"] for row in structures for alias in row.get("aliases", ())}
+    aliases = {name: joined(row["id"], given) for row in structures for name, given in row.get("aliases", {}).items()}
     chosen: list[str] = []
     # Resolve names, aliases and families.
     for written in split(text):
-        name = ids.get(structure_of(written), structure_of(written))
-        part = joined(name, parameters(written))
+        own = structure_of(written)
+        part = joined(aliases.get(own, own), parameters(written))
+        name = structure_of(part)
         family = [row["id"] for row in structures if part in _families(row)]
         if name in rows:
             chosen += _spread_out(part)

@@ -27,7 +27,7 @@ ALIKE = 1.5
 
 SPLITS = {name: f"bih:split={name},traversal=ordered" for name in ("middle", "median", "sah")} | {"grid": PLAIN}
 FIFTH = {"faithful": "bih5:cut=split,traversal=ordered", "best": "bih5:traversal=ordered"}
-PLANES = {"1": "bih1", "2": "bih", "4": "bih4", "8": "bih-n", "16": "bih-n:n=8"}
+PLANES = {"1": "bih1", "2": "bih", "4": "bih-n:n=2", "8": "bih-n", "16": "bih-n:n=8"}
 """Hierarchies by the number of planes of a node."""
 
 OBLIQUE = ("bih-obl:k=3,traversal=ordered", "bih-obl:traversal=ordered")

@@ -13,6 +13,7 @@ pub mod octree;
 pub mod piece;
 pub mod plane_boxes;
 pub mod plane_objects;
+pub mod ploc;
 mod reach;
 pub mod refit;
 pub mod sides;

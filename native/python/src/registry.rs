@@ -97,7 +97,11 @@ fn way<'py>(py: Python<'py>, way: &Way) -> PyResult<Bound<'py, PyDict>> {
 fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("id", spec.id)?;
-    dict.set_item("aliases", PyList::new(py, aliases(spec.id))?)?;
+    let others = PyDict::new(py);
+    for alias in aliases(spec.id) {
+        others.set_item(alias.name, alias.given)?;
+    }
+    dict.set_item("aliases", others)?;
     dict.set_item("code", spec.code)?;
     dict.set_item("label", spec.label)?;
     dict.set_item("family", spec.family.name())?;

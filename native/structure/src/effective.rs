@@ -6,7 +6,7 @@
 
 use crate::row::{Group, Kind, Need, ParamSpec, StructureSpec};
 use crate::spec::{Value, pairs};
-use crate::way::{NODES, TRAVERSAL, former};
+use crate::way::{NODES, TRAVERSAL};
 use halfspace_base::error::{Error, Result};
 
 /// A parameter of a configuration.
@@ -31,7 +31,7 @@ pub fn effective(structure: &'static StructureSpec, rest: &str) -> Result<Vec<Ef
     let mut values = Values::new(structure);
     for pair in pairs(structure, rest) {
         let (key, text) = pair?;
-        values.give(key, text)?;
+        values.set(key, text)?;
     }
     let given = values.values.iter();
     let unmet: Vec<_> = given
@@ -64,17 +64,6 @@ impl Values {
     /// Returns the value of a parameter; `None` if the structure has no such parameter.
     fn find(&self, key: &str) -> Option<&Value> {
         (self.values.iter().find(|(p, _)| p.name == key)).map(|(_, value)| value)
-    }
-
-    /// Sets the nearest valid value to a given one; a former value of `traversal` may choose the nodes too.
-    fn give(&mut self, key: &str, text: &str) -> Result<()> {
-        if let Some(former) = former(text).filter(|_| key == TRAVERSAL) {
-            if let Some(nodes) = former.nodes.filter(|_| self.find(NODES).is_some()) {
-                self.set(NODES, nodes)?;
-            }
-            return self.set(key, former.traversal);
-        }
-        self.set(key, text)
     }
 
     /// Sets the nearest valid value to a given one.

@@ -2,7 +2,7 @@
 //! Configuration strings: `id`, or `id:key=value,key=value`.
 
 use crate::row::{Kind, Need, ParamSpec, StructureSpec};
-use crate::way::{NODES, TRAVERSAL, Way, former};
+use crate::way::{NODES, TRAVERSAL, Way};
 use halfspace_base::error::{Error, Result};
 use std::fmt::{self, Write};
 
@@ -46,7 +46,7 @@ impl Config {
         let mut reader = Reader::new(structure);
         for pair in pairs(structure, rest) {
             let (key, text) = pair?;
-            reader.give(key, text)?;
+            reader.set(key, text)?;
         }
         reader.finish()
     }
@@ -217,22 +217,6 @@ impl Reader {
     /// Returns the index of a parameter.
     fn slot(&self, key: &str) -> Option<usize> {
         self.values.iter().position(|(p, _)| p.name == key)
-    }
-
-    /// Applies one `key=value`; a former value of `traversal` may choose the nodes too.
-    fn give(&mut self, key: &str, text: &str) -> Result<()> {
-        let former = former(text).filter(|_| key == TRAVERSAL && self.slot(key).is_some());
-        let Some(former) = former else {
-            return self.set(key, text);
-        };
-        // Choose the nodes too, unless the structure has only one kind.
-        match former.nodes {
-            Some(nodes) if self.slot(NODES).is_some() => {
-                self.set(key, former.traversal)?;
-                self.set(NODES, nodes)
-            }
-            _ => self.set(key, former.traversal),
-        }
     }
 
     /// Sets the value of one parameter.

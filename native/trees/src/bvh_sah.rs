@@ -73,9 +73,9 @@ const WAYS: List<Way> = all(&boxes::TRAVERSALS);
 
 const OPTIONS: List<Named> = distinct(WAYS.slice());
 
-const TRAVERSAL: ParamSpec = traversal(OPTIONS.slice());
+pub(crate) const TRAVERSAL: ParamSpec = traversal(OPTIONS.slice());
 
-const WIDTH: ParamSpec = ParamSpec {
+pub(crate) const WIDTH: ParamSpec = ParamSpec {
     name: "width",
     label: "Width",
     doc: "Boxes per node, all tested at once. More makes fewer, dearer steps; 2 is the textbook's tree",
@@ -90,7 +90,7 @@ const WIDTH: ParamSpec = ParamSpec {
 };
 
 /// Ize and Hansen 2011 (`cost`) and Nah and Manocha 2014 (`area`) order two children for single rays.
-const ANY_ORDER: ParamSpec = ParamSpec {
+pub(crate) const ANY_ORDER: ParamSpec = ParamSpec {
     name: "any_order",
     label: "Any-Hit Order",
     doc: "Which child of a node any-hit streams visit first: the likeliest blocker for the expected work, the largest box, \
@@ -150,8 +150,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     Ok(built)
 }
 
-/// The structure over whole triangles, each in one leaf.
-fn whole(scene: &Triangles, config: &Config, frame: Frame, binary: ObjectTree) -> Result<Built> {
+/// The structure over whole triangles, each in one leaf, with the nodes that `width` and `traversal` choose.
+pub(crate) fn whole(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    binary: ObjectTree,
+) -> Result<Built> {
     let (traversal, width) = (config.way().traversal, config.choice("width"));
     let order = Ordered {
         scene,

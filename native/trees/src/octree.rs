@@ -151,26 +151,16 @@ pub const PARAM: StructureSpec = StructureSpec {
     label: "Octree, from the top",
     family: Family::Octants,
     summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
-    paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
+    paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal; Arvo 1988, \
+            Linear-time voxel walking for octrees (Ray Tracing News 1)",
     params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
     ways: &FROM_ROOT,
     no_groups: "",
     menu: Menu::Octrees,
-    literature: &[("Octree, parametric", "")],
+    literature: &[("Octree, parametric", ""), ("Octree, Arvo", "")],
     sweep: false,
     claims: &["octrees-beat-boxes"],
     build: |scene, config, monitor| build(scene, config, monitor, Traversal::FromRoot),
-};
-
-/// The registry's row: a name, not a structure of its own. The traversal is that of [`PARAM`].
-pub const ARVO: StructureSpec = StructureSpec {
-    id: "octree-arvo",
-    code: 61,
-    label: "Octree, linear time",
-    summary: "Another name of octree-param: that of the note that first described the traversal.",
-    paper: "Arvo 1988, Linear-time voxel walking for octrees (Ray Tracing News 1)",
-    literature: &[("Octree, Arvo", "")],
-    ..PARAM
 };
 
 /// The registry's row: neighbours by stored links (Samet-Net in the paper).

@@ -2,11 +2,14 @@
 //! The only list of structures. User interface, command line, tests, benchmark and documentation read these rows; a new
 //! structure is one file in this room and one row here.
 
-use crate::{bbox_gs, bih, bih_obl, brute, bsp, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree};
+use crate::{
+    bbox_gs, bih, bih_obl, brute, bsp, bvh_ploc, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree,
+};
 use halfspace_base::error::{Error, Result};
 use halfspace_structure::effective::Effective;
 use halfspace_structure::row::StructureSpec;
 use halfspace_structure::spec::Config;
+use std::borrow::Cow;
 
 /// All structures, in the order in which lists show them.
 pub const TREES: &[StructureSpec] = &[
@@ -32,19 +35,18 @@ pub const TREES: &[StructureSpec] = &[
     bsp::hybrid::SPEC,
     bsp::beam_hh::SPEC,
     bvh_sah::SPEC,
+    bvh_ploc::SPEC,
     obb::SPEC,
     bih::PLAIN,
     bih::SURFACE_AREA,
     bih::FIFTH_CASE,
     bih::ONE_PLANE,
-    bih::FOUR_PLANES,
     bih::WIDE,
     bih::AS_BOXES,
     bih_obl::SPEC,
     bbox_gs::SPEC,
     bbox_gs::BRANCH_AND_BOUND,
     octree::PARAM,
-    octree::ARVO,
     octree::NET,
     octree::BEAM,
     octree::SAMET,
@@ -53,21 +55,36 @@ pub const TREES: &[StructureSpec] = &[
     brute::SPEC,
 ];
 
-/// Names that other authors gave to much the same tree.
-const ALIASES: &[(&str, &str)] = &[("skd", "bih"), ("boxtree", "bih")];
-
-/// The other names of a structure.
-pub fn aliases(id: &str) -> impl Iterator<Item = &'static str> + use<'_> {
-    ALIASES
-        .iter()
-        .filter(move |(_, own)| *own == id)
-        .map(|(alias, _)| *alias)
+/// Another name of a structure.
+#[derive(Debug, Clone, Copy)]
+pub struct Alias {
+    /// The name.
+    pub name: &'static str,
+    /// The id of the structure.
+    pub id: &'static str,
+    /// The parameters that the name stands for, as `key=value,...`; empty for the defaults.
+    pub given: &'static str,
 }
 
-/// The row of a structure, by its id or another name of it.
-pub fn find(name: &str) -> Option<&'static StructureSpec> {
-    let alias = ALIASES.iter().find(|(alias, _)| *alias == name);
-    let id = alias.map_or(name, |(_, id)| id);
+/// Names that other authors gave to much the same tree.
+const ALIASES: &[Alias] = &[
+    alias("skd", "bih", ""),
+    alias("boxtree", "bih", ""),
+    alias("bih4", "bih-n", "n=2"),
+    alias("octree-arvo", "octree-param", ""),
+];
+
+const fn alias(name: &'static str, id: &'static str, given: &'static str) -> Alias {
+    Alias { name, id, given }
+}
+
+/// The other names of a structure.
+pub fn aliases(id: &str) -> impl Iterator<Item = &'static Alias> + use<'_> {
+    ALIASES.iter().filter(move |alias| alias.id == id)
+}
+
+/// The row of a structure, by its id.
+pub fn find(id: &str) -> Option<&'static StructureSpec> {
     TREES.iter().find(|tree| tree.id == id)
 }
 
@@ -77,7 +94,7 @@ pub fn find(name: &str) -> Option<&'static StructureSpec> {
 /// [`Error::Spec`] that names an unknown structure or key, a key given twice, or a value out of its range.
 pub fn parse(text: &str) -> Result<Config> {
     let (structure, rest) = split(text)?;
-    Config::read(structure, rest)
+    Config::read(structure, &rest)
 }
 
 /// Reads a configuration that may contradict itself: each parameter of its structure with its effective value.
@@ -86,13 +103,19 @@ pub fn parse(text: &str) -> Result<Config> {
 /// [`Error::Spec`] that names an unknown structure or key, or text that is no number where one is expected.
 pub fn effective(text: &str) -> Result<Vec<Effective>> {
     let (structure, rest) = split(text)?;
-    halfspace_structure::effective::effective(structure, rest)
+    halfspace_structure::effective::effective(structure, &rest)
 }
 
-/// Splits a configuration into the row of its structure and its parameters.
-fn split(text: &str) -> Result<(&'static StructureSpec, &str)> {
+/// Splits a configuration into the row of its structure and its parameters, with those that another name stands for.
+fn split(text: &str) -> Result<(&'static StructureSpec, Cow<'_, str>)> {
     let (id, rest) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
-    let structure = find(id).ok_or_else(|| {
+    let alias = ALIASES.iter().find(|alias| alias.name == id);
+    let rest = match alias.map_or("", |alias| alias.given) {
+        "" => Cow::Borrowed(rest),
+        given if rest.trim().is_empty() => Cow::Borrowed(given),
+        given => Cow::Owned(format!("{given},{rest}")),
+    };
+    let structure = find(alias.map_or(id, |alias| alias.id)).ok_or_else(|| {
         let known: Vec<_> = TREES.iter().map(|tree| tree.id).collect();
         Error::Spec(format!(
             "spec: unknown structure '{id}'; known are {}",
@@ -119,7 +142,7 @@ mod tests {
                 "{}",
                 tree.id
             );
-            assert!(ALIASES.iter().all(|(alias, _)| *alias != tree.id));
+            assert!(ALIASES.iter().all(|alias| alias.name != tree.id));
             for param in tree.all_params() {
                 let inside = match (param.kind, param.default) {
                     (Kind::Integer { min, max }, Value::Integer(x)) => (min..=max).contains(&x),
@@ -133,11 +156,15 @@ mod tests {
                 assert!(!param.full_doc().is_empty() && !param.label.is_empty());
             }
         }
-        assert!(
-            ALIASES
-                .iter()
-                .all(|(alias, id)| find(alias).is_some_and(|tree| tree.id == *id))
-        );
+        for alias in ALIASES {
+            let spelled = format!("{}:{}", alias.id, alias.given);
+            let (own, other) = (parse(alias.name).unwrap(), parse(&spelled).unwrap());
+            assert_eq!(own.canonical(), other.canonical());
+            assert!(find(alias.id).is_some());
+        }
+        let config = parse("bih4:leaf_size=2").unwrap();
+        assert_eq!(config.canonical(), "bih-n:n=2,leaf_size=2");
+        assert!(parse("bih4:n=8").is_err());
     }
 
     #[test]
@@ -184,23 +211,6 @@ mod tests {
                 assert_eq!(usual.way().nodes, option, "{}", tree.id);
                 assert!(!usual.canonical().contains(TRAVERSAL), "{}", tree.id);
             }
-        }
-    }
-
-    #[test]
-    fn former_spellings_choose_what_they_chose() {
-        for (former, today) in [
-            ("kd:traversal=p16", "kd:traversal=packet"),
-            (
-                "kd:traversal=tile8,max_depth=9",
-                "kd:traversal=tile,max_depth=9",
-            ),
-            ("kd:traversal=wide", "kd:nodes=wide,traversal=flight"),
-            ("kd:traversal=boxes", "kd:nodes=boxes,traversal=ordered"),
-            ("bvh-sah:traversal=wide", "bvh-sah:traversal=flight"),
-            ("bvh-sah:traversal=p4", "bvh-sah:traversal=packet4"),
-        ] {
-            assert_eq!(parse(former).unwrap().canonical(), today);
         }
     }
 
@@ -268,7 +278,6 @@ mod tests {
                 "traversal",
                 Some(Value::Choice("auto")),
             ),
-            ("kd:traversal=boxes", "nodes", Some(Value::Choice("boxes"))),
             (
                 "kd:nodes=boxes,shadow=beam",
                 "shadow",
@@ -358,7 +367,6 @@ mod tests {
                 "kd:traversal=ordered",
                 "no traversal=ordered through nodes=planes",
             ),
-            ("kd:traversal=wide,nodes=planes", "nodes is given twice"),
             (
                 "kd:nodes=boxes,shadow=beam",
                 "shadow=beam needs nodes=planes in 'kd', got nodes=boxes",

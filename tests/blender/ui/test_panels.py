@@ -128,6 +128,9 @@ def test_every_preset_gives_its_configuration(scene: Any) -> None:
         assert bpy.ops.halfspace.use_spec(spec=preset.spec) == {"FINISHED"}
         nothing = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
         assert properties.spec(scene.halfspace) == native.load().build(*nothing, preset.spec).spec
+    # Other names choose what they stand for.
+    bpy.ops.halfspace.use_spec(spec="bih4:leaf_size=2")
+    assert properties.spec(scene.halfspace) == "bih-n:n=2,leaf_size=2"
     with pytest.raises(RuntimeError, match="unknown structure"):
         bpy.ops.halfspace.use_spec(spec="no-such")
 

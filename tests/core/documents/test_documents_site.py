@@ -93,7 +93,7 @@ def test_every_structure_has_a_page_with_source_cost_and_parameters(site: Path) 
 
 def test_every_structure_has_claims_or_a_statement() -> None:
     stated = [row["id"] for row in native.structures() if not any(structure_pages.claims_of(row))]
-    assert stated == list(structure_pages.STATED) == ["brute"], "a structure has either"
+    assert sorted(stated) == sorted(structure_pages.STATED), "a structure has either"
 
 
 def test_every_claim_stands_on_a_page_of_a_structure() -> None:

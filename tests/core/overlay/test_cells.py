@@ -69,7 +69,7 @@ def test_leaves_hold_all_references_and_fill_space(spec: str) -> None:
     assert few["count"].tolist() == full["count"][:3].tolist()
 
 
-@pytest.mark.parametrize("spec", [*KINDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
+@pytest.mark.parametrize("spec", [*KINDS, "kd:nodes=boxes", "bsp-wn-plus-kd:nodes=boxes"])
 def test_paths_are_those_of_the_traversal(spec: str) -> None:
     tree = native.build(*SOUP, spec)
     origins, directions = some_rays(6)

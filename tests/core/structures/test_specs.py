@@ -67,10 +67,10 @@ brute kd kd-sah kd-median kd-object bsp-ize bsp-ize-kd bvh-sah bbox-gs bbox-gs-b
 {" ".join(KINDS)} bsp-random:k=10 bsp-wn:k=6 bsp-cn-axial-plus-kd bsp-wn-area-plus-kd bsp-hybrid-plus-kd
 bih skd boxtree bih:split=middle bih:split=median bih:split=sah bih5 bih5:cut=split bih1 bih4 bih-n:n=4 bih-sah bih-bvh
 bih-obl beam-hh octree-glassner octree-arvo octree-param octree-samet octree-net octree-beam octree-net:shadow=beam
-kd:traversal=ta-a kd:traversal=ta-b kd:traversal=sung kd:traversal=arvo kd:traversal=dir kd:traversal=tile8
+kd:traversal=ta-a kd:traversal=ta-b kd:traversal=sung kd:traversal=arvo kd:traversal=dir kd:traversal=tile
 kd:traversal=tile16 kd:traversal=seq kd:traversal=rope kd:traversal=ropetree kd-median:traversal=seq
-kd-median:traversal=rope kd-median:traversal=ropetree kd:traversal=p4 kd:traversal=p8 kd:traversal=p16
-rbsp:traversal=p4 bsp-ize-kd:traversal=p8 bvh-sah:traversal=p16 rbsp:traversal=projected
+kd-median:traversal=rope kd-median:traversal=ropetree kd:traversal=packet4 kd:traversal=packet8 kd:traversal=packet
+rbsp:traversal=packet4 bsp-ize-kd:traversal=packet8 bvh-sah:traversal=packet rbsp:traversal=projected
 rbsp-kd:set=random,traversal=projected rbsp:traversal=ta-b-poly bsp-wn-plus-kd:traversal=ta-b-poly kd:shadow=cache
 """.split()
 """The names of the papers' structures here."""
@@ -84,6 +84,7 @@ def test_every_name_of_the_sources_is_accepted() -> None:
         assert spec.partition(":")[0] in {row["id"] for row in rows}
         assert halfspace_native.build(corners, triangle, name).validate() == []
     assert specs.expand("skd,boxtree:leaf_size=2", rows, {}) == ["bih", "bih:leaf_size=2"]
+    assert specs.expand("bih4:leaf_size=2|3", rows, {}) == ["bih-n:n=2,leaf_size=2", "bih-n:n=2,leaf_size=3"]
     sweep = specs.expand("bsp-sweep", rows, {})
     assert {"bsp-random", "bsp-wn-plus-kd", "bsp-cn-axial-plus-kd", "bsp-hybrid-plus-kd"} < set(sweep)
     assert not {"bsp-ize", "kd", "rbsp"} & set(sweep)

@@ -111,7 +111,7 @@ def test_the_interval_may_differ_from_ray_to_ray() -> None:
     assert hits.triangle.tolist() == [0, 0, -1, -1]
 
 
-@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "kd:traversal=wide", "bsp-wn:k=3", "bsp-wn:k=3,traversal=wide"])
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "kd:nodes=wide", "bsp-wn:k=3", "bsp-wn:k=3,nodes=wide"])
 def test_many_rays_in_random_order_answer_as_few(spec: str) -> None:
     vertices, triangles = leaks.icosphere(6)
     rng = np.random.default_rng(3)
@@ -262,7 +262,7 @@ def test_rejects_the_first_bad_ray_of_many(method: str, threads: int) -> None:
         ask(origins, directions, threads=threads)
 
 
-@pytest.mark.parametrize("spec", ["kd", "kd:traversal=tile8", "bvh-sah:traversal=tile16", "bvh-sah:traversal=p16"])
+@pytest.mark.parametrize("spec", ["kd", "kd:traversal=tile", "bvh-sah:traversal=tile16", "bvh-sah:traversal=packet"])
 def test_a_tile_that_looks_away_remembers_nothing_of_the_one_before(spec: str) -> None:
     tree = native.build(*soup(400, 0), spec)
     rng = np.random.default_rng(4)
@@ -292,7 +292,9 @@ def test_errors_are_what_python_programmers_catch() -> None:
     assert issubclass(native.Cancelled, RuntimeError)
 
 
-@pytest.mark.parametrize("spec", ["kd", "kd:lazy=1", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah"])
+@pytest.mark.parametrize(
+    "spec", ["kd", "kd:lazy=1", "kd:traversal=dir", "bsp-wn:nodes=boxes,traversal=ordered", "bvh-sah"]
+)
 def test_progress_ends_at_one(spec: str) -> None:
     monitor = native.Monitor()
     native.build(*soup(1000, 0), spec, monitor=monitor)

@@ -186,20 +186,8 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
     ..PLAIN
 };
 
-/// The registry's row: four planes a node, twenty bytes. Each of the two children lies between two planes of its own.
-pub const FOUR_PLANES: StructureSpec = StructureSpec {
-    id: "bih4",
-    code: 44,
-    label: "Interval hierarchy, four planes",
-    summary: "Four planes a node: both children are bounded on both sides. Another name of bih-n with n=2.",
-    paper: WACHTER,
-    literature: &[("BIH, four planes", "")],
-    claims: &["intervals-*"],
-    build: |scene, config, monitor| wide(scene, config, monitor, 2),
-    ..PLAIN
-};
-
-/// The registry's row: more than two children a node, all along one axis, all tested at once.
+/// The registry's row: two or more children a node, each between two planes of its own, all along one axis and tested at
+/// once.
 pub const WIDE: StructureSpec = StructureSpec {
     id: "bih-n",
     code: 45,
@@ -215,7 +203,7 @@ pub const WIDE: StructureSpec = StructureSpec {
         LEAVES,
         shared::ROBUST,
     ],
-    literature: &[("BIH, n-ary", "n=4")],
+    literature: &[("BIH, four planes", "n=2"), ("BIH, n-ary", "n=4")],
     claims: &["intervals-*"],
     build: |scene, config, monitor| {
         let children = config.choice("n").parse().expect("a choice of numbers");

@@ -94,7 +94,7 @@ pub const BY_SURFACE: &[Need] = &[Need {
 pub const CHILDREN: ParamSpec = ParamSpec {
     name: "n",
     label: "Width",
-    doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is another name of bih4",
+    doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is four planes a node",
     unit: "intervals",
     kind: Kind::Choice(&[named("4", "4"), named("2", "2"), named("8", "8")]),
     default: Value::Choice("4"),
