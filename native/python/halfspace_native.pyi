@@ -792,7 +792,7 @@ class Instances:
         """
 
 def build_instances(
-    structures: Sequence[Structure],
+    structures: Sequence[Structure | Instances],
     mesh: npt.NDArray[np.int32],
     matrices: npt.NDArray[np.float64],
     *,
@@ -802,11 +802,12 @@ def build_instances(
 ) -> Instances:
     """Builds a tree over instances; the structures of the meshes are shared, not copied.
 
-    structures: of the meshes, in mesh space; their configurations may differ. mesh: (k,) int32, the mesh of each
-    instance. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
-    build().
-    Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in the
-    statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+    structures: of the meshes, in mesh space, whose configurations may differ; in place of one, Instances are placed as
+    a whole, each as an instance of its mesh with the product of the matrices. mesh: (k,) int32, the index of what each
+    instance places. An instance so far from the origin that its vertices are rounded coarsely in the scene has a
+    structure of its own. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as
+    for build(). Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in
+    the statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
     """
 
 def exact_closest(
