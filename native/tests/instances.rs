@@ -320,6 +320,8 @@ fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
         flattened(&one).vertices()[..40],
         flattened(&tree).vertices()[..40]
     );
+    // Equal meshes stay apart.
+    assert_eq!(nested::expand(&[mesh(0), mesh(0)], &[]).unwrap().0.len(), 2);
     // Wrong indices and too many instances are refused.
     let wrong = [Instance {
         mesh: 2,

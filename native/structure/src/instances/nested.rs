@@ -17,8 +17,9 @@ pub enum Part {
     Group(Arc<Instances>),
 }
 
-/// Replaces each instance of a group by the group's own instances, in their order. Returns the meshes, each once, and
-/// the instances of these. [`Instance::mesh`] of the arguments is an index of `parts`.
+/// Replaces each instance of a group by the group's own instances, in their order. Returns the meshes, those of `parts`
+/// in their order and those of groups once, and the instances of these. [`Instance::mesh`] of the arguments is an index
+/// of `parts`.
 ///
 /// # Errors
 /// [`Error::Shape`] when an index is out of range, or when there would be more than 2^31 - 2 instances.
@@ -26,23 +27,31 @@ pub fn expand(
     parts: &[Part],
     instances: &[Instance],
 ) -> Result<(Vec<Arc<Structure>>, Vec<Instance>)> {
-    let mut meshes = Vec::new();
+    // Meshes keep their order, equal ones too: what is known of each is listed in that order.
+    let mut meshes: Vec<Arc<Structure>> = Vec::new();
     let mut known = HashMap::new();
-    let mut number = |mesh: &Arc<Structure>| {
-        *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+    let mut number = |mesh: &Arc<Structure>, again: bool| {
+        let next = meshes.len() as u32;
+        let found = *known.entry(Arc::as_ptr(mesh)).or_insert(next);
+        if found == next || again {
             meshes.push(Arc::clone(mesh));
-            meshes.len() as u32 - 1
-        })
+            return next;
+        }
+        found
     };
     // Number the meshes of each part, and keep what a group places.
     let placed: Vec<Vec<Instance>> = (parts.iter())
         .map(|part| match part {
             Part::Mesh(mesh) => vec![Instance {
-                mesh: number(mesh),
+                mesh: number(mesh, true),
                 transform: IDENTITY,
             }],
             Part::Group(group) => {
-                let numbers: Vec<u32> = group.meshes.iter().map(&mut number).collect();
+                let numbers: Vec<u32> = group
+                    .meshes
+                    .iter()
+                    .map(|mesh| number(mesh, false))
+                    .collect();
                 let own = group.instances();
                 let renumbered = own.map(|one| Instance {
                     mesh: numbers[one.mesh as usize],
