@@ -106,5 +106,5 @@ fn is_coarse(place: &MeshInstance, mesh: &Structure) -> bool {
     let half = |k: usize| 0.5 * (f64::from(bounds.max[k]) - f64::from(bounds.min[k])) / scale;
     let size = half(0).max(half(1)).max(half(2));
     let [x, y, z] = place.corner_error;
-    x.max(y).max(z) > COARSE * size
+    !place.bounds.is_empty() && x.max(y).max(z) > COARSE * size
 }
