@@ -805,9 +805,10 @@ def build_instances(
     structures: of the meshes, in mesh space, whose configurations may differ; in place of one, Instances are placed as
     a whole, each as an instance of its mesh with the product of the matrices. mesh: (k,) int32, the index of what each
     instance places. An instance so far from the origin that its vertices are rounded coarsely in the scene has a
-    structure of its own. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as
-    for build(). Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in
-    the statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+    structure of its own. Meshes are numbered part after part, for RenderScene too. matrices: (k, 4, 4) or (k, 3, 4)
+    float64, mesh to scene. threads, monitor, memory_limit: as for build(). Instances whose matrix is singular, not
+    finite or out of the range of float32 are dropped and listed in the statistics. Raises ShapeError (also for more
+    than 2**31 - 2 triangles), Cancelled, MemoryError.
     """
 
 def exact_closest(

@@ -288,7 +288,6 @@ fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
     let mesh = |i: usize| Part::Mesh(Arc::clone(&balls[i]));
     let over = |parts: &[Part], placed: &[Instance]| {
         let (meshes, placed) = nested::expand(parts, placed).unwrap();
-        assert!(meshes.len() <= balls.len(), "shared meshes are shared");
         Arc::new(Instances::build(meshes, &placed, &Monitor::new()).unwrap())
     };
     let (mut of_tree, of_row) = (places(2, 4, 0.5, 2.0), places(1, 3, 1.5, 4.0));
@@ -320,8 +319,15 @@ fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
         flattened(&one).vertices()[..40],
         flattened(&tree).vertices()[..40]
     );
-    // Equal meshes stay apart.
-    assert_eq!(nested::expand(&[mesh(0), mesh(0)], &[]).unwrap().0.len(), 2);
+    // What is known of meshes is listed by part.
+    let group = Part::Group(Arc::clone(&row));
+    assert_eq!(
+        nested::expand(&[mesh(0), group, mesh(0)], &[])
+            .unwrap()
+            .0
+            .len(),
+        4
+    );
     // Wrong indices and too many instances are refused.
     let wrong = [Instance {
         mesh: 2,
@@ -329,6 +335,40 @@ fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
     }];
     let message = nested::expand(&[mesh(0)], &wrong).unwrap_err().to_string();
     assert!(message.contains("mesh[0]: 2 is out of range for 1 meshes"));
+}
+
+#[test]
+fn copies_are_of_meshes_with_an_area_as_many_as_their_limit_allows() {
+    let away = |x: f64| translation([1e6 + x, 3.0, 5.0]);
+    let line = vec![[0.0; 3], [1.0; 3], [2.0; 3]];
+    let line = Arc::new(Triangles::new(line, vec![[0, 1, 2]]).unwrap());
+    let empty = Arc::new(Triangles::new(Vec::new(), Vec::new()).unwrap());
+    let meshes = [&line, &empty, &ball(2, [0.0; 3])].map(|scene| build(scene, "kd"));
+    let placed: Vec<_> = (0..4200)
+        .map(|i| Instance {
+            mesh: if i < 4 { i % 2 } else { 2 },
+            transform: Transform {
+                linear: [
+                    [if i % 3 == 0 { -1.0 } else { 1.0 }, 0.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                    [0.0, 0.0, 1.0],
+                ],
+                ..away(f64::from(i) * 4.0)
+            },
+        })
+        .collect();
+    let built =
+        |placed: &[Instance]| Instances::build(meshes.to_vec(), placed, &Monitor::new()).unwrap();
+    assert_eq!(built(&placed[..4]).copied(), 0);
+    assert_eq!(built(&placed).copied(), 4096);
+    // Mirrored copies, several of one mesh.
+    let some = built(&placed[..24]);
+    assert_eq!(some.copied(), 20);
+    let flat = flattened(&some);
+    let rays = aimed(&flat, 500, &mut Random(9));
+    let mut expected = vec![Hit::MISS; rays.len()];
+    build(&flat, "brute").closest(&rays, &mut expected, None);
+    assert_eq!(differences(&some, &rays, &expected), 0);
 }
 
 #[test]

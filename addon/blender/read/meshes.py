@@ -219,7 +219,7 @@ def assemble(
     # A layer covers all triangles of the scene, even if only one mesh has it.
     read = 12 * sum(texture_layers.width((p.mesh for p in placements), key) for key in layers) * triangle_count
     plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
-    _check_room(triangle_count, plain, read)
+    _check_room(triangle_count, plain, read, repeated=any(len(p.names) > 1 for p in placements))
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
@@ -274,15 +274,18 @@ def assemble(
     )
 
 
-def _check_room(triangles: int, plain: int, read: int) -> None:
+def _check_room(triangles: int, plain: int, read: int, *, repeated: bool) -> None:
     """Raise SceneError if the flattened triangles exceed the numbering of trees or the free memory.
 
-    plain, read: bytes without and for the layers of materials.
+    plain, read: bytes without and for the layers of materials. repeated: whether a mesh has several instances.
     """
     free = native.load().free_memory()
     if triangles <= MOST_TRIANGLES and plain + read <= free:
         return
-    advice = FEWER if triangles <= MOST_TRIANGLES and plain <= free else "keep the instances in two levels"
+    if triangles <= MOST_TRIANGLES and plain <= free:
+        advice = FEWER
+    else:
+        advice = "keep the instances in two levels" if repeated else "use fewer triangles"
     raise SceneError(
         f"Every copy of every instance together: {triangles:,} triangles, {(plain + read) / 2**30:.1f} GiB, "
         f"do not fit; {advice}"
@@ -310,6 +313,10 @@ def keep_instances(
             numbers[id(mesh)] = len(kept)
             once.append((mesh, np.zeros(1, np.bool_)))
             kept.append(mesh.alone)
+    size = sum(len(mesh.triangles) for mesh in kept)
+    read = size * (24 * uvs + 12 * sum(texture_layers.width((mesh for mesh, _ in once), key) for key in layers))
+    if read > native.load().free_memory():
+        raise SceneError(f"What materials read of {size:,} triangles, {read / 2**30:.1f} GiB, does not fit; {FEWER}")
     # Repeat the data of each placement for all its instances.
     places = [len(placement.names) for placement in placements]
     mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)

@@ -157,7 +157,8 @@ class Viewport:
         """Request the end of the work for good."""
         if self._preview is not None:
             self._preview.stop()
-        self._preview = None
+        # After a failure, what was read may lack an edit.
+        self._preview, self._remembered = None, Remembered()
 
     def _wait(self, preview: Preview) -> None:
         """Wait a moment for the very first picture."""

@@ -73,7 +73,7 @@ class Way:
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: further names, used by other authors, with the parameters that each stands for. ways: all valid pairs of
+    aliases: further names, used by other authors, with the parameters that each sets. ways: all valid pairs of
     nodes and traversal. heading: of its family in lists. menu: title of the menu of its names in the literature.
     literature: these names, each with its configuration.
     """

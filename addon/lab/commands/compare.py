@@ -63,7 +63,11 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase), or a picture")
     made.add_argument("reference", nargs="?", type=Path, metavar="PICTURE", help="with a picture: what it should be")
-    made.add_argument("--scene", metavar="NAME", help="judge a scene of addon/lab/pictures/proving.py, or all")
+    made.add_argument(
+        "--scene",
+        metavar="NAME",
+        help="judge a scene of addon/lab/pictures/proving.py, or all; with --whole also of large.py",
+    )
     made.add_argument(
         "--plant",
         type=float,
@@ -367,7 +371,7 @@ def _built(bpy: Any, asked: str, more: Collection[str] = ()) -> Iterator[str]:
     from ..pictures import large, proving
 
     if asked != "all" and asked not in (known := [*proving.SCENES, *more]):
-        raise UsageError(f"--scene: expected all or one of {', '.join(known)}, got {asked!r}")
+        raise UsageError(f"--scene: expected {'' if more else 'all or '}one of {', '.join(known)}, got {asked!r}")
     for name in list(proving.SCENES) if asked == "all" else [asked]:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         (proving if name in proving.SCENES else large).build(name, bpy.context.scene)

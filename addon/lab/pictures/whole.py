@@ -102,7 +102,7 @@ def _reset_peak() -> float | None:
         ctypes.CDLL(None).malloc_trim(0)
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
         return _resident("VmRSS")
-    except (AttributeError, OSError):
+    except (AttributeError, OSError, TypeError):
         return None
 
 

@@ -67,7 +67,16 @@ impl Structure {
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::build_with(scene, config, threads, monitor, Trees::Worth)
+        Self::build_with(scene, config, Some(pool(threads)?), monitor, Trees::Worth)
+    }
+
+    /// As [`Self::build`], on the threads of the current pool.
+    pub(crate) fn build_here(
+        scene: Arc<Triangles>,
+        config: Config,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Self::build_with(scene, config, None, monitor, Trees::Worth)
     }
 
     /// As [`Self::build`], but keeps trees whose rays do more work than brute force: to inspect and test them.
@@ -80,20 +89,23 @@ impl Structure {
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::build_with(scene, config, threads, monitor, Trees::All)
+        Self::build_with(scene, config, Some(pool(threads)?), monitor, Trees::All)
     }
 
     fn build_with(
         scene: Arc<Triangles>,
         config: Config,
-        threads: usize,
+        pool: Option<rayon::ThreadPool>,
         monitor: &Monitor,
         trees: Trees,
     ) -> Result<Self> {
         let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
-        let pool = pool(threads)?;
         let start = Instant::now();
-        let parts = pool.install(|| division::build(&scene, &config, monitor, trees))?;
+        let build = || division::build(&scene, &config, monitor, trees);
+        let parts = match pool {
+            Some(pool) => pool.install(build),
+            None => build(),
+        }?;
         let build_seconds = start.elapsed().as_secs_f64();
         let Parts {
             main,

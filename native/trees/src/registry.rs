@@ -62,7 +62,7 @@ pub struct Alias {
     pub name: &'static str,
     /// The id of the structure.
     pub id: &'static str,
-    /// The parameters that the name stands for, as `key=value,...`; empty for the defaults.
+    /// The parameters that the name sets, as `key=value,...`; empty for the defaults.
     pub given: &'static str,
 }
 
@@ -106,7 +106,7 @@ pub fn effective(text: &str) -> Result<Vec<Effective>> {
     halfspace_structure::effective::effective(structure, &rest)
 }
 
-/// Splits a configuration into the row of its structure and its parameters, with those that another name stands for.
+/// Splits a configuration into the row of its structure and its parameters, with those that another name sets.
 fn split(text: &str) -> Result<(&'static StructureSpec, Cow<'_, str>)> {
     let (id, rest) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
     let alias = ALIASES.iter().find(|alias| alias.name == id);

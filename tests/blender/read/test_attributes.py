@@ -119,8 +119,8 @@ def test_layers_are_counted_as_they_are_read(box: Any, kind: str) -> None:
     ("most", "free", "advice"),
     [
         (1 << 29, 12 * 8 + 16 * 12, "use fewer different attributes in materials"),
-        (1 << 29, 12 * 8 + 16 * 12 - 1, "keep the instances in two levels"),
-        (11, 1 << 40, "keep the instances in two levels"),
+        (1 << 29, 12 * 8 + 16 * 12 - 1, "use fewer triangles"),
+        (11, 1 << 40, "use fewer triangles"),
     ],
 )
 def test_the_advice_is_about_what_does_not_fit(
@@ -132,6 +132,9 @@ def test_the_advice_is_about_what_does_not_fit(
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: free)
     with pytest.raises(SceneError, match=f"12 triangles, .* do not fit; {advice}$"):
         meshes.assemble([placement], layers=keys)
+    twice = meshes.Placement(placement.mesh, placement.materials, ["Box"] * 2, np.tile(np.eye(4), (2, 1, 1)))
+    with pytest.raises(SceneError, match=r"24 triangles, .* do not fit; keep the instances in two levels$"):
+        meshes.assemble([twice], layers=keys)
 
 
 def test_tangents_stay_in_the_space_of_their_mesh_within_the_memory_that_is_counted() -> None:

@@ -16,6 +16,7 @@ from addon.blender.read import extract, object_meshes
 from addon.blender.read.remembered import Remembered
 from addon.blender.read.strands import sources
 from addon.blender.read.value_nodes.outputs import Wanted
+from addon.blender.render import viewport
 from addon.core.base.equality import same
 from addon.core.base.notes import Notes
 from addon.core.scene import tubes
@@ -96,10 +97,10 @@ def evaluated() -> Iterator[Evaluated]:
 def read(evaluated: Evaluated, remembered: Remembered | None) -> tuple[Any, list[str]]:
     """The scene as a view reads it, and its notes."""
     notes = Notes()
-    found = extract.find(evaluated, notes, wanted=Wanted(remembered=remembered)).flattened(), notes.lines()
+    found = extract.find(evaluated, notes, wanted=Wanted(remembered=remembered))
     if remembered is not None:
         evaluated.updates.clear()
-    return found
+    return found.flattened(), [*notes.lines(), *found.made]
 
 
 def test_a_move_reads_nothing_again(objects: dict[str, Any], evaluated: Evaluated, counted: list[str]) -> None:
@@ -172,6 +173,10 @@ def colour(objects: dict[str, Any]) -> None:
     mesh.materials.append(shown)
 
 
+def rename(objects: dict[str, Any]) -> None:
+    objects["Hair"].name = "Fur"
+
+
 def hide(objects: dict[str, Any]) -> None:
     objects["Leaf"].hide_viewport = not objects["Leaf"].hide_viewport
 
@@ -181,7 +186,7 @@ def edit_mode(objects: dict[str, Any]) -> None:
     bpy.ops.object.mode_set(mode="EDIT" if objects["Second"].mode == "OBJECT" else "OBJECT")
 
 
-EDITS = (subdivide, hang, write, exchange, unlink, replace, colour, hide, edit_mode)
+EDITS = (subdivide, hang, write, exchange, unlink, replace, colour, rename, hide, edit_mode)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -195,3 +200,14 @@ def test_any_edits_show_what_a_new_view_shows(objects: dict[str, Any], evaluated
         bpy.context.view_layer.update()
         kept, fresh = read(evaluated, view), read(evaluated, None)
         assert same(kept, fresh), edits[number].__name__
+
+
+def test_a_view_that_failed_reads_everything_again(
+    objects: dict[str, Any], evaluated: Evaluated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = viewport.Viewport()
+    before = view._remembered
+    monkeypatch.setattr(extract, "find", lambda *_, **__: pytest.fail("a material cannot be read"))
+    view.update(SimpleNamespace(), SimpleNamespace(space_data=None), evaluated)
+    assert view._problem.endswith("a material cannot be read")
+    assert view._remembered is not before

@@ -43,7 +43,7 @@ NOTHING = MeshArrays(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), N
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """Curves or points, whose radii are given. name: of the first object. part: one in how many hairs was read. last:
+    """Curves or points, whose radii are given. name: of the first object. part: every part-th hair was read. last:
     what was made of it last, by name and by what that depends on.
     """
 
@@ -87,7 +87,7 @@ class Collector:
             return _Round(name, None, (centres, radii), values)
 
         if key not in self._read:
-            self._read[key] = self._remembered.of(key, instance, read)
+            self._read[key] = replace(self._remembered.of(key, instance, read), name=name)
         self._place(key, materials, instance, matrix)
 
     def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
@@ -102,7 +102,7 @@ class Collector:
                 return _Round(item.name_full, hair.strands, None, hair.values, hair.part)
 
             if key not in self._read:
-                found = self._read[key] = self._remembered.of(key, instance, read)
+                found = self._read[key] = replace(self._remembered.of(key, instance, read), name=item.name_full)
                 if found.part > 1:
                     self._note_part("hairs", found.part, found.name)
             slot = min(max(system.settings.material - 1, 0), len(materials) - 1)

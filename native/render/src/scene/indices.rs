@@ -7,8 +7,7 @@ use crate::math::vector::Vec3;
 use crate::values::varying::Row;
 use halfspace_geom::vec3::widen;
 
-/// Where the triangles are in another picture. Of a flattened scene, the corners of each triangle; of instances, those of
-/// the triangles of each mesh, and what places them.
+/// Corners of all triangles in another picture. Instances store those of each mesh, and the transforms.
 #[derive(Debug, Clone, Default)]
 pub struct Moved {
     /// Corners of the triangles, in the space of their mesh if there are places; empty = not known.

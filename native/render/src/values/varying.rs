@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Data that vary over the triangles of a scene: layers of corner attributes and texture coordinates of objects.
-//! Instances share the rows of their mesh; of an object each has its own.
+//! Instances share the rows of their mesh; each is an object of its own.
 
 use crate::check::{Error, Result, finite};
 use crate::values::voxels::Voxels;
@@ -39,7 +39,7 @@ impl Row {
 /// Values at the corners of all triangles: a UV map, a colour or tangents.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Layer {
-    /// VertexSamples per corner, 2 to 4.
+    /// Numbers per corner, 2 to 4.
     pub width: usize,
     /// Triangle by triangle, corner by corner; empty = missing everywhere.
     pub values: Vec<f32>,
@@ -63,7 +63,7 @@ pub struct Varying {
     pub layers: Vec<Layer>,
     /// Texture coordinates of the objects.
     pub objects: Vec<ObjectFrame>,
-    /// Object of each triangle of a flattened scene; empty = all belong to the first. Of instances, each is an object.
+    /// Object of each triangle of a flattened scene; empty = all belong to the first. Each instance is an object.
     pub object_index: Vec<u32>,
     /// World position of the scene frame's origin.
     pub origin: [f32; 3],

@@ -8,7 +8,7 @@
 use crate::instances::{IDENTITY, Instances, NOWHERE};
 use crate::structure::Structure;
 use halfspace_base::Monitor;
-use halfspace_base::error::Result;
+use halfspace_base::error::{Error, Result};
 use halfspace_scene::{MeshInstance, Triangles};
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use std::sync::Arc;
 /// Measured: at 2^-9 rays take 1.1 times as long as at the origin.
 const COARSE: f64 = 1.0 / 512.0;
 
-/// Largest number of triangles of all copies together (chosen: about a gigabyte); further instances are not copied.
+/// Largest number of copies, and of their triangles together (chosen: about a gigabyte); further instances have none.
+const MOST_COPIES: usize = 1 << 12;
 const MOST_COPIED: usize = 1 << 22;
 
 /// The structure of one instance.
@@ -28,7 +29,7 @@ pub(super) struct Copy {
 }
 
 impl Instances {
-    /// Builds the copies, and notes them for each place.
+    /// Builds the copies, as many as the limits and the memory allow, and notes them for each place.
     pub(super) fn copy_coarse(&mut self, monitor: &Monitor) -> Result<()> {
         let mut copied = 0;
         for number in 0..self.places.len() {
@@ -37,6 +38,9 @@ impl Instances {
             let size = mesh.scene().len();
             if !is_coarse(place, mesh) || copied + size > MOST_COPIED {
                 continue;
+            }
+            if self.copies.len() == MOST_COPIES {
+                break;
             }
             copied += size;
             // Copy the triangles as they are in the scene.
@@ -53,9 +57,10 @@ impl Instances {
                 })
                 .collect();
             let scene = Arc::new(Triangles::new(vertices, indices)?);
-            let threads = rayon::current_num_threads();
-            let config = mesh.config().clone();
-            let structure = Arc::new(Structure::build(scene, config, threads, monitor)?);
+            let structure = match Structure::build_here(scene, mesh.config().clone(), monitor) {
+                Err(Error::Memory(_)) => break,
+                built => Arc::new(built?),
+            };
             // Place it where it is, below the numbers of the meshes.
             let boxes = &structure.outline().boxes;
             let mesh = (self.meshes.len() + self.copies.len()) as u32;
@@ -106,5 +111,6 @@ fn is_coarse(place: &MeshInstance, mesh: &Structure) -> bool {
     let half = |k: usize| 0.5 * (f64::from(bounds.max[k]) - f64::from(bounds.min[k])) / scale;
     let size = half(0).max(half(1)).max(half(2));
     let [x, y, z] = place.corner_error;
-    !place.bounds.is_empty() && x.max(y).max(z) > COARSE * size
+    // A mesh without area has no tree.
+    size > 0.0 && x.max(y).max(z) > COARSE * size
 }

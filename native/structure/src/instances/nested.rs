@@ -5,7 +5,6 @@ use crate::instances::{IDENTITY, Instance, Instances, MOST};
 use crate::structure::Structure;
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Transform;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// What an instance places.
@@ -17,9 +16,8 @@ pub enum Part {
     Group(Arc<Instances>),
 }
 
-/// Replaces each instance of a group by the group's own instances, in their order. Returns the meshes, those of `parts`
-/// in their order and those of groups once, and the instances of these. [`Instance::mesh`] of the arguments is an index
-/// of `parts`.
+/// Replaces each instance of a group by the group's own instances, in their order. Returns the meshes of all parts, one
+/// part after another, and the instances of these. [`Instance::mesh`] of the arguments is an index of `parts`.
 ///
 /// # Errors
 /// [`Error::Shape`] when an index is out of range, or when there would be more than 2^31 - 2 instances.
@@ -27,40 +25,30 @@ pub fn expand(
     parts: &[Part],
     instances: &[Instance],
 ) -> Result<(Vec<Arc<Structure>>, Vec<Instance>)> {
-    // Meshes keep their order, equal ones too: what is known of each is listed in that order.
-    let mut meshes: Vec<Arc<Structure>> = Vec::new();
-    let mut known = HashMap::new();
-    let mut number = |mesh: &Arc<Structure>, again: bool| {
-        let next = meshes.len() as u32;
-        let found = *known.entry(Arc::as_ptr(mesh)).or_insert(next);
-        if found == next || again {
-            meshes.push(Arc::clone(mesh));
-            return next;
-        }
-        found
-    };
-    // Number the meshes of each part, and keep what a group places.
-    let placed: Vec<Vec<Instance>> = (parts.iter())
-        .map(|part| match part {
-            Part::Mesh(mesh) => vec![Instance {
-                mesh: number(mesh, true),
-                transform: IDENTITY,
-            }],
+    // List the meshes, and keep what each part places.
+    let mut meshes = Vec::new();
+    let mut placed: Vec<Vec<Instance>> = Vec::with_capacity(parts.len());
+    for part in parts {
+        let first = meshes.len() as u32;
+        match part {
+            Part::Mesh(mesh) => {
+                meshes.push(Arc::clone(mesh));
+                placed.push(vec![Instance {
+                    mesh: first,
+                    transform: IDENTITY,
+                }]);
+            }
             Part::Group(group) => {
-                let numbers: Vec<u32> = group
-                    .meshes
-                    .iter()
-                    .map(|mesh| number(mesh, false))
-                    .collect();
+                meshes.extend(group.meshes.iter().cloned());
                 let own = group.instances();
                 let renumbered = own.map(|one| Instance {
-                    mesh: numbers[one.mesh as usize],
+                    mesh: first + one.mesh,
                     ..one
                 });
-                renumbered.collect()
+                placed.push(renumbered.collect());
             }
-        })
-        .collect();
+        }
+    }
     // Count before anything is allocated.
     let mut count = 0;
     for (i, instance) in instances.iter().enumerate() {
