@@ -175,7 +175,7 @@ BENCH += " --curve none --out HERE"
         (4000, BENCH, {"rows.jsonl", "bench.json", "bench.csv"}),
         (4000, f"{BENCH} --export latex", {"rows.jsonl", "bench.json", "bench.csv"}),
         (64, "stability --structures bih:shadow=none --scenes grid --rays 64 --out HERE", {"rows.jsonl"}),
-        (64, "claims ta-b-singularities --out HERE", set()),
+        (64, "claims ta-b-singularities --out HERE", {"rows.jsonl"}),
         (64, "export grid --out HERE/tree.npz", {"tree.npz"}),
     ],
 )
