@@ -32,10 +32,7 @@ def _woods(scene: Any, detail: float) -> None:
     # Place leaves around a trunk, each a square with the whole image.
     leaves = TREE // 2
     centres = rng.normal(0, 1, (leaves, 3)) * (0.8, 0.8, 1.2) + (0, 0, 3.4)
-    u, v = (rng.normal(0, 0.05, (leaves, 3)) for _ in range(2))
-    corners = np.stack([centres - u - v, centres + u - v, centres + u + v, centres - u + v], axis=1)
-    mesh = parts.polygons(scene, "Tree", corners.reshape(-1, 3), np.arange(4 * leaves).reshape(-1, 4))
-    parts.unwrap(mesh.data, np.tile([(0, 0), (1, 0), (1, 1), (0, 1)], (leaves, 1)))
+    mesh = _leaves(scene, "Tree", centres, 0.05, rng)
     parts.wear(mesh, _leafy(rng))
     scene.collection.objects.unlink(mesh)
     for place in rng.uniform(-50, 50, (max(int(TREES * detail), 2), 2)):
@@ -83,12 +80,18 @@ def _foliage(scene: Any, detail: float) -> None:
     _ground(scene, 8)
     count = max(int(CARDS * detail), 2)
     centres = rng.normal((0, 0, 2.5), 1, (count, 3))
-    u, v = (rng.normal(0, 0.15, (count, 3)) for _ in range(2))
-    corners = np.stack([centres - u - v, centres + u - v, centres + u + v, centres - u + v], axis=1)
-    item = parts.polygons(scene, "Leaves", corners.reshape(-1, 3), np.arange(4 * count).reshape(-1, 4))
-    parts.unwrap(item.data, np.tile([(0, 0), (1, 0), (1, 1), (0, 1)], (count, 1)))
-    parts.wear(item, parts.cut_out())
+    parts.wear(_leaves(scene, "Leaves", centres, 0.15, rng), parts.cut_out())
     parts.look(scene, (0, -9, 3.0), (0, 0, 2.2), 40)
+
+
+def _leaves(scene: Any, name: str, centres: Any, size: float, rng: Any) -> Any:
+    """Parallelograms around these (n, 3) centres, turned at random, each with a whole image."""
+    count = len(centres)
+    u, v = (rng.normal(0, size, (count, 3)) for _ in range(2))
+    corners = np.stack([centres - u - v, centres + u - v, centres + u + v, centres - u + v], axis=1)
+    item = parts.polygons(scene, name, corners.reshape(-1, 3), np.arange(4 * count).reshape(-1, 4))
+    parts.unwrap(item.data, np.tile([(0, 0), (1, 0), (1, 1), (0, 1)], (count, 1)))
+    return item
 
 
 def _ground(scene: Any, half: float) -> None:

@@ -255,7 +255,7 @@ def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
 
 
 def test_scenes_without_both_kinds_of_trees_are_not_counted() -> None:
-    """Of such scenes nobody knows where oblique planes pay."""
+    """Such scenes do not show where oblique planes pay."""
     rows = [everything("kd", 1.0), everything("bvh-sah", 1.0)]
     rows += [{**copy.deepcopy(one), "scene": "other"} for one in rows]
     for one in rows:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The deliberate faults fit the sources, and the command tells what a test did not notice."""
+"""The deliberate faults fit the sources, and the command lists those that no test notices."""
 
 from __future__ import annotations
 

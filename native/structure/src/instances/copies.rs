@@ -12,8 +12,8 @@ use halfspace_base::error::{Error, Result};
 use halfspace_scene::{MeshInstance, Triangles};
 use std::sync::Arc;
 
-/// Distance between a vertex and its rounded one, relative to the size of the mesh, from which an instance is copied.
-/// Measured: at 2^-9 rays take 1.1 times as long as at the origin.
+/// Distance between a vertex and its rounded one, relative to the size of the mesh, from which an instance is copied
+/// (chosen).
 const COARSE: f64 = 1.0 / 512.0;
 
 /// Largest number of copies, and of their triangles together (chosen: about a gigabyte); further instances have none.
@@ -29,7 +29,7 @@ pub(super) struct Copy {
 }
 
 impl Instances {
-    /// Builds the copies, as many as the limits and the memory allow, and notes them for each place.
+    /// Builds the copies, up to the limits and the free memory, and sets the index of each place's copy.
     pub(super) fn copy_coarse(&mut self, monitor: &Monitor) -> Result<()> {
         let mut copied = 0;
         for number in 0..self.places.len() {
@@ -67,6 +67,11 @@ impl Instances {
             let Some(instance) = MeshInstance::new(IDENTITY, boxes, mesh, place.first, false)
             else {
                 continue;
+            };
+            // The identity rounds no vertex.
+            let instance = MeshInstance {
+                corner_error: [0.0; 3],
+                ..instance
             };
             if self.copy_of.is_empty() {
                 self.copy_of = vec![NOWHERE; self.places.len()];
