@@ -396,18 +396,28 @@ fn rays_at_a_far_instance_test_what_they_test_at_the_origin() {
                 0,
                 "{spec}, {away}"
             );
-            let tests: u64 = counters.iter().map(|one| u64::from(one.tests)).sum();
-            (tests, instances.copied())
+            let sum = |of: fn(&RayCounters) -> u32| -> u64 {
+                counters.iter().map(|one| u64::from(of(one))).sum()
+            };
+            (
+                sum(|one| one.tests),
+                sum(|one| one.verdicts),
+                instances.copied(),
+            )
         };
-        let (near, copied) = tested(0.0);
+        let (near, verdicts, copied) = tested(0.0);
         assert_eq!(copied, 0);
         for away in [3e5, 1e6] {
-            let (far, copied) = tested(away);
+            let (far, decided, copied) = tested(away);
             assert_eq!(copied, 1);
             // Coarse rounding makes triangles larger and many of them lines.
             assert!(
                 far < 3 * near,
                 "{spec}, {away}: {far} tests, {near} at the origin"
+            );
+            assert!(
+                decided < 2 * verdicts,
+                "{spec}, {away}: {decided} verdicts, {verdicts} there"
             );
         }
     }
