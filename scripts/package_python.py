@@ -32,10 +32,9 @@ FOLDERS = {
 
 FILES = {
     "LICENSE": "LICENSE",
-    "native/python/halfspace_native.pyi": "halfspace_native-stubs/__init__.pyi",
     "docs/manual.md": "halfspace/manual.md",
 }
-"""The same for single files. The stub serves type checkers as PEP 561 prescribes."""
+"""The same for single files."""
 
 
 class DistributionError(RuntimeError):

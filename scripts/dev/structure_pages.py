@@ -60,6 +60,8 @@ HEADINGS: Mapping[str, str] = {
 STATED: Mapping[str, str] = {
     "bvh-ploc": "Its source measures builds and rays on graphics processors; no claim of it is measured here. The tree "
     "is the same for any number of threads.",
+    "bvh-hlbvh": "Its sources measure builds on graphics processors; no claim of them is measured here. The tree is "
+    "the same for any number of threads.",
     "brute": "It is the reference: every other structure must return its answers, bit for bit. Its own are compared "
     "with integer and rational arithmetic: see [correctness](../correctness.md#how-it-is-tested).",
 }

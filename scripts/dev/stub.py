@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from addon.core.base import command, native
 from addon.lab.base.usage import Parser
 
-STUB = Path(__file__).resolve().parents[2] / "native" / "python" / "halfspace_native.pyi"
+STUB = Path(__file__).resolve().parents[2] / "native" / "python" / "halfspace_native" / "__init__.pyi"
 
 WIDTH = 120
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The native module as types: the module itself, and anything that traces rays as its structures do.
 
-Classes and dictionaries of the module are declared in `native/python/halfspace_native.pyi` alone. Other modules
-import them from here under TYPE_CHECKING. The last line lets a type checker compare `Native` with the stub.
+Classes and dictionaries of the module are declared in its stub, `native/python/halfspace_native/__init__.pyi`, alone.
+Other modules import them from here under TYPE_CHECKING. The last line lets a type checker compare `Native` with it.
 """
 
 from __future__ import annotations

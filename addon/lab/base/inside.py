@@ -93,7 +93,7 @@ def differences(module: Any) -> list[str]:
     """
     import ast
 
-    stub = ROOT / "native" / "python" / "halfspace_native.pyi"
+    stub = ROOT / "native" / "python" / "halfspace_native" / "__init__.pyi"
     found: list[str] = []
     dictionaries = {"TypedDict"}
     for item in ast.parse(stub.read_text(encoding="utf-8")).body:

@@ -11,6 +11,7 @@
 //! unites the others by position, which boxes within boxes need. Nodes near the depth limit are halved.
 
 use crate::binned::SurfaceArea;
+use crate::morton;
 use crate::object::{self, Object};
 use fearless_simd::{Select, Simd, SimdBase, dispatch, f32x8, u32x8};
 use halfspace_base::error::Result;
@@ -33,9 +34,6 @@ const PART: usize = 1 << 12;
 
 /// A round unites at least one in this number of clusters (chosen: without this, a third is usual).
 const FEWEST: usize = 32;
-
-/// Largest coordinate of the Z-order curve along an axis: 21 bits, three of which fit into 64.
-const LAST_CELL: f32 = 2_097_151.0;
 
 /// How clusters are united.
 pub struct Clustering {
@@ -223,7 +221,7 @@ pub fn build(
             ids: objects.iter().map(|object| object.id).collect(),
         });
     }
-    let objects = along_the_curve(&objects);
+    let objects = morton::sort(&objects).1;
     let mut builder = Builder {
         clustering,
         monitor,
@@ -237,54 +235,6 @@ pub fn build(
     builder.write(root, 0, &mut ids, &mut items)?;
     monitor.take(footprint::boxes::<Item>(items.len()))?;
     Ok(ObjectTree { items, ids })
-}
-
-/// Returns objects in the order of the Z-order curve (Morton 1966) through the box of their centres, equal ones as
-/// given.
-fn along_the_curve(objects: &[Object]) -> Vec<Object> {
-    let centre = |object: &Object| [0, 1, 2].map(|k| object.centre(k));
-    let join = |a: Aabb, b: Aabb| a.union(&b);
-    let points = objects.par_iter().with_min_len(PART).map(|object| {
-        let at = centre(object);
-        Aabb { min: at, max: at }
-    });
-    let centres = points.reduce(|| Aabb::EMPTY, join);
-    // Cells are cubes: the widest axis has all of them.
-    let widest = (0..3)
-        .map(|k| centres.max[k] - centres.min[k])
-        .fold(0.0, f32::max);
-    let scale = LAST_CELL / widest.max(f32::MIN_POSITIVE);
-    let code = |object: &Object| {
-        let at = centre(object);
-        (0..3).fold(0_u64, |code, k| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "21 bits"
-            )]
-            let cell = ((at[k] - centres.min[k]) * scale).clamp(0.0, LAST_CELL) as u64;
-            code << 1 | spread(cell)
-        })
-    };
-    let pairs = objects.par_iter().enumerate().with_min_len(PART);
-    let mut order: Vec<_> = pairs.map(|(i, object)| (code(object), index(i))).collect();
-    order.par_sort_unstable();
-    let sorted = order.par_iter().with_min_len(PART);
-    sorted.map(|&(_, i)| objects[i as usize]).collect()
-}
-
-/// Moves 21 bits apart, so that two others fit between any two.
-fn spread(bits: u64) -> u64 {
-    let masks = [
-        (32, 0x001f_0000_0000_ffff),
-        (16, 0x001f_0000_ff00_00ff),
-        (8, 0x100f_00f0_0f00_f00f),
-        (4, 0x10c3_0c30_c30c_30c3),
-        (2, 0x1249_2492_4924_9249),
-    ];
-    masks
-        .iter()
-        .fold(bits, |bits, (shift, mask)| (bits | bits << shift) & mask)
 }
 
 /// Returns a position or a number as 32 bits.

@@ -28,7 +28,7 @@ use pyo3::types::PyDict;
 /// "beam_pixels" (found by scan conversion), "beam_singles" and "beam_empty" (visits of nodes by beams without a ray).
 /// on_boundary: None, or from exact_closest (n,) bool: whether the ray passes exactly through an edge or a vertex
 /// of the triangle it hits.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct Hits {
     /// The hits.
     pub(super) hits: Vec<Hit>,

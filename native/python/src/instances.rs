@@ -25,11 +25,21 @@ use std::sync::Arc;
 ///
 /// Results equal bit for bit those of a structure over flattened(), and triangles have the same indices: first
 /// those of instance 0, then those of instance 1 and so on.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct Instances(pub Arc<instances::Instances>);
 
 #[pymethods]
 impl Instances {
+    /// Number of instances and of meshes, and the bytes of both levels.
+    fn __repr__(&self) -> String {
+        format!(
+            "<Instances: {} of {} meshes, {} bytes>",
+            self.0.len(),
+            self.0.meshes().len(),
+            self.0.bytes()
+        )
+    }
+
     /// Like Structure.closest(). Steps include those of the tree over the instances.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false, triangle_mask=None, ray_mask=None, monitor=None), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False, triangle_mask=None, ray_mask=None, monitor=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The Python module `halfspace_native`: arrays in, arrays out. No other module uses pyo3 or numpy.
-//! `halfspace_native.pyi` documents each function.
+//! `halfspace_native/__init__.pyi` documents each function.
 
 mod analysis;
 mod args;

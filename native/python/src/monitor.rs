@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use std::sync::Arc;
 
 /// Progress of a build, and cancellation of builds and of traced rays; usable from any thread.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct Monitor(pub Arc<BuildMonitor>);
 
 #[pymethods]

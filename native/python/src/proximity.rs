@@ -35,7 +35,7 @@ impl LazySurface {
 /// distance: (n,) float32, correctly rounded; inf = none found. triangle: (n,) int32, -1 = none; among triangles at the
 /// same exact distance the one with the smallest index. point: (n, 3) float32, the closest point of that triangle, each
 /// coordinate correctly rounded; NaN = none. Each access makes a new array.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct NearestPoints(Vec<Nearest>);
 
 #[pymethods]

@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use std::sync::Arc;
 
 /// Rays and the answers of the leaves that they visited, from Structure.record().
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct Recording {
     structure: Arc<structure::Structure>,
     recording: replay::Recording,

@@ -114,7 +114,7 @@ use std::time::Duration;
 /// Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
 /// SpecError (a number out of range, a missing or unknown key); each names the key and its index.
 /// Releases the GIL while it compiles the scene.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct RenderScene(Arc<scene::RenderScene>);
 
 #[pymethods]
@@ -207,7 +207,7 @@ impl RenderScene {
 ///
 /// Deleting it cancels the render and waits for its threads. All methods may be called from any
 /// Python thread.
-#[pyclass(frozen)]
+#[pyclass(frozen, module = "halfspace_native")]
 pub struct RenderJob(Job);
 
 #[pymethods]

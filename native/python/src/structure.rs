@@ -28,11 +28,21 @@ use pyo3::types::PyDict;
 use std::sync::Arc;
 
 /// A structure built over triangles. Immutable; any number of threads may trace rays through it.
-#[pyclass(frozen, weakref)]
+#[pyclass(frozen, weakref, module = "halfspace_native")]
 pub struct Structure(pub Arc<structure::Structure>, LazySurface);
 
 #[pymethods]
 impl Structure {
+    /// Specification, triangles and bytes.
+    fn __repr__(&self) -> String {
+        format!(
+            "<Structure {}: {} triangles, {} bytes>",
+            self.0.config().canonical(),
+            self.0.scene().live().len(),
+            self.0.bytes()
+        )
+    }
+
     /// The configuration, with only what differs from the defaults.
     #[getter]
     fn spec(&self) -> String {

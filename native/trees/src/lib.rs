@@ -8,6 +8,7 @@ pub mod bih_obl;
 pub mod boxes;
 pub mod brute;
 pub mod bsp;
+pub mod bvh_hlbvh;
 pub mod bvh_ploc;
 pub mod bvh_sah;
 pub mod grid;

@@ -3,7 +3,8 @@
 //! structure is one file in this room and one row here.
 
 use crate::{
-    bbox_gs, bih, bih_obl, brute, bsp, bvh_ploc, bvh_sah, grid, kd, kd_median, kd_sah, obb, octree,
+    bbox_gs, bih, bih_obl, brute, bsp, bvh_hlbvh, bvh_ploc, bvh_sah, grid, kd, kd_median, kd_sah,
+    obb, octree,
 };
 use halfspace_base::error::{Error, Result};
 use halfspace_structure::effective::Effective;
@@ -36,6 +37,7 @@ pub const TREES: &[StructureSpec] = &[
     bsp::beam_hh::SPEC,
     bvh_sah::SPEC,
     bvh_ploc::SPEC,
+    bvh_hlbvh::SPEC,
     obb::SPEC,
     bih::PLAIN,
     bih::SURFACE_AREA,
