@@ -32,15 +32,9 @@ impl Surface {
     /// Copies the nodes of a structure and computes their boxes. Takes time in proportion to the triangles.
     ///
     /// # Errors
-    /// [`Error::Spec`] if the structure is not a `bvh-sah`; [`Error::Memory`] if the copy does not fit the memory.
+    /// [`Error::Spec`] if the structure's tree is not of boxes around whole triangles; [`Error::Memory`] if the copy does
+    /// not fit the memory.
     pub fn new(structure: &Structure) -> Result<Self> {
-        let config = structure.config();
-        if config.structure().id != "bvh-sah" {
-            return Err(Error::Spec(format!(
-                "structure: {} has no boxes around its triangles for nearest points and overlaps; bvh-sah has",
-                config.canonical()
-            )));
-        }
         let scene = structure.scene().clone();
         check_room("boxes", (2 * structure.bytes() + 4 * scene.len()) as u64)?;
         let mut surface = Self {
@@ -49,12 +43,17 @@ impl Surface {
             ids: Vec::new(),
             root: 0,
         };
-        // Brute force may replace the tree.
+        // Brute force has no tree.
         if let Some(tree) = structure.built().tree.as_deref() {
             let copied = surface.copy::<8>(structure, tree)
                 || surface.copy::<4>(structure, tree)
                 || surface.copy::<2>(structure, tree);
-            assert!(copied, "the widths of bvh-sah are 8, 4 and 2");
+            if !copied {
+                return Err(Error::Spec(format!(
+                    "structure: {} has no boxes around its triangles for nearest points and overlaps; bvh-sah has",
+                    structure.config().canonical()
+                )));
+            }
         }
         surface.add_others();
         Ok(surface)

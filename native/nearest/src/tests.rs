@@ -337,9 +337,17 @@ fn no_triangles_have_no_nearest_and_no_overlaps() {
 }
 
 #[test]
-fn other_structures_are_refused_by_name() {
-    let scene = soup(vec![[0.0; 3]; 3]);
-    let kd = Structure::build(scene, registry::parse("kd").unwrap(), 1, &Monitor::new()).unwrap();
-    let error = Surface::new(&kd).unwrap_err().to_string();
-    assert!(error.starts_with("structure: kd has no boxes"), "{error}");
+fn other_trees_are_refused_by_name() {
+    let scene = soup(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let surface = |spec| {
+        let config = registry::parse(spec).unwrap();
+        let structure = Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap();
+        Surface::new(&structure)
+    };
+    assert!(surface("bvh-ploc").is_ok());
+    for spec in ["kd", "bvh-sah:splits=1"] {
+        let error = surface(spec).unwrap_err().to_string();
+        let expected = format!("structure: {spec} has no boxes");
+        assert!(error.starts_with(&expected), "{error}");
+    }
 }
