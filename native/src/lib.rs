@@ -31,7 +31,6 @@
 //! - [`nodes`]: memory layouts of trees;
 //! - [`builders`]: the loops that fill nodes;
 //! - [`trace`]: traversal kernels;
-//! - [`scalar`]: kernels that test one triangle at a time;
 //! - [`polybeam`]: beams of polygons through octrees with links;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
@@ -47,7 +46,7 @@
 //! The files that a ray of `kd:traversal=dir` meets, in order:
 //!
 //! 1. `structure/tracer.rs`: the batch, and the kernel of the plan that takes it;
-//! 2. `trace/threads.rs`, `trace/batch/single.rs`: chunks on threads, then one ray after the other;
+//! 2. `structure/threads.rs`, `trace/batch/single.rs`: chunks on threads, then one ray after the other;
 //! 3. `ray/frame.rs`, `ray/frame_ray.rs`: the ray in the tree's frame, with error bounds;
 //! 4. `trace/single/planes/dir.rs`: the nodes, with `trace/stack.rs` and `nodes/planes/plane_tree.rs`;
 //! 5. `leaf/blocks.rs`, `leaf/candidates`: the triangles of a leaf, and the f32 test that rejects most of them;
@@ -60,8 +59,7 @@ pub use ::{
     halfspace_base as base, halfspace_builders as builders, halfspace_geom as geom,
     halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nearest as nearest,
     halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_polybeam as polybeam,
-    halfspace_ray as ray, halfspace_render as render, halfspace_scalar as scalar,
-    halfspace_scene as scene, halfspace_structure as structure, halfspace_trace as trace,
-    halfspace_trees as trees,
+    halfspace_ray as ray, halfspace_render as render, halfspace_scene as scene,
+    halfspace_structure as structure, halfspace_trace as trace, halfspace_trees as trees,
 };
 pub use halfspace_trees::registry;

@@ -18,8 +18,8 @@ use halfspace::ray::{Hit, HitKey, Order, Ray, Rays, SelectiveTracer, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
 use halfspace::structure::instances::{Instance, Instances};
+use halfspace::structure::selective::{self, AllHits, Masks, RayMasks};
 use halfspace::structure::way;
-use halfspace::trace::selective::{self, AllHits, Masks, RayMasks};
 use std::sync::Arc;
 
 fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {

@@ -11,7 +11,7 @@ use halfspace_base::error::Error;
 use halfspace_oracle::exact_closest;
 use halfspace_ray::Hit;
 use halfspace_scene::Triangles;
-use halfspace_trace::threads::{Shares, in_chunks};
+use halfspace_structure::threads::{Shares, in_chunks};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 

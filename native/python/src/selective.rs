@@ -11,7 +11,7 @@ use crate::watched::Watched;
 use halfspace_base::error::{Error, Result};
 use halfspace_ray::SelectiveTracer;
 use halfspace_ray::query::{Any, Closest};
-use halfspace_trace::selective::{self, Masks, RayMasks};
+use halfspace_structure::selective::{self, Masks, RayMasks};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 

@@ -11,7 +11,7 @@ use halfspace_base::Monitor as BaseMonitor;
 use halfspace_ray::Tracer;
 use halfspace_structure::Structure;
 use halfspace_structure::instances::Instances;
-use halfspace_trace::threads;
+use halfspace_structure::threads;
 use numpy::ToPyArray;
 use pyo3::prelude::*;
 

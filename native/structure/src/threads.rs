@@ -2,7 +2,6 @@
 //! Batches of rays on several threads, for callers in Rust, the benches and Python.
 
 use crate::reorder;
-use crate::stream::STREAM;
 use halfspace_base::error::{Result, caught};
 use halfspace_base::memory::check_room;
 use halfspace_geom::Aabb;
@@ -14,7 +13,7 @@ use std::thread::Builder;
 
 /// Number of rays that a worker takes at once: those of a stream. Measured: half of it hides the cost of the queue, and
 /// suffices for the success rate of tiles, so tiles and shadow rays are as fast with half.
-pub const CHUNK: usize = STREAM;
+pub const CHUNK: usize = halfspace_trace::batch::USUAL;
 
 /// Number of chunks of a large batch, for kernels that take a whole chunk at once (chosen: enough for the threads of most
 /// machines; each chunk begins with beams of its own).

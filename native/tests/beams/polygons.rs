@@ -10,7 +10,7 @@ use halfspace::ray::{Hit, Order, Ray, RayCounters, Rays, Tracer};
 use halfspace::registry;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
-use halfspace::trace::threads;
+use halfspace::structure::threads;
 use std::sync::Arc;
 
 const POLYGONS: &str = "octree-beam:traversal=polygon";

@@ -36,6 +36,9 @@ macro_rules! baseline {
 }
 pub(crate) use baseline;
 
+/// Number of rays in the batches that callers cut large ones into.
+pub const USUAL: usize = 8192;
+
 /// Rays for one structure.
 #[derive(Clone, Copy)]
 pub struct Batch<'a> {

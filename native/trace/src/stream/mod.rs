@@ -28,6 +28,7 @@ mod ray_state;
 mod slab_boxes;
 mod traversal;
 
+use crate::batch::USUAL;
 use fearless_simd::Simd;
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
@@ -43,7 +44,7 @@ const AHEAD: usize = 4;
 
 /// Largest number of rays that traverse the tree together. More rays give longer lists, but the rays' state
 /// then exceeds the caches. Measured: 4096 take up to 5 % longer, 16,384 about as long.
-pub const STREAM: usize = 8192;
+pub const STREAM: usize = USUAL;
 
 /// A tree that streams of rays traverse: the visits to its nodes.
 pub trait Steps: Sync {

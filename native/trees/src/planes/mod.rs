@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Trees of split planes: from the builder's nodes to the tree and its plan.
 
+mod bounded;
+mod published;
 pub mod rows;
 pub mod scalar;
 
