@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
 import environment
 from environment import CURRENT, LTS, ROOT
 
-HEAVY = ("halfspace_trace", "halfspace_polybeam")
-"""Crates whose own unit tests run with --all only: kernels, which are compiled again for them, ten minutes each."""
+HEAVY = tuple(f"halfspace_{room}" for room in ("single", "papers", "group", "stream", "beam", "polybeam"))
+"""Crates whose own unit tests run with --all only: kernels, which are compiled again for them, minutes each."""
 
 DIFFERENT = ("installing", "passes", "read", "settings", "ui", "value_nodes")
 """The folders about what differs between versions of Blender: all that LTS runs without --all."""
@@ -213,7 +213,7 @@ def summary(outcomes: dict[str, Outcome], asked: argparse.Namespace) -> Counts[s
         f"{total['left out']} slow tests": total["left out"],
         f"in Blender LTS, all folders but {', '.join(DIFFERENT)}": "blender-lts" in outcomes,
         "three of four rays of the Rust tests' hard scenes": "rust" in outcomes,
-        f"unit tests within {' and '.join(HEAVY)}": "rust" in outcomes,
+        f"unit tests within {', '.join(HEAVY)}": "rust" in outcomes,
     }
     for text in (text for text, applies in left_out.items() if applies and not asked.all):
         print(f"left out: {text} (--all runs it)")

@@ -30,7 +30,11 @@
 //! - [`leaf`]: triangles in leaves, and their conservative f32 tests;
 //! - [`nodes`]: memory layouts of trees;
 //! - [`builders`]: the loops that fill nodes;
-//! - [`trace`]: traversal kernels;
+//! - [`trace`]: what all kernels share; brute force;
+//! - [`single`], [`papers`]: kernels of single rays, and those that only papers need;
+//! - [`group`]: packets and tiles;
+//! - [`stream`]: streams, and rays in flight;
+//! - [`beam`]: beams of tiles;
 //! - [`polybeam`]: beams of polygons through octrees with links;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
@@ -48,7 +52,7 @@
 //! 1. `structure/tracer.rs`: the batch, and the kernel of the plan that takes it;
 //! 2. `structure/threads.rs`, `trace/batch/single.rs`: chunks on threads, then one ray after the other;
 //! 3. `ray/frame.rs`, `ray/frame_ray.rs`: the ray in the tree's frame, with error bounds;
-//! 4. `trace/single/planes/dir.rs`: the nodes, with `trace/stack.rs` and `nodes/planes/plane_tree.rs`;
+//! 4. `single/planes/dir.rs`: the nodes, with `trace/stack.rs` and `nodes/planes/plane_tree.rs`;
 //! 5. `leaf/blocks.rs`, `leaf/candidates`: the triangles of a leaf, and the f32 test that rejects most of them;
 //! 6. `geom/verdict.rs`: the exact decision on each that is left;
 //! 7. `ray/query.rs`: whether it becomes the hit.
@@ -56,10 +60,12 @@
 //! This crate only re-exports them. The Python module is the crate `python`.
 
 pub use ::{
-    halfspace_base as base, halfspace_builders as builders, halfspace_geom as geom,
-    halfspace_inspect as inspect, halfspace_leaf as leaf, halfspace_nearest as nearest,
-    halfspace_nodes as nodes, halfspace_oracle as oracle, halfspace_polybeam as polybeam,
+    halfspace_base as base, halfspace_beam as beam, halfspace_builders as builders,
+    halfspace_geom as geom, halfspace_group as group, halfspace_inspect as inspect,
+    halfspace_leaf as leaf, halfspace_nearest as nearest, halfspace_nodes as nodes,
+    halfspace_oracle as oracle, halfspace_papers as papers, halfspace_polybeam as polybeam,
     halfspace_ray as ray, halfspace_render as render, halfspace_scene as scene,
-    halfspace_structure as structure, halfspace_trace as trace, halfspace_trees as trees,
+    halfspace_single as single, halfspace_stream as stream, halfspace_structure as structure,
+    halfspace_trace as trace, halfspace_trees as trees,
 };
 pub use halfspace_trees::registry;

@@ -9,7 +9,7 @@ use halfspace::oracle::cases::{Random, aimed, cloud, everywhere, ray, soup, stre
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::scene::Triangles;
-use halfspace::trace::stream::OCTANTS;
+use halfspace::stream::OCTANTS;
 use proptest::prelude::*;
 use std::sync::Arc;
 

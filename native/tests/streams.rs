@@ -10,8 +10,8 @@ use halfspace::oracle::cases::{
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
 use halfspace::scene::Triangles;
+use halfspace::stream::STREAM;
 use halfspace::structure::way::Rays;
-use halfspace::trace::stream::STREAM;
 use std::sync::Arc;
 
 /// Structures whose rays go in streams, one for each kind of nodes at least.

@@ -8,11 +8,11 @@ mod turns;
 
 use common::build;
 use fearless_simd::{Level, dispatch};
+use halfspace::group::tile::shadow::Shadows;
 use halfspace::oracle::cases::{Random, grid, ray, soup, strew};
 use halfspace::oracle::levels;
 use halfspace::ray::frame::Frame;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
-use halfspace::trace::tile::shadow::Shadows;
 
 const SPECS: [&str; 11] = [
     "kd:traversal=tile",

@@ -42,9 +42,9 @@ _RAY = "native/ray/src/ray.rs"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _LANES = "native/leaf/src/lanes.rs"
 _VERDICT = "native/geom/src/verdict.rs"
-_PREPARE = "native/trace/src/packet/prepare.rs"
+_PREPARE = "native/group/src/packet/prepare.rs"
 _QUERY = "native/ray/src/query.rs"
-_BUNDLE = "native/trace/src/packet/bundle.rs"
+_BUNDLE = "native/group/src/packet/bundle.rs"
 _SCALAR = "native/leaf/src/scalar/mod.rs"
 _FORM = "native/polybeam/src/form.rs"
 
@@ -138,7 +138,7 @@ FAULTS = (
     Fault("distances as certain as if f64 were exact", _VERDICT, "(first * (size * size))", "(0.0 * first)", VERDICT),
     Fault(
         "weights of sixteen rays as certain as if f64 were exact",
-        "native/trace/src/tile/verdict.rs",
+        "native/group/src/tile/verdict.rs",
         "error * (four * ((first + size) * size))",
         "error * (0.0 * four * first)",
         ("lib", "late::tests"),
@@ -169,14 +169,14 @@ FAULTS = (
     ),
     Fault(
         "turned boxes without their error bound",
-        "native/trace/src/single/objects/obb.rs",
+        "native/single/src/objects/obb.rs",
         "inv.abs() * splat(ray.oblique_pad)",
         "inv.abs() * splat(0.0)",
         ("lib", "single::objects::obb::tests"),
     ),
     Fault(
         "oblique planes crossed at the soonest where they are left",
-        "native/trace/src/single/objects/slanted.rs",
+        "native/single/src/objects/slanted.rs",
         "slabs.latest(direction, near)",
         "slabs.soonest(direction, near)",
         ALL,
@@ -239,7 +239,7 @@ FAULTS = (
     ),
     Fault(
         "odd rays in packets with others",
-        "native/trace/src/packet/fill.rs",
+        "native/group/src/packet/fill.rs",
         "ordinary.to_bitmask() & filled",
         "filled",
         PACKETS,
@@ -259,25 +259,25 @@ FAULTS = (
         PACKETS,
     ),
     Fault(
-        "uncertain steps along ropes", "native/trace/src/single/planes/rope.rs", "ahead[k].low > next.high", "true", ALL
+        "uncertain steps along ropes", "native/papers/src/rope.rs", "ahead[k].low > next.high", "true", ALL
     ),
     Fault(
         "heights of points without their error bound",
-        "native/trace/src/single/planes/ta_b_poly.rs",
+        "native/papers/src/ta_b_poly.rs",
         "frame.oblique_pad + wild",
         "0.0 * frame.oblique_pad",
         ALL,
     ),
     Fault(
         "planes along projected directions without their error bound",
-        "native/trace/src/single/planes/projected.rs",
+        "native/papers/src/projected.rs",
         "pad * inverse.abs()",
         "splat(0.0) * inverse.abs()",
         ALL,
     ),
     Fault(
         "cells left before it is certain",
-        "native/trace/src/single/grid.rs",
+        "native/single/src/grid.rs",
         "axes[k].leaves(may[k][0]) < now",
         "true",
         ("grid", "triangles_that_reach_a_corner"),
@@ -322,7 +322,7 @@ FAULTS = (
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
-        "native/trace/src/stream/prepare.rs",
+        "native/stream/src/prepare.rs",
         "map(own.d, |d| f32::from(u8::from(d != 0.0)))",
         "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44)))",
         ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operations of kd-tree traversals in each case of ray and split plane (Havran, Kopal, Bittner and Žára 1997).
 
-The counts are those of the forms as published: `native/trace/src/single/planes/ta_b_1997.rs` and `origin.rs`. They do
+The counts are those of the forms as published: `native/papers/src/ta_b_1997.rs` and `origin.rs`. They do
 not include the fetch of the node and the stack.
 """
 

@@ -13,10 +13,10 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::query::{Any, Closest, Count, Counters, NoCount, Query};
 use halfspace_ray::{Hit, Ray, RayCounters, RayRef, RaySlice};
+use halfspace_single::octants::net::Links;
+use halfspace_single::octants::step::NeighbourTraversal;
 use halfspace_trace::batch::{Batch, SingleTraversal as _};
 use halfspace_trace::kernel::Kernel;
-use halfspace_trace::single::octants::net::Links;
-use halfspace_trace::single::octants::step::NeighbourTraversal;
 use std::marker::PhantomData;
 use std::sync::Arc;
 

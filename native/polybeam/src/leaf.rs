@@ -6,15 +6,15 @@ use crate::form::Form;
 use crate::rays::{LANES, eight};
 use crate::traversal::{Octant, PIXEL, SINGLE, Traversal};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
+use halfspace_beam::bundle::lanes;
 use halfspace_geom::bound::keep_min;
 use halfspace_leaf::Leaf;
 use halfspace_nodes::octree_nodes::Node;
 use halfspace_ray::query::{Any, Best, Closest, Counters, Query};
 use halfspace_ray::{Hit, RayRef};
+use halfspace_single::octants::net::Links;
+use halfspace_single::octants::step::{NeighbourTraversal, NumberedLeaf, Position, Steps};
 use halfspace_trace::batch::SingleTraversal;
-use halfspace_trace::beam::bundle::lanes;
-use halfspace_trace::single::octants::net::Links;
-use halfspace_trace::single::octants::step::{NeighbourTraversal, NumberedLeaf, Position, Steps};
 
 /// A triangle as the rays of an octant see it.
 pub struct Facing<T> {

@@ -14,7 +14,7 @@ use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{Hit, RaySlice};
-use halfspace_trace::single::octants::step::Grid;
+use halfspace_single::octants::step::Grid;
 use std::marker::PhantomData;
 use std::ops::Range;
 

@@ -127,7 +127,7 @@ pub struct RayCounters {
     /// has proven, and mostly one for rays in streams or in flight.
     pub verdicts: u32,
     /// Counters of particular traversals: cases of ray and plane ([`crate::cases::NAMES`]), or events of beams
-    /// (`halfspace_trace::beam::planes::NAMES`).
+    /// (`halfspace_beam::planes::NAMES`).
     pub cases: [u32; CASES],
     /// 1 if the ray needed no traversal of its own: the shadow cache held its blocker, or its shadow beam was
     /// empty.

@@ -17,8 +17,8 @@ use halfspace_ray::query::Closest;
 use halfspace_ray::{Hit, Ray, RayCounters};
 use halfspace_scene::Triangles;
 use halfspace_trace::batch::Batch;
+use halfspace_trace::brute::brute;
 use halfspace_trace::kernel::Kernel;
-use halfspace_trace::single::brute::brute;
 use std::sync::Arc;
 
 /// Trees of fewer triangles are kept (chosen): a ray tests them all in a fraction of a microsecond.

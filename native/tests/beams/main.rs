@@ -7,13 +7,13 @@ mod parallel;
 mod polygons;
 
 use halfspace::base::Monitor;
+use halfspace::beam::planes as plane_beam;
 use halfspace::nodes::octree_nodes::Octree;
 use halfspace::oracle::cases::{Random, box_triangles, grid, lattice_rays, ray, soup};
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::registry;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
-use halfspace::trace::beam::planes as plane_beam;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {

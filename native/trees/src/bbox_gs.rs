@@ -16,6 +16,7 @@ use halfspace_nodes::nested;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single::objects::dops;
 use halfspace_structure::row::{
     Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
 };
@@ -23,7 +24,6 @@ use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
-use halfspace_trace::single::objects::dops;
 use std::sync::Arc;
 
 const WAYS: [Way; 1] = only_singly("boxes");

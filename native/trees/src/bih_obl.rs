@@ -15,10 +15,10 @@ use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single::objects::slanted::slanted as slanted_rays;
 use halfspace_structure::row::{Family, Group, Kind, Menu, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::{Built, Plan};
-use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
 use std::sync::Arc;
 
 const COSTS: Costs = Costs::BLOCKS;

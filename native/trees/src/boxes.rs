@@ -2,17 +2,19 @@
 //! Traversals of nodes of eight boxes: those of a box hierarchy, and those made from split planes.
 
 use crate::ways::{Pair, Traversal, in_packets, in_streams, in_tiles, way};
+use halfspace_group::{packet, tile};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_ray::query::{Any, Closest};
+use halfspace_single::objects::boxes::boxes8;
+use halfspace_stream as stream;
+use halfspace_stream::flight;
+use halfspace_stream::order::Rule;
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
 use halfspace_structure::footprint::Footprint;
 use halfspace_structure::way::Rays;
 use halfspace_trace::kernel::Kernel;
-use halfspace_trace::single::objects::boxes::boxes8;
-use halfspace_trace::stream::order::Rule;
-use halfspace_trace::{flight, packet, stream, tile};
 use std::sync::Arc;
 
 /// A tree of eight boxes per node, for which a plan is made.

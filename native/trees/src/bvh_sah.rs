@@ -20,6 +20,8 @@ use halfspace_nodes::plane_boxes::PlaneBoxTree;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single::objects::boxes::{boxes2, boxes4};
+use halfspace_stream::order::Rule;
 use halfspace_structure::row::{
     Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec, named,
 };
@@ -27,8 +29,6 @@ use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
-use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
-use halfspace_trace::stream::order::Rule;
 use std::sync::Arc;
 
 /// The registry's row.

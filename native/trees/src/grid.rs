@@ -14,13 +14,13 @@ use halfspace_nodes::shape::{Measure, Shape};
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single as single;
 use halfspace_structure::row::{
     Family, Group, Kind, Menu, Named, ParamSpec, SHADOW, StructureSpec,
 };
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
-use halfspace_trace::single;
 use std::sync::Arc;
 
 const WAYS: [Way; 5] = {

@@ -6,6 +6,7 @@ use crate::params::{BEAM_LEAST, least};
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
+use halfspace_beam as beam;
 use halfspace_builders::octree::{self, Params};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octants::{Cube, MAX_DEPTH};
@@ -13,14 +14,13 @@ use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single::octants::{glassner, net, param, samet};
 use halfspace_structure::row::{
     Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec,
 };
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
-use halfspace_trace::beam;
-use halfspace_trace::single::octants::{glassner, net, param, samet};
 use std::sync::Arc;
 
 /// Depth limit.

@@ -126,7 +126,8 @@ pub struct Together {
 /// Makes the kernels of [`Together`] by the names that they have in packets, tiles and streams.
 macro_rules! together {
     ($tree:expr, $leaves:expr, $closest:ident, $shadow:ident) => {{
-        use halfspace_trace::{packet, stream, tile};
+        use halfspace_group::{packet, tile};
+        use halfspace_stream as stream;
         $crate::ways::Together {
             tiles: $crate::ways::Pair {
                 closest: tile::kernel::$closest($tree, $leaves),

@@ -265,11 +265,11 @@ def test_a_day_leaves_out_what_only_a_release_needs_and_says_so(
         assert f"left out: {text}" in said
     assert "overflow" not in commands
     assert commands["blender-lts"][1:5] == ["tests/run.py", "-m", "not slow", "tests/blender/installing"]
-    assert "halfspace_trace" in commands["rust"]
+    assert "halfspace_group" in commands["rust"]
     assert main(["--all"]) == 0
     assert "left out" not in capsys.readouterr().out
     assert commands["blender-lts"][1:] == ["tests/run.py", "tests/blender"]
-    assert "halfspace_trace" not in commands["overflow"]
+    assert "halfspace_group" not in commands["overflow"]
 
 
 def test_help_is_shown_without_a_set_up() -> None:

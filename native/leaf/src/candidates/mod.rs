@@ -23,7 +23,7 @@ use halfspace_ray::query::{Counters, Query};
 /// Error bound of a determinant per `E^2`: derived above, 84 u with room for the bound's own roundings.
 pub const DET_ERROR: f32 = 96.0 * U;
 /// Half the error bound of a weight per `S E`: derived above. The double also covers tiles, where the vector of the
-/// third weight is a sum and its error bound 196 u S E (`halfspace_trace::tile::leaf`).
+/// third weight is a sum and its error bound 196 u S E (`halfspace_group::tile::leaf`).
 pub const UV_ERROR: f32 = 104.0 * U;
 /// Error bound of `t` times the determinant per `S E^2`: derived above, 48 u with room.
 pub const T_ERROR: f32 = 64.0 * U;

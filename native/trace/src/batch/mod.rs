@@ -19,6 +19,7 @@ use halfspace_scene::Triangles;
 
 /// Runs the block with the instruction set that every build has, for traversals that count, record or replay. Compiling
 /// them for every set takes most of the build time of this crate. Only replays are timed, and only against each other.
+#[macro_export]
 macro_rules! baseline {
     ($simd:ident => $block:expr) => {{
         #[cfg(target_arch = "x86_64")]
@@ -34,7 +35,7 @@ macro_rules! baseline {
         }
     }};
 }
-pub(crate) use baseline;
+pub use baseline;
 
 /// Number of rays in the batches that callers cut large ones into.
 pub const USUAL: usize = 8192;

@@ -31,12 +31,12 @@ use halfspace_nodes::slab_tree::{Gaps, SlabTree};
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use halfspace_single::objects::{slab_boxes, slabs, wide_slabs};
 use halfspace_structure::row::{Family, Menu, Named, ParamSpec, StructureSpec};
 use halfspace_structure::spec::Config;
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
-use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
 use std::sync::Arc;
 
 /// Reads the threshold below which empty space is cut off from a configuration.

@@ -29,13 +29,13 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::obb_tree::{ObbTree, WIDTH};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::triangles::Triangles;
+use halfspace_single::objects::obb::oriented_boxes;
 use halfspace_structure::row::{
     Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
 };
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
-use halfspace_trace::single::objects::obb::oriented_boxes;
 use rotations::{FIXED, Rows, fixed};
 use std::sync::Arc;
 use turning::Turning;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Trees of split planes: from the builder's nodes to the tree and its plan.
 
-mod bounded;
-mod published;
 pub mod rows;
 pub mod scalar;
 
@@ -10,7 +8,9 @@ use crate::boxes::{self, Boxes};
 use crate::ways::{Pair, chosen, together};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
+use halfspace_beam as beam;
 use halfspace_builders::plane_boxes::PlaneBoxes;
+use halfspace_group::{packet, tile};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::axis_tree::SharedAxisTree;
 use halfspace_nodes::nested;
@@ -22,18 +22,21 @@ use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_nodes::ropes::{self, Ropes};
 use halfspace_nodes::shape::Shape;
 use halfspace_nodes::wide_tree::WideTree;
+use halfspace_papers::{projected, rope};
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::Closest;
 use halfspace_scene::Triangles;
+use halfspace_single::planes::dir;
+use halfspace_single::steps::wide_planes;
+use halfspace_stream as stream;
+use halfspace_stream::flight;
+use halfspace_stream::order::Rule;
 use halfspace_structure::row::Derived;
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
-use halfspace_trace::single::planes::{dir, projected, rope};
-use halfspace_trace::stream::order::Rule;
-use halfspace_trace::{beam, flight, packet, stream, tile};
 use std::sync::Arc;
 
 /// A tree of split planes for which a plan is made.
@@ -140,7 +143,7 @@ impl Planes<'_> {
 
     /// Single rays through nodes of seven planes.
     fn singly_through(&self, nodes: &Arc<WideTree>) -> Plan {
-        let single = flight::kernel::single_wide_planes(nodes, &self.leaves);
+        let single = wide_planes(nodes, &self.leaves);
         Plan::single("wide", "flight", single)
     }
 

@@ -9,16 +9,16 @@ use crate::ways::{
     Traversal, all, distinct, in_packets, in_streams, in_tiles, offer, traversal, way,
 };
 use halfspace_base::error::Result;
+use halfspace_beam as beam;
+use halfspace_group::{packet, tile};
 use halfspace_nodes::ropes;
+use halfspace_papers::{arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly};
+use halfspace_stream as stream;
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
 use halfspace_structure::footprint::Footprint;
 use halfspace_structure::row::{Named, ParamSpec};
 use halfspace_structure::way::{Rays, Way};
-use halfspace_trace::single::planes::{
-    arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly,
-};
-use halfspace_trace::{beam, packet, stream, tile};
 
 /// Makes the plan for a tree of split planes. May derive further nodes from it.
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;

@@ -3,10 +3,10 @@
 
 use super::Planes;
 use super::rows::{BINARY, MakePlan};
-use super::{bounded, published};
 use crate::ways::{Traversal, named};
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
+use halfspace_papers::{bounded, published};
 use halfspace_structure::Plan;
 use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec};
 use halfspace_structure::spec::Value;
