@@ -7,7 +7,7 @@ use crate::rays::{Given, Sorted};
 use crate::shadow::Reversal;
 use crate::source::{Source, common};
 use crate::traversal::{SINGLE, Scratch, Traversal};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octree_nodes::Octree;
@@ -15,7 +15,7 @@ use halfspace_ray::query::{Any, Closest, Count, Counters, NoCount, Query};
 use halfspace_ray::{Hit, Ray, RayCounters, RayRef, RaySlice};
 use halfspace_single::octants::net::Links;
 use halfspace_single::octants::step::NeighbourTraversal;
-use halfspace_trace::batch::{Batch, SingleTraversal as _};
+use halfspace_trace::batch::{Batch, SingleTraversal as _, baseline};
 use halfspace_trace::kernel::Kernel;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -264,10 +264,25 @@ impl<Q: Beamed> PolygonBeams<Q> {
 }
 
 impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
+    /// On x86-64 it is compiled for AVX2 alone, besides the counting version, which processors without it take: this crate
+    /// is the slowest to compile.
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
+        #[cfg(target_arch = "x86_64")]
+        if batch.level.as_avx2().is_none() {
+            self.count(batch, answers, &mut vec![RayCounters::default(); batch.rays.len()]);
+            return;
+        }
         let mut none = vec![NoCount; batch.rays.len()];
         Q::answered(answers, |hits| {
-            dispatch!(batch.level, simd => self.run(simd, batch, hits, &mut none));
+            #[cfg(target_arch = "x86_64")]
+            if let Some(simd) = batch.level.as_avx2() {
+                simd.vectorize(
+                    #[inline(always)]
+                    || self.run(simd, batch, hits, &mut none),
+                );
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            fearless_simd::dispatch!(batch.level, simd => self.run(simd, batch, hits, &mut none));
         });
     }
 
@@ -278,16 +293,8 @@ impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
         counters: &mut [RayCounters],
     ) -> bool {
         let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
-        // Compile the counting version for one instruction set only: it is not timed.
         Q::answered(answers, |hits| {
-            #[cfg(target_arch = "x86_64")]
-            {
-                let simd = Level::new().as_sse4_2();
-                let simd = simd.expect("the build's own target has SSE 4.2");
-                self.run(simd, batch, hits, &mut counters);
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            dispatch!(Level::new(), simd => self.run(simd, batch, hits, &mut counters));
+            baseline!(simd => self.run(simd, batch, hits, &mut counters));
         });
         true
     }
