@@ -201,12 +201,12 @@ class _Reader:
         instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id & MASK, given=given)
         # Give the object to the part that reads its kind, and its particle hair in addition.
         if self._hair and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
-            self._place_round(instance, matrix, self.strands.visit_hair)
+            self._place_round(instance, matrix, self.strands.visit_hair, tube=True)
         if not shown[0]:
             return
         if kind in ROUND_TYPES:
             if self._hair or kind != "CURVES":
-                self._place_round(instance, matrix, self.strands.visit)
+                self._place_round(instance, matrix, self.strands.visit, tube=kind == "CURVES")
         elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
@@ -252,19 +252,19 @@ class _Reader:
             self._notes.add(text, item.name_full)
         return sheet
 
-    def _used(self, instance: Instance) -> tuple[int, ...]:
-        """The materials of an instance's surface."""
-        return self.palette.indices(instance.item, instance.item.data, *self._visibility.of(instance))
+    def _used(self, instance: Instance, *, tube: bool = False) -> tuple[int, ...]:
+        """The materials of an instance's surface. tube: whether that is of tubes around hairs."""
+        return self.palette.indices(instance.item, instance.item.data, *self._visibility.of(instance), tube=tube)
 
     def _see(self, item: Any, used: tuple[int, ...]) -> None:
         """Check the links of an object whose surface has these materials."""
         self._linking.see(item, lambda: any(self.palette.materials()[i].glows for i in used))
 
-    def _place_round(self, instance: Instance, matrix: F64, visit: Callable[..., None]) -> None:
+    def _place_round(self, instance: Instance, matrix: F64, visit: Callable[..., None], *, tube: bool) -> None:
         """Give `visit` one instance of a point cloud, of hair curves, or of the object's particle hair."""
         sheet = self._regular(instance.item, matrix)
         if sheet is not None:
-            used = self._used(instance)
+            used = self._used(instance, tube=tube)
             self._see(instance.item, used)
             visit(instance, sheet, used)
 

@@ -80,7 +80,7 @@ class Palette:
         self.gallery = Gallery(next((owner.frame_current for owner in owners if isinstance(owner, bpy.types.Scene)), 1))
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[tuple[int, Hidden, Sets, Mask], int] = {(0, (), (ALL, ALL), SEEN): 0}
+        self._numbers: dict[tuple[int, Hidden, Sets, Mask, bool], int] = {(0, (), (ALL, ALL), SEEN, False): 0}
         self._pass_indices = [0.0]
         self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
@@ -96,21 +96,28 @@ class Palette:
                 self._of(block)
 
     def indices(
-        self, item: Any, data: Any, hidden: Hidden = (), sets: Sets = (ALL, ALL), mask: Mask = SEEN
+        self,
+        item: Any,
+        data: Any,
+        hidden: Hidden = (),
+        sets: Sets = (ALL, ALL),
+        mask: Mask = SEEN,
+        *,
+        tube: bool = False,
     ) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
         A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
-        ignore the object; sets: those of linked lights; mask: how rays see it. In the scene, a material with
-        others is a separate one.
+        ignore the object; sets: those of linked lights; mask: how rays see it; tube: whether they are on tubes around
+        hairs. In the scene, a material with others is a separate one.
         """
         own = data.materials
         slots = item.material_slots
         numbers = []
         for i in range(max(len(own), len(slots))):
             linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
-            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, mask))
-        return tuple(numbers) or (self._number(None, hidden, sets, mask),)
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, mask, tube))
+        return tuple(numbers) or (self._number(None, hidden, sets, mask, tube),)
 
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
@@ -141,10 +148,10 @@ class Palette:
         """The name of each of these materials."""
         return tuple(self._names)
 
-    def _number(self, material: Any, hidden: Hidden, sets: Sets, mask: Mask) -> int:
+    def _number(self, material: Any, hidden: Hidden, sets: Sets, mask: Mask, tube: bool) -> int:
         """The number of a material, or of none, with these hidden rays and sets; added with its notes if new."""
         material = material if self._override is None else self._override
-        key = (0 if material is None else material.original.as_pointer(), hidden, sets, mask)
+        key = (0 if material is None else material.original.as_pointer(), hidden, sets, mask, tube)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(0.0 if material is None else float(material.pass_index))
@@ -152,7 +159,7 @@ class Palette:
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
             hole, catcher, terminator = mask
             own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole, "catcher": catcher}
-            own |= {"terminator": terminator}
+            own |= {"terminator": terminator, "tube": tube}
             self._materials.append(replace(found.material, **own))
             self._displacements.append(found.displacement)
             self._images |= found.images

@@ -304,7 +304,8 @@ class Material:
     rays see a hole; catcher: whether they see only shadows of others. opaque_shadow: whether shadow rays do not pass.
     terminator: cosine towards the light below which shadow rays start on the curved surface of the corner normals.
     outputs: numbers of passes "Output" and values. portals: colour, position, direction. strands: the layer that is 1
-    on tubes of hairs, whose inside rays do not see.
+    on tubes of hairs, whose inside rays do not see. tube: whether all its surfaces are such tubes, of any material:
+    their few sides are shaded as round hairs.
     """
 
     name: str
@@ -329,6 +330,7 @@ class Material:
     outputs: tuple[tuple[int, Operand], ...] = ()
     portals: tuple[tuple[Operand, Operand, Operand], ...] = ()
     strands: int | None = None
+    tube: bool = False
 
     @property
     def glows(self) -> bool:

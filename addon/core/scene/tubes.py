@@ -19,13 +19,12 @@ from ..base.arrays import F32, F64, I32
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-FEWEST_SIDES, MOST_SIDES = 8, 24
-"""Sides of a tube. Diffuse hair in the sun has 1.3 % less light with eight sides than in Cycles, 0.6 % with twelve and
-0.5 % with 24; thinner hair 0.2 % with eight, 1 % with six and 4 % with four (measured): a side that faces away from the
-light shades itself.
+FEWEST_SIDES, MOST_SIDES = 3, 23
+"""Sides of a tube, an odd number: as seen from all around, the breadth of a polygon with three sides varies as little as
+that with six. The normals are those of round hair with any number.
 """
 
-COARSER = (6, 4)
+COARSER = (5, 3)
 """Sides of tubes if there would be too many triangles otherwise."""
 
 MOST_PIECES = 8
@@ -121,11 +120,12 @@ def _any(flags: NDArray[np.bool_], curve: NDArray[np.int64], count: int) -> NDAr
 def sides_of(radii: F64, pixels: F64) -> NDArray[np.int64]:
     """The number of sides of tubes of these radii, where a pixel has these sizes in the same unit."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        share = np.clip(DEVIATION * pixels / radii, 0, 1)
+        # A third of the distance from a side's middle to its corner's circle is outside of the hair.
+        share = np.clip(1.5 * DEVIATION * pixels / radii, 0, 1)
         sides = np.ceil(math.pi / np.arccos(1 - share))
-    # Round up to even numbers, which makes few different tubes.
+    # Round up to odd numbers, which makes few different tubes.
     limited = np.clip(np.nan_to_num(sides, nan=MOST_SIDES, posinf=MOST_SIDES), FEWEST_SIDES, MOST_SIDES)
-    return (np.ceil(limited / 2) * 2).astype(np.int64)
+    return limited.astype(np.int64) | 1
 
 
 def deviations(found: Strands) -> F64:
@@ -142,38 +142,45 @@ def deviations(found: Strands) -> F64:
     return distance
 
 
-def pieces_of(found: Strands, deviation: F64, pixels: F64) -> int:
-    """The number of pieces between two points of curves with these `deviations`, where a pixel has these sizes, (k,).
+def pieces_of(found: Strands, deviation: F64, pixels: F64) -> NDArray[np.int64]:
+    """The number of pieces between two points of each curve, (k,), with these `deviations`, where a pixel has these
+    sizes, (k,).
 
-    A spline's distance from its chord falls with the square of the number of pieces. One curve in a hundred may
-    deviate more.
+    A spline's distance from its chord falls with the square of the number of pieces.
     """
     if found.straight or not found.segments:
-        return 1
+        return np.ones(len(found.counts), np.int64)
+    # Every curve has a segment. The largest deviation of its segments decides.
+    largest = np.maximum.reduceat(deviation, found.first[:-1] - np.arange(len(found.counts)))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        pieces = np.sqrt(deviation / (DEVIATION * np.repeat(pixels, found.counts - 1)))
-    usual = np.percentile(np.nan_to_num(pieces, nan=1.0, posinf=MOST_PIECES), 99)
-    return int(np.clip(math.ceil(usual), 1, MOST_PIECES))
+        pieces = np.nan_to_num(np.sqrt(largest / (DEVIATION * pixels)), nan=1.0, posinf=MOST_PIECES)
+    return np.clip(np.ceil(pieces), 1, MOST_PIECES).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
     """Triangles around curves.
 
-    positions, normals: (n, 3) float32. triangles: (m, 3) int32. before, after: (n,) int64, the points of the curves on
-    both sides of each vertex, and share: (n,) float32, that of the second one. numbers: (n,) int64, the curve of each
-    vertex, by its number in Blender's data. along: (n, 3) float32, the direction of the curve, or (0, 3) if that is not
-    wanted.
+    positions, normals: (n, 3) float32, polygon by polygon. triangles: (m, 3) int32. sides: (p,) int64, the vertices of
+    each polygon. before, after: (p,) int64, the points of the curves on both sides of each polygon, and share: (p,)
+    float32, that of the second one. numbers: (p,) int64, the curve of each, by its number in Blender's data. along:
+    (p, 3) float32, the direction of the curve, or (0, 3) if that is not wanted.
     """
 
     positions: F32
     normals: F32
     triangles: I32
+    sides: NDArray[np.int64]
     before: NDArray[np.int64]
     after: NDArray[np.int64]
     share: F32
     numbers: NDArray[np.int64]
     along: F32
+
+    def polygon_of_corner(self) -> NDArray[np.int64]:
+        """The polygon of each corner of the triangles, (m, 3)."""
+        each: NDArray[np.int64] = np.repeat(np.arange(len(self.sides)), self.sides).take(self.triangles)
+        return each
 
 
 def tubes(found: Strands, pieces: int, sides: int, *, directions: bool = False) -> Tubes:
@@ -188,7 +195,10 @@ def tubes(found: Strands, pieces: int, sides: int, *, directions: bool = False) 
     spread = tuple(np.repeat(part, pieces) for part in at)
     share = np.tile(u, len(at[1]))
     both = np.concatenate([_as_float64(found.points), _as_float64(found.radii[:, None])], axis=1)
-    inner = _line(both, spread, share) if found.straight else _spline(both, spread, share)
+    if pieces == 1:
+        inner = both[at[1]]
+    else:
+        inner = _line(both, spread, share) if found.straight else _spline(both, spread, share)
     # Put the last point of each curve after its pieces.
     counts = (found.counts - 1) * pieces + 1
     first = np.concatenate([[0], np.cumsum(counts)])
@@ -213,35 +223,37 @@ def tubes(found: Strands, pieces: int, sides: int, *, directions: bool = False) 
     positions = (wider * radius).astype(np.float32)[:, None, None] * outward
     positions += centre.astype(np.float32)[:, None]
     # Join each polygon to the next one.
-    each = np.repeat(np.arange(len(rows)), sides)
     corners = positions.reshape(-1, 3)
     triangles = _sides(np.flatnonzero(~is_last), sides)
     size = np.abs(centre).max(initial=0.0)
     repeated = (centre[1:] == centre[:-1]).all(axis=1)
     if radius.min(initial=np.inf) <= THIN * size or repeated.any():
         triangles = triangles[_apart(corners, triangles)]
-    along = np.cross(right, up)[each] if directions else np.empty((0, 3), np.float32)
+    along = np.cross(right, up) if directions else np.empty((0, 3), np.float32)
     return Tubes(
         corners,
         outward.reshape(-1, 3),
         triangles,
-        found.rows[before[each]],
-        found.rows[after[each]],
-        shares[each].astype(np.float32),
-        np.repeat(found.numbers, counts)[each],
+        np.full(len(rows), sides, np.int64),
+        found.rows[before],
+        found.rows[after],
+        shares.astype(np.float32),
+        np.repeat(found.numbers, counts),
         along,
     )
 
 
 def joined(parts: list[Tubes]) -> Tubes:
     """Several groups of tubes as one."""
+    if len(parts) == 1:
+        return parts[0]
     starts = np.cumsum([0, *(len(part.positions) for part in parts)])
     columns = zip(
-        *((p.positions, p.normals, p.before, p.after, p.share, p.numbers, p.along) for p in parts), strict=True
+        *((p.positions, p.normals, p.sides, p.before, p.after, p.share, p.numbers, p.along) for p in parts), strict=True
     )
-    positions, normals, before, after, share, numbers, along = (np.concatenate(column) for column in columns)
+    positions, normals, *rest = (np.concatenate(column) for column in columns)
     triangles = np.concatenate([p.triangles + np.int32(start) for p, start in zip(parts, starts, strict=False)])
-    return Tubes(positions, normals, triangles, before, after, share, numbers, along)
+    return Tubes(positions, normals, triangles, *rest)
 
 
 def _as_float64(values: F32) -> F64:

@@ -158,37 +158,38 @@ class Collector:
 
         def make() -> MeshArrays:
             parts = [
-                tubes.tubes(strands.chosen(sides == n), pieces, n, directions=wanted) for n in np.unique(sides).tolist()
+                tubes.tubes(strands.chosen((sides == n) & (pieces == m)), m, n, directions=wanted)
+                for n, m in np.unique(np.stack([sides, pieces], axis=1), axis=0).tolist()
             ]
             made = tubes.joined(parts)
             return self._mesh(made.positions, made.normals, made.triangles, _curve_layers(read.values, made))
 
         # A move of the object or of the camera often leaves the detail as it is.
-        mesh = read.made("tubes", (sides.tobytes(), pieces), make)
+        mesh = read.made("tubes", (sides.tobytes(), pieces.tobytes()), make)
         total = len(mesh.triangles)
         self.made.append(
             f"{read.name}: {len(sides):,} hairs as {total:,} triangles, tubes of "
-            f"{_span(sides)} sides, {pieces} to a segment"
+            f"{_span(sides)} sides, {_span(pieces)} to a segment"
         )
         return [replace(group, mesh=mesh)]
 
     def _fitting(
-        self, name: str, strands: tubes.Strands, sides: NDArray[np.int64], pieces: int
-    ) -> tuple[tubes.Strands, NDArray[np.int64], int]:
+        self, name: str, strands: tubes.Strands, sides: NDArray[np.int64], pieces: NDArray[np.int64]
+    ) -> tuple[tubes.Strands, NDArray[np.int64], NDArray[np.int64]]:
         """Curves, sides and pieces with less detail, or fewer curves, if there would be too many triangles."""
         segments = strands.counts - 1
         for fewer in tubes.COARSER:
-            if (segments * sides).sum() * 2 * pieces <= MOST_TRIANGLES:
+            if (segments * sides * pieces).sum() * 2 <= MOST_TRIANGLES:
                 return strands, sides, pieces
             sides = np.minimum(sides, fewer)
         # All tubes have the fewest sides now.
         fit = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
-        pieces = int(np.clip(fit // strands.segments, 1, pieces))
-        part = -(-strands.segments * pieces // fit)
+        pieces = np.clip(pieces, 1, max(fit // strands.segments, 1))
+        part = -(-int((segments * pieces).sum()) // fit)
         if part > 1:
             self._note_part("hairs", part, name)
             keep = np.arange(len(sides)) % part == 0
-            strands, sides = strands.chosen(keep), sides[keep]
+            strands, sides, pieces = strands.chosen(keep), sides[keep], pieces[keep]
         return strands, sides, pieces
 
     def _spheres(self, read: _Round, group: Placement) -> list[Placement]:
@@ -253,17 +254,20 @@ class Collector:
 def _curve_layers(values: sources.Values, made: tubes.Tubes) -> dict[texture_layers.Key, F32]:
     """The layers at the corners of the tubes' triangles."""
     layers: dict[texture_layers.Key, F32] = {}
+    if not (values.of_points or values.of_curves or len(made.along)):
+        return layers
+    polygons = made.polygon_of_corner()
     for key, rows in values.of_points.items():
         share = made.share[:, None]
         if key == (STRAND, "Tangent"):
-            at_vertices = tubes.tangents(rows[made.before], rows[made.after], made.share)
+            at_polygons = tubes.tangents(rows[made.before], rows[made.after], made.share)
         else:
-            at_vertices = rows[made.before] * (1 - share) + rows[made.after] * share
-        layers[key] = at_vertices.take(made.triangles, axis=0)
+            at_polygons = rows[made.before] * (1 - share) + rows[made.after] * share
+        layers[key] = at_polygons.take(polygons, axis=0)
     for key, rows in values.of_curves.items():
-        layers[key] = rows.take(made.numbers.take(made.triangles), axis=0)
+        layers[key] = rows.take(made.numbers.take(polygons), axis=0)
     if len(made.along):
-        layers[STRAND, "Tangent"] = made.along.take(made.triangles, axis=0)
+        layers[STRAND, "Tangent"] = made.along.take(polygons, axis=0)
     return layers
 
 

@@ -39,6 +39,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "outputs",
         "portals",
         "strands",
+        "tube",
     ];
     list("materials", value, |dict, index| {
         // Use the values of Blender's default material for missing keys.
@@ -75,6 +76,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             outputs: outputs(&keys)?,
             portals: portals(&keys)?,
             strands: strands(&keys)?,
+            tube: keys.flag_or("tube", false)?,
         })
     })
 }

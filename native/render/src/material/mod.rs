@@ -64,6 +64,8 @@ pub struct Material {
     pub terminator: f32,
     /// Layer that is 1 on tubes around hairs, where rays do not see the inside; `None` if they do.
     pub strands: Option<u16>,
+    /// Whether its surfaces are tubes around hairs, see [`crate::scene::tube`].
+    pub tube: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether light can pass straight through.
@@ -132,6 +134,7 @@ impl Material {
             volume: Volume::new(&params.volume, &format!("{name}['volume']"))?,
             boundary: false,
             strands: params.strands.filter(|_| any(Closure::is_hair)),
+            tube: params.tube,
             sets: params.sets,
             hole: params.hole,
             catcher: params.catcher && !params.hole,

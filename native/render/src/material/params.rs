@@ -40,6 +40,8 @@ pub struct MaterialParams {
     pub visible: Visibility,
     /// Layer that is 1 on tubes around hairs.
     pub strands: Option<u16>,
+    /// Whether its surfaces are tubes around hairs, see [`crate::scene::tube`].
+    pub tube: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
@@ -74,6 +76,7 @@ impl Default for MaterialParams {
             volume: VolumeParams::default(),
             visible: Visibility::ALL,
             strands: None,
+            tube: false,
             sets: ObjectSets::ALL,
             hole: false,
             catcher: false,

@@ -29,6 +29,7 @@ pub mod indices;
 pub mod media;
 pub mod surface;
 pub mod touching;
+pub mod tube;
 
 /// A structure shared by several threads.
 pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;

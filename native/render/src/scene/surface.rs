@@ -9,6 +9,7 @@ use crate::medium::stack::Inside;
 use crate::scene::RenderScene;
 use crate::scene::attributes::At;
 use crate::scene::facet::Facet;
+use crate::scene::tube;
 use crate::values::shading_point::ShadingPoint;
 use crate::values::view::History;
 use crate::values::visibility::RayKind;
@@ -20,7 +21,7 @@ use halfspace_ray::{Hit, Ray};
 pub struct Surface<'a> {
     /// Position, rounded once.
     pub point: Vec3,
-    /// Geometric normal on the viewer's side.
+    /// Geometric normal on the viewer's side; of a tube around a hair that of the round hair.
     pub geometric: Vec3,
     /// Shading normal of the facets, on the viewer's side: bent so that the mirror direction leaves the surface.
     pub shading: Vec3,
@@ -39,6 +40,8 @@ pub struct Surface<'a> {
     weights: [f32; 3],
     triangle: usize,
     corners: [[f32; 3]; 3],
+    /// Vector to where rays leave a round hair, if it is one.
+    outside: Option<Vec3>,
     /// The triangle and the point on it, from which rays begin.
     pub facet: Facet,
     at: At<'a>,
@@ -77,17 +80,26 @@ impl<'a> Surface<'a> {
         let point = Vec3::from(facet.point.map(|x| x as f32));
         let normal = Vec3::from(facet.normal.map(|x| x as f32));
         let inside = normal.dot(d) > 0.0;
-        let geometric = if inside { -normal } else { normal };
+        let mut geometric = if inside { -normal } else { normal };
         // Look up the triangle's attributes once; both material and normals need them.
         let at = scene.attributes.at(hit.triangle);
         let material = &scene.materials[at.material()];
         // Interpolate the corner normals, and turn them to the side of the viewer. Facets use them bent.
         let (mut own, mut shading, mut length) = (geometric, geometric, 1.0);
+        let mut outside = None;
         if SMOOTH && let Some(normals) = at.normals(corners) {
             let [na, nb, nc] = normals.map(Vec3::from);
             let n = na * w + nb * hit.u + nc * hit.v;
             length = n.length();
             own = (if inside { -n } else { n }).normalized_or(geometric);
+            // The flat sides of a tube stand for a round hair.
+            if material.tube
+                && !inside
+                && let Some(found) =
+                    tube::round(corners.map(Vec3::from), [na, nb, nc], [w, hit.u, hit.v], d)
+            {
+                (own, geometric, outside) = (found.normal, found.normal, Some(found.lift));
+            }
             shading = reflecting_normal(geometric, -d, own);
         }
         Self {
@@ -102,6 +114,7 @@ impl<'a> Surface<'a> {
             weights: [w, hit.u, hit.v],
             triangle: hit.triangle as usize,
             corners,
+            outside,
             facet,
             at,
         }
@@ -209,18 +222,56 @@ impl<'a> Surface<'a> {
         Frame::around(self.shading)
     }
 
+    /// Returns the cosine between the triangle's normal and a direction from the viewer.
+    #[inline(always)]
+    pub fn flat_cosine(&self, d: Vec3) -> f32 {
+        let normal = match self.outside {
+            Some(_) => Vec3::from(self.facet.normal.map(|x| x as f32)),
+            None => self.geometric,
+        };
+        normal.dot(d).abs()
+    }
+
+    /// Whether the surface is a triangle with its own normal everywhere.
+    #[inline(always)]
+    pub fn is_flat(&self) -> bool {
+        self.shading == self.geometric && self.outside.is_none()
+    }
+
     /// Returns the side of the triangle that a direction leaves to: 1 for the front, -1 for the back.
     #[inline(always)]
     fn side(&self, direction: Vec3) -> f64 {
+        if self.outside.is_some() {
+            let along = dot(self.facet.normal, widen(direction.array()));
+            return if along < 0.0 { -1.0 } else { 1.0 };
+        }
         let across = direction.dot(self.geometric) < 0.0;
         if across == self.inside { 1.0 } else { -1.0 }
+    }
+
+    /// Returns the ray that leaves a round hair in this direction, outside of all sides of its tube; `None` if it is no
+    /// hair, or the direction enters it.
+    #[inline(always)]
+    fn leaving(
+        &self,
+        direction: Vec3,
+        to: &dyn Fn([f32; 3]) -> [f32; 3],
+        t_max: f32,
+    ) -> Option<Ray> {
+        let lift = self.outside?;
+        (direction.dot(self.own) > 0.0).then(|| {
+            let lift = lift.array().map(f64::from);
+            let side = dot(self.facet.normal, lift);
+            (self.facet).lifted(lift, if side < 0.0 { -1.0 } else { 1.0 }, to, t_max)
+        })
     }
 
     /// Returns the ray that leaves in this direction.
     #[inline(always)]
     pub fn ray(&self, direction: Vec3, t_max: f32) -> Ray {
         let d = direction.array();
-        self.facet.ray(self.side(direction), |_| d, t_max)
+        self.leaving(direction, &|_| d, t_max)
+            .unwrap_or_else(|| self.facet.ray(self.side(direction), |_| d, t_max))
     }
 
     /// Returns the ray from `eye` through the point that begins here, near the direction `towards`; `None` if rounding
@@ -252,9 +303,13 @@ impl<'a> Surface<'a> {
                 .map_or(direction, |target| target - Vec3::from(o))
                 .array()
         };
+        if let Some(ray) = self.leaving(direction, &to, t_max) {
+            return ray;
+        }
         // Light passes through hair.
         let terminator = self.material.terminator;
-        if !SMOOTH || terminator <= 0.0 || self.material.strands.is_some() {
+        let flat = self.outside.is_some() || self.material.strands.is_some();
+        if !SMOOTH || terminator <= 0.0 || flat {
             return self.facet.ray(self.side(direction), to, t_max);
         }
         // The ray leaves to the side of the shading normal that the light is on.

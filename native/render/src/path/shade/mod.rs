@@ -263,7 +263,7 @@ impl<
     ) {
         let cosine = || surface.cosine(d);
         let emission = (surface.material).coated_emission(emission, out.registers, cosine);
-        self.add_emission(emission, hit, surface.geometric.dot(d).abs(), path, out);
+        self.add_emission(emission, hit, surface.flat_cosine(d), path, out);
     }
 
     /// Finds the surface of a hit. Returns the ray that goes on if the surface is invisible to it, or only the boundary of

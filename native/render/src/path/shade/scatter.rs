@@ -234,7 +234,7 @@ impl<
     ) -> Option<Ray> {
         let plane = self.context.polygons?.plane(surface.triangle())?;
         // A lobe of its own frame may mirror about another normal than the polygon's.
-        if LOBES > 0 || scatter.pdf.is_finite() || surface.shading != surface.geometric {
+        if LOBES > 0 || scatter.pdf.is_finite() || !surface.is_flat() {
             return None;
         }
         // Change the beam's source at the plane, and start behind it.
