@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FEWEST_SIDES, MOST_SIDES = 3, 23
-"""Sides of a tube, an odd number: as seen from all around, the breadth of a polygon with three sides varies as little as
-that with six. The normals are those of round hair with any number.
+"""Sides of a tube, an odd number: seen from all around, the breadth of a polygon with three sides varies as little as
+that of one with six. The normals are those of round hair with any number.
 """
 
 COARSER = (5, 3)

@@ -157,10 +157,12 @@ class Collector:
         wanted = (STRAND, "Tangent") in self._keys()
 
         def make() -> MeshArrays:
-            parts = [
-                tubes.tubes(strands.chosen((sides == n) & (pieces == m)), m, n, directions=wanted)
-                for n, m in np.unique(np.stack([sides, pieces], axis=1), axis=0).tolist()
-            ]
+            # Compute all curves of the same detail together.
+            detailed = sides * (tubes.MOST_PIECES + 1) + pieces
+            parts = []
+            for both in np.unique(detailed).tolist():
+                n, m = divmod(both, tubes.MOST_PIECES + 1)
+                parts.append(tubes.tubes(strands.chosen(detailed == both), m, n, directions=wanted))
             made = tubes.joined(parts)
             return self._mesh(made.positions, made.normals, made.triangles, _curve_layers(read.values, made))
 
