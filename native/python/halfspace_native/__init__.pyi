@@ -942,52 +942,54 @@ class RenderScene:
     its surfaces, as alpha or in a pass.     "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1):
     cosine towards the light below which     shadow rays start on the curved surface that corner normals describe, 0 =
     never.     "strands": the number of a layer that is 1 on tubes around hairs, whose inside rays do not see if the
-    material     has a closure of hair.     "outputs" pairs of a number below 64 and an argument, the values of the
-    passes "Output" and that number.     "volume" fills the objects whose surfaces have the material: {"closures",
-    "program"}, closures     with "scattering", "absorption" and "emission", coefficients per scene unit, and
-    "anisotropy"     (-1 to 1; Henyey and Greenstein's phase function), each an argument as in a program, 0 by
-    default; they add up, and what is constant is traversed in closed form. Path tracing only. corner_normals: (m, 3, 3)
-    float32, shading normals of each triangle's corners, any length;     None = flat. surfaces: for Instances, in place
-    of these two; None = the first material and flat: "meshes", a list of     {"material_index": (m,) int32 slots or
-    None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};     "materials" (s,) int32, the materials of
-    the slots, instance after instance; "first_material" (k + 1,) int32,     where each instance's slots begin; slots
-    beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,     the inverse transpose that transforms
-    normals to the scene, row by row; "keeps_length" (k,) bool, whether it     preserves unit length. lights:
-    dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"     (3,), and, as the kind
-    needs, "radius", "angle", "spot_size", "spot_blend", "shape"     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size",
-    "size_y", "spread" (π), "sphere" (False: points and     spots are discs that face the receiver); "casts_shadow"
-    (True). "receivers" and "blockers", 0 to 31, are the     sets of objects that the light shines on and that shade it
-    (0: all).     A light shines along its -Z. Angles are full angles in radians. Brightness is that of     Cycles:
-    power P gives a point or spot light the radiant intensity P / 4π W/sr, an area     light the radiance P / (π area)
-    on one side, a sun the irradiance P in W/m². Rays of all kinds except those     in "hidden_from" (default
-    ("camera",)) see a light with a size, and it lights the lobes that scatter     such rays. Negative power darkens.
-    Lights without power are left out.     "group" (0): the light group, from 1 to 64, 0 = none. "max_bounces" (no
-    limit): largest number of times that a     path has scattered before its light samples see the light. With "program"
-    and "radiance", an argument as in a     material, the power is multiplied by the result; "frame" is a list of one
-    object, the light's own space. world: {"color": (3,)}, radiance of the background; None = black. With "program" and
-    "radiance",     an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must
-    not     vary, as for materials. "group", "max_bounces" and "casts_shadow" as for lights. images: dictionaries of
-    "name", "pixels", (h, w, 4 or 1) uint8, uint16, float16 or float32, rows from the bottom,     and "srgb", whether
-    colours are decoded after interpolation. An image without pixels is missing: pink. Arrays     that view a `bytes`
-    object are not copied. With "tiles", such dictionaries with a "number" each (UDIM), the     image consists of these.
-    layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one. For
-    Instances, m counts the triangles of all meshes, mesh after mesh; the same holds for "uvs" of indices. objects:
-    dictionaries of "to_object", (3, 4), scene to object space, and "generated",     (2, 3), offset and then factor that
-    map object space to 0..1 in the object's box, and "values",     rows of four floats that the steps "object_value"
-    read by "column" (none). For Instances, one of each. object_index: (m,) uint32, the object of each triangle; None =
-    the first for all. Not for Instances. origin: (3,), the world position of the scene's origin. grids: dictionaries of
-    "values", (x, y, z, 1 or 3) float32, voxels that the step "voxels" reads by their number     in this list, counted
-    from 1, at a position in object space, and "to_index", (3, 4), object space to the     array's indices, where the
-    voxels lie at whole numbers. indices: object and material indices for the passes of that name; None = all 0. "first"
-    (n,) int32,     the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32,
-    the     index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
-    for triangles without, or None, for the UV pass.     For mattes "identities" (n, 2) uint32, of each run's object and
-    of that with its children, and     "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).
-    "groups" (n,) uint8, the light group of each run's object, counted from 1 (None: none).     "motion", two (m, 3, 3)
-    float32, the corners of all triangles in the picture before this one and in the one     after, for the pass "Vector"
-    (None: they stay). For Instances, two tuples: the corners of the meshes' triangles     there, each in its mesh's
-    space; (k,) int64, for each instance the difference from the index of its triangle here     to that there; (k, 3, 4)
-    float64, the transforms to the scene there.
+    material     has a closure of hair. "tube" (False): all its surfaces are such tubes, with the normals of their
+    corners at right     angles to the hair; their sides are shaded as round hair.     "outputs" pairs of a number below
+    64 and an argument, the values of the passes "Output" and that number.     "volume" fills the objects whose surfaces
+    have the material: {"closures", "program"}, closures     with "scattering", "absorption" and "emission",
+    coefficients per scene unit, and "anisotropy"     (-1 to 1; Henyey and Greenstein's phase function), each an
+    argument as in a program, 0 by     default; they add up, and what is constant is traversed in closed form. Path
+    tracing only. corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;     None =
+    flat. surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
+    {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+    "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+    where each instance's slots begin; slots beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,
+    the inverse transpose that transforms normals to the scene, row by row; "keeps_length" (k,) bool, whether it
+    preserves unit length. lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
+    (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"     ("SQUARE", "RECTANGLE",
+    "DISK", "ELLIPSE"), "size", "size_y", "spread" (π), "sphere" (False: points and     spots are discs that face the
+    receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the     sets of objects that the light
+    shines on and that shade it (0: all).     A light shines along its -Z. Angles are full angles in radians. Brightness
+    is that of     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area     light the
+    radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those     in
+    "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter     such rays.
+    Negative power darkens. Lights without power are left out.     "group" (0): the light group, from 1 to 64, 0 = none.
+    "max_bounces" (no limit): largest number of times that a     path has scattered before its light samples see the
+    light. With "program" and "radiance", an argument as in a     material, the power is multiplied by the result;
+    "frame" is a list of one object, the light's own space. world: {"color": (3,)}, radiance of the background; None =
+    black. With "program" and "radiance",     an argument as in a material, the radiance of each direction.
+    "hidden_from" and "volume", which must not     vary, as for materials. "group", "max_bounces" and "casts_shadow" as
+    for lights. images: dictionaries of "name", "pixels", (h, w, 4 or 1) uint8, uint16, float16 or float32, rows from
+    the bottom,     and "srgb", whether colours are decoded after interpolation. An image without pixels is missing:
+    pink. Arrays     that view a `bytes` object are not copied. With "tiles", such dictionaries with a "number" each
+    (UDIM), the     image consists of these. layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for
+    programs, or None for a missing one. For     Instances, m counts the triangles of all meshes, mesh after mesh; the
+    same holds for "uvs" of indices. objects: dictionaries of "to_object", (3, 4), scene to object space, and
+    "generated",     (2, 3), offset and then factor that map object space to 0..1 in the object's box, and "values",
+    rows of four floats that the steps "object_value" read by "column" (none). For Instances, one of each. object_index:
+    (m,) uint32, the object of each triangle; None = the first for all. Not for Instances. origin: (3,), the world
+    position of the scene's origin. grids: dictionaries of "values", (x, y, z, 1 or 3) float32, voxels that the step
+    "voxels" reads by their number     in this list, counted from 1, at a position in object space, and "to_index", (3,
+    4), object space to the     array's indices, where the voxels lie at whole numbers. indices: object and material
+    indices for the passes of that name; None = all 0. "first" (n,) int32,     the first triangle of each run of
+    triangles of one object, ascending from 0; "object" (n,) float32, the     index of each run's object; "material"
+    float32, the index of each material; "uvs" (m, 3, 2) float32, NaN     for triangles without, or None, for the UV
+    pass.     For mattes "identities" (n, 2) uint32, of each run's object and of that with its children, and
+    "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).     "groups" (n,) uint8, the light group
+    of each run's object, counted from 1 (None: none).     "motion", two (m, 3, 3) float32, the corners of all triangles
+    in the picture before this one and in the one     after, for the pass "Vector" (None: they stay). For Instances, two
+    tuples: the corners of the meshes' triangles     there, each in its mesh's space; (k,) int64, for each instance the
+    difference from the index of its triangle here     to that there; (k, 3, 4) float64, the transforms to the scene
+    there.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.

@@ -55,7 +55,8 @@ use std::time::Duration;
 ///     "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1): cosine towards the light below which
 ///     shadow rays start on the curved surface that corner normals describe, 0 = never.
 ///     "strands": the number of a layer that is 1 on tubes around hairs, whose inside rays do not see if the material
-///     has a closure of hair.
+///     has a closure of hair. "tube" (False): all its surfaces are such tubes, with the normals of their corners at right
+///     angles to the hair; their sides are shaded as round hair.
 ///     "outputs" pairs of a number below 64 and an argument, the values of the passes "Output" and that number.
 ///     "volume" fills the objects whose surfaces have the material: {"closures", "program"}, closures
 ///     with "scattering", "absorption" and "emission", coefficients per scene unit, and "anisotropy"
