@@ -3,6 +3,7 @@
 
 use halfspace_geom::bound::keep_min;
 use halfspace_ray::Interval;
+use halfspace_ray::query::Query;
 
 /// A stack entry with an entry distance.
 pub trait Entry: Copy {
@@ -113,9 +114,13 @@ impl<E: Entry> Stack<'_, E> {
         pop_within(self.entries, &mut self.size, reach)
     }
 
-    /// Adds an entry among those from index `base` on, which are sorted with the nearest on top.
+    /// Adds an entry among those from index `base` on, which are sorted with the nearest on top. Any-hit queries add it
+    /// on top: sorting takes longer than what the order saves them.
     #[inline(always)]
-    pub fn insert(&mut self, base: usize, entry: E) {
+    pub fn insert<Q: Query>(&mut self, base: usize, entry: E) {
+        if Q::ANY {
+            return self.push(entry);
+        }
         let at = make_room(self.entries, base, &mut self.size, entry.enter());
         self.entries[at] = entry;
     }

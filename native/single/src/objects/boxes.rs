@@ -88,7 +88,7 @@ impl<const W: usize> SingleTraversal for BoxTraversal<'_, W> {
                 }
                 let entry = child(lane);
                 self.0.fetch_ahead(entry.link, entry.count, job.blocks);
-                stack.insert(base, entry);
+                stack.insert::<Q>(base, entry);
             }
 
             // Pop the nearest box, and test leaves until an inner node comes up.

@@ -42,8 +42,8 @@ pub trait IntervalTree: Sync {
     /// Computes what steps need of a ray.
     fn prepare<'r>(ray: &'r FrameRay<'r>) -> Self::Ray<'r>;
 
-    /// Visits a node. Pushes the children that are to be visited later, the nearest on top.
-    fn step<'a, S: Simd, C: Counters>(
+    /// Visits a node. Pushes the children that are to be visited later, for nearest hits the nearest on top.
+    fn step<'a, S: Simd, Q: Query, C: Counters>(
         &'a self,
         simd: S,
         node: Self::Node<'a>,
@@ -80,7 +80,7 @@ impl<T: IntervalTree> SingleTraversal for IntervalTraversal<'_, T> {
         let mut node = tree.node(0);
         let mut interval = Interval::new(frame.t_min, frame.t_max);
         loop {
-            match tree.step(simd, node, &prepared, interval, &mut stack, counters) {
+            match tree.step::<S, Q, C>(simd, node, &prepared, interval, &mut stack, counters) {
                 Next::Child(child, inside) => {
                     (node, interval) = (child, inside);
                     continue;

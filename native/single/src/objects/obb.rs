@@ -183,7 +183,7 @@ impl SingleTraversal for ObbTraversal<'_> {
                         count: node.count[lane],
                     };
                     self.fetch_ahead(&entry, job.blocks);
-                    stack.insert(base, entry);
+                    stack.insert::<Q>(base, entry);
                 }
             }
             // Pop the nearest child that starts within reach.

@@ -10,7 +10,7 @@ use halfspace_leaf::Leaf;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slab_node::{Double, Single, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
-use halfspace_ray::query::Counters;
+use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Interval};
 use halfspace_trace::stack::NodeEntry;
 
@@ -37,7 +37,7 @@ impl<N: SlabNode> IntervalTree for SlabTree<N> {
     }
 
     #[inline(always)]
-    fn step<'a, S: Simd, C: Counters>(
+    fn step<'a, S: Simd, Q: Query, C: Counters>(
         &'a self,
         _: S,
         node: &'a N,

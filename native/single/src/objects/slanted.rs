@@ -12,7 +12,7 @@ use halfspace_leaf::Leaf;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slant_tree::{Node, SlantKind, SlantTree};
 use halfspace_nodes::slanted_tree::DIRECTIONS;
-use halfspace_ray::query::Counters;
+use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Interval};
 use halfspace_trace::stack::NodeEntry;
 
@@ -36,7 +36,7 @@ impl IntervalTree for SlantTree {
     }
 
     #[inline(always)]
-    fn step<'a, S: Simd, C: Counters>(
+    fn step<'a, S: Simd, Q: Query, C: Counters>(
         &'a self,
         _: S,
         node: &'a Node,

@@ -8,7 +8,7 @@ use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use halfspace_leaf::Leaf;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slab_wide::{LEAF, Node, WIDEST, WideSlabs};
-use halfspace_ray::query::Counters;
+use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Interval};
 use halfspace_trace::slabs::Slabs;
 use halfspace_trace::stack::NodeEntry;
@@ -88,7 +88,7 @@ impl<const W: usize> IntervalTree for WideSlabs<W> {
     }
 
     #[inline(always)]
-    fn step<'a, S: Simd, C: Counters>(
+    fn step<'a, S: Simd, Q: Query, C: Counters>(
         &'a self,
         simd: S,
         node: &'a Node<W>,
@@ -120,7 +120,7 @@ impl<const W: usize> IntervalTree for WideSlabs<W> {
             #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
             let node = node.link() + lane as u32;
             let interval = Interval::new(enter[lane], leave[lane]);
-            stack.insert(base, NodeEntry { node, interval });
+            stack.insert::<Q>(base, NodeEntry { node, interval });
         }
         Next::Pop
     }
