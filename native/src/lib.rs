@@ -51,7 +51,7 @@
 //!
 //! 1. `structure/tracer.rs`: the batch, and the kernel of the plan that takes it;
 //! 2. `structure/threads.rs`, `trace/batch/single.rs`: chunks on threads, then one ray after the other;
-//! 3. `ray/frame.rs`, `ray/frame_ray.rs`: the ray in the tree's frame, with error bounds;
+//! 3. `ray/columns.rs`, `ray/frame.rs`, `ray/frame_ray.rs`: the ray in the tree's frame, with error bounds;
 //! 4. `single/planes/dir.rs`: the nodes, with `trace/stack.rs` and `nodes/planes/plane_tree.rs`;
 //! 5. `leaf/blocks.rs`, `leaf/candidates`: the triangles of a leaf, and the f32 test that rejects most of them;
 //! 6. `geom/verdict.rs`: the exact decision on each that is left;

@@ -33,10 +33,13 @@ PACKETS = ("packets", "packets_lose_nothing_on_hard_scenes")
 AFAR = ("lib", "candidates::tests::no_tiny_triangle_is_rejected_from_afar")
 AFAR_BEAMS = ("lib", "lanes::tests::no_tiny_triangle_is_rejected_from_afar")
 BLOCK = ("lib", "candidates::tests::no_hit_is_ever_rejected")
+COLUMNS = ("lib", "columns::tests::regular_rays_have_the_bits_of_single_ones")
+UNUSUAL = ("lib", "columns::tests::unusual_rays_are_not_regular")
 VERDICT = ("lib", "verdict::tests")
 INTEGERS = ("lib", "exact")
 ONE_BY_ONE = ("lib", "scalar::tests::no_hit_is_ever_rejected_and_proven_hits_are_hits")
 
+_COLUMNS = "native/ray/src/columns.rs"
 _FRAME = "native/ray/src/frame.rs"
 _RAY = "native/ray/src/ray.rs"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
@@ -49,7 +52,15 @@ _SCALAR = "native/leaf/src/scalar/mod.rs"
 _FORM = "native/polybeam/src/form.rs"
 
 FAULTS = (
-    Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
+    Fault("plane distances without their error bound", _COLUMNS, "(robust * slack)", "(splat(0.0) * slack)", ALL),
+    Fault(
+        "plane distances of unusual rays without their error bound",
+        _FRAME,
+        "self.robust * slack",
+        "0.0 * slack",
+        COLUMNS,
+    ),
+    Fault("unusual rays converted with others", _COLUMNS, "regular.to_bitmask()", "!0", UNUSUAL),
     Fault(
         "the check for NaN directions dropped",
         _FRAME,
@@ -62,7 +73,7 @@ FAULTS = (
         _FRAME,
         "(f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32",
         "(0.0 * (to_frame + f64::from(TINY))) as f32",
-        ("contract", "distances_that_round_to_zero_are_hits_at_zero"),
+        COLUMNS,
     ),
     Fault("ties to the larger number", _RAY, "self.triangle < other.triangle", "self.triangle > other.triangle", EXACT),
     Fault("an infinite distance is a hit", _RAY, "t.abs() < f32::INFINITY", "!t.is_nan()", EXACT),

@@ -2,6 +2,7 @@
 //! Rays: their frames, hits, counters and recordings.
 
 pub mod cases;
+pub mod columns;
 pub mod counters;
 pub mod frame;
 pub mod frame_ray;

@@ -2,11 +2,12 @@
 //! Filling a packet: rays are scaled into the frame and clipped to the scene's box, 16 lanes at once.
 
 use crate::packet::{MOST, Packet, Sixteen, live, store};
-use crate::tile::{self, Deferred, Numbers, ORDINARY};
+use crate::tile::{self, Deferred, Numbers};
 use fearless_simd::{
     Bytes, Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16, u32x16,
 };
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_ray::columns::ORDINARY;
 use halfspace_ray::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, ToFrame, U, last_places};
 use halfspace_ray::{Hit, Ray};
 

@@ -3,10 +3,10 @@
 //! computed.
 
 use crate::tile::{
-    LANES, Numbers, ORDINARY, Pace, Pyramid, Row, Tile, bits, bitwise_equal, load, row_and_lane,
-    splat,
+    LANES, Numbers, Pace, Pyramid, Row, Tile, bits, bitwise_equal, load, row_and_lane, splat,
 };
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
+use halfspace_ray::columns::ORDINARY;
 use halfspace_ray::frame::{Frame, PRUNE, last_place};
 use halfspace_ray::{Hit, Interval, Ray};
 

@@ -33,11 +33,6 @@ pub use rays::{Pace, Tile};
 pub use row::{LANES, Numbers, Row, bits, bitwise_equal, load, splat};
 pub use success::{Backoff, SuccessRate};
 
-/// Range of regular numbers: coordinates of origins lie below its end, largest components of directions inside
-/// it. Derived: a product or a quotient of two such numbers stays between 1e-36 and 1e36, with room for a few
-/// additions before it overflows.
-pub const ORDINARY: std::ops::Range<f32> = 1e-18..1e18;
-
 /// The index of the ray in this lane of this row. A row is a square of 4 by 4 pixels among the 8 by 8 of 64
 /// consecutive rays, which keeps its rays close together.
 #[inline(always)]

@@ -2,8 +2,9 @@
 //! Rows: sixteen rays in structure-of-arrays layout, one vector per quantity.
 
 use crate::tile::ray_index;
-use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
+use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x16, mask32x16, u32x16};
 use halfspace_ray::Ray;
+use halfspace_ray::columns::transposed;
 use halfspace_ray::frame::ToFrame;
 
 /// Number of rays of a row.
@@ -64,10 +65,11 @@ impl<S: Simd> Numbers<S> {
     #[inline(always)]
     pub fn at(simd: S, rays: &[Ray], places: &[usize; LANES]) -> Self {
         // Transpose four rays at a time, then join the quarters.
-        let a = four(simd, rays, [places[0], places[1], places[2], places[3]]);
-        let b = four(simd, rays, [places[4], places[5], places[6], places[7]]);
-        let c = four(simd, rays, [places[8], places[9], places[10], places[11]]);
-        let d = four(simd, rays, [places[12], places[13], places[14], places[15]]);
+        let four = |i: usize| {
+            let ray = |k: usize| &rays[places[i + k]];
+            transposed(simd, [ray(0), ray(1), ray(2), ray(3)])
+        };
+        let (a, b, c, d) = (four(0), four(4), four(8), four(12));
         let mut all = [splat(simd, 0.0); 8];
         for (i, all) in all.iter_mut().enumerate() {
             *all = simd.combine_f32x8(
@@ -97,45 +99,4 @@ impl<S: Simd> Numbers<S> {
             & self.o[1].abs().simd_le(splat(simd, exact[1]))
             & self.o[2].abs().simd_le(splat(simd, exact[2]))
     }
-}
-
-/// The eight quantities of four rays, by transposing two vectors of each ray.
-#[inline(always)]
-fn four<S: Simd>(simd: S, rays: &[Ray], [a, b, c, d]: [usize; 4]) -> [f32x4<S>; 8] {
-    let (a, b, c, d) = (&rays[a], &rays[b], &rays[c], &rays[d]);
-    let begins = [
-        begin(simd, a),
-        begin(simd, b),
-        begin(simd, c),
-        begin(simd, d),
-    ];
-    let ends = [end(simd, a), end(simd, b), end(simd, c), end(simd, d)];
-    let [ox, oy, oz, dx] = transposed(simd, begins);
-    let [dy, dz, t_min, t_max] = transposed(simd, ends);
-    [ox, oy, oz, dx, dy, dz, t_min, t_max]
-}
-
-/// The first four numbers of a ray, which are adjacent in memory.
-#[inline(always)]
-fn begin<S: Simd>(simd: S, ray: &Ray) -> f32x4<S> {
-    f32x4::from_slice(simd, &[ray.o[0], ray.o[1], ray.o[2], ray.d[0]])
-}
-
-/// The last four numbers of a ray.
-#[inline(always)]
-fn end<S: Simd>(simd: S, ray: &Ray) -> f32x4<S> {
-    f32x4::from_slice(simd, &[ray.d[1], ray.d[2], ray.t_min, ray.t_max])
-}
-
-/// The transpose of a 4 by 4 matrix.
-#[inline(always)]
-fn transposed<S: Simd>(simd: S, [a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
-    let (even, odd) = (simd.zip_low_f32x4(a, c), simd.zip_low_f32x4(b, d));
-    let (even_high, odd_high) = (simd.zip_high_f32x4(a, c), simd.zip_high_f32x4(b, d));
-    [
-        simd.zip_low_f32x4(even, odd),
-        simd.zip_high_f32x4(even, odd),
-        simd.zip_low_f32x4(even_high, odd_high),
-        simd.zip_high_f32x4(even_high, odd_high),
-    ]
 }

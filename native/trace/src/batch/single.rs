@@ -4,14 +4,12 @@
 use crate::batch::{Launch, Write, baseline};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
+use halfspace_ray::columns::{Columns, TOGETHER};
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Count, Counters, Log, NoCount, Query};
 use halfspace_ray::replay::{CHUNK, Record};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 use std::time::{Duration, Instant};
-
-/// Number of rays transformed into the frame before the first of them is traced, so that their divisions overlap.
-const AHEAD: usize = 8;
 
 /// A traversal of a tree by single rays.
 pub trait SingleTraversal: Sync {
@@ -33,13 +31,34 @@ pub trait SingleTraversal: Sync {
 }
 
 impl<'a> Launch<'a> {
-    /// Fills `frames` with the rays from `first` on, in the frame of the structure.
+    /// Fills `frames` with the rays from `first` on, in the frame of the structure: regular ones by vectors, the others
+    /// one by one.
     #[inline(always)]
-    fn frame_ahead(&self, first: usize, frames: &mut [Option<FrameRay<'a>>; AHEAD]) {
-        let left = self.rays.len() - first;
-        for (i, framed) in frames.iter_mut().enumerate().take(left) {
-            *framed = self.framed(first + i);
+    fn frame_ahead<S: Simd>(
+        &self,
+        simd: S,
+        first: usize,
+        columns: &mut Columns,
+        frames: &mut [Option<FrameRay<'a>>; TOGETHER],
+    ) {
+        let rays = &self.rays[first..];
+        let together = self.placed.is_none() && self.frame.is_unscaled();
+        if together {
+            columns.fill(simd, self.frame, rays);
         }
+        for (i, framed) in frames.iter_mut().enumerate().take(rays.len()) {
+            *framed = if together && columns.is_regular(i) {
+                columns.ray(i)
+            } else {
+                self.framed_alone(first + i)
+            };
+        }
+    }
+
+    /// [`Self::framed`], compiled once for all traversals.
+    #[inline(never)]
+    fn framed_alone(&self, i: usize) -> Option<FrameRay<'a>> {
+        self.framed(i)
     }
 
     /// Traces the rays one by one; passes each hit to `write`. `counters`: one per ray, or none.
@@ -190,13 +209,14 @@ impl<'a> Launch<'a> {
     ) {
         let mut scratch = traversal.scratch();
         let mut cache = self.cache::<Q>();
-        let mut frames = [None; AHEAD];
-        for (chunk, rays) in self.rays.chunks(AHEAD).enumerate() {
+        let mut columns = Columns::default();
+        let mut frames = [None; TOGETHER];
+        for (chunk, rays) in self.rays.chunks(TOGETHER).enumerate() {
             if C::COUNTS && self.is_cancelled() {
                 return;
             }
-            let first = chunk * AHEAD;
-            self.frame_ahead(first, &mut frames);
+            let first = chunk * TOGETHER;
+            self.frame_ahead(simd, first, &mut columns, &mut frames);
             for (i, (ray, framed)) in (first..).zip(rays.iter().zip(&frames)) {
                 let mut counters = counter(i);
                 let Some(frame) = framed else {

@@ -11,13 +11,13 @@ use crate::tile::leaf::{self, Resolver};
 use crate::tile::nearest::{count, join};
 use crate::tile::verdict::{Segments, any};
 use crate::tile::{
-    Backoff, Candidate, LANES, Numbers, ORDINARY, Row, Tile, bits, load, ray_index, row_and_lane,
-    splat,
+    Backoff, Candidate, LANES, Numbers, Row, Tile, bits, load, ray_index, row_and_lane, splat,
 };
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_geom::vec3::{add_scaled, dot as dot64, sub as sub64, widen};
 use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::Leaf;
+use halfspace_ray::columns::ORDINARY;
 use halfspace_ray::frame::{Frame, ToFrame};
 use halfspace_ray::query::Counters;
 use halfspace_ray::{Interval, Ray, RaySlice};
