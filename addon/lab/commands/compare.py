@@ -17,7 +17,7 @@ including reading the scene and the build. Default: one sample of 1920 × 1080 p
 for an .npz only a lamp without size, so that each pixel takes a camera ray and a shadow ray. The engines alternate;
 medians and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
 failure. Instead of FILE `--scene` names one of the scenes above, or one of production size: woods (instances with
-images), meadow and fur (hair), foliage (cut-outs).
+images), meadow and fur (hair), foliage (cut-outs), patina (Ambient Occlusion, Bevel), wax (subsurface).
 
 `--equal-error`: the time to equal error of FILE or of the scenes of `--scene`, with the defaults of Cycles (filter
 glossy 1, clamp indirect 10, light tree; adaptive sampling and denoising off) in both engines. Each engine renders a

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of production size, for the time and the memory of whole renders: instances with textures, hair, cut-outs."""
+"""Scenes for the time and the memory of whole renders: instances with textures, hair, cut-outs, rays of shaders."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ TREES, TREE = 2000, 50_000
 
 BLADES, HAIRS, CARDS = 100_000, 6000, 4000
 """Blades of the meadow, hairs of the fur, and leaves of the foliage."""
+
+BOXES, BALLS = 60, 30
+"""Boxes of the patina, and balls of the wax."""
 
 
 def build(name: str, scene: Any, *, detail: float = 1.0) -> None:
@@ -84,6 +87,46 @@ def _foliage(scene: Any, detail: float) -> None:
     parts.look(scene, (0, -9, 3.0), (0, 0, 2.2), 40)
 
 
+def _patina(scene: Any, detail: float) -> None:
+    """Boxes and a ball whose edges are rounded and whose hollows are dark."""
+    rng = np.random.default_rng(6)
+    _ground(scene, 8)
+    worn = _worn()
+    for place in rng.uniform((-3, -3, 0.2), (3, 3, 1.2), (max(int(BOXES * detail), 2), 3)):
+        parts.wear(parts.box(scene, tuple(place), tuple(rng.uniform(0.1, 0.5, 3))), worn)
+    parts.wear(parts.sphere(scene, (0, 0, 1.6), 0.9), worn)
+    parts.look(scene, (0, -9, 4.0), (0, 0, 0.8), 40)
+
+
+def _wax(scene: Any, detail: float) -> None:
+    """Balls below whose surface light scatters."""
+    rng = np.random.default_rng(7)
+    _ground(scene, 8)
+    values = {"Subsurface_Weight": 1.0, "Subsurface_Radius": (0.3, 0.15, 0.08), "Subsurface_Scale": 1.0}
+    wax = parts.principled("Wax", (0.8, 0.55, 0.4), Roughness=0.4, **values)
+    for x, y, radius in rng.uniform((-3, -3, 0.2), (3, 3, 0.7), (max(int(BALLS * detail), 2), 3)):
+        parts.wear(parts.sphere(scene, (x, y, radius), radius), wax)
+    parts.look(scene, (0, -9, 4.0), (0, 0, 0.5), 40)
+
+
+def _worn() -> Any:
+    """A material that looks at what lies around its points: Ambient Occlusion, Bevel and Pointiness."""
+    material = parts.principled("Worn", (0.6, 0.45, 0.3), Roughness=0.5)
+    tree, shader = material.node_tree, parts.principled_node(material)
+    hollow, edge, form, mix = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("AmbientOcclusion", "Bevel", "NewGeometry", "Mix")
+    )
+    hollow.inputs["Distance"].default_value, edge.inputs["Radius"].default_value = 0.6, 0.06
+    # Darken the hollows, and brighten what is pointed.
+    mix.data_type = "RGBA"
+    mix.inputs[7].default_value = (0.9, 0.8, 0.6, 1)
+    tree.links.new(hollow.outputs["Color"], mix.inputs[6])
+    tree.links.new(form.outputs["Pointiness"], mix.inputs[0])
+    tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
+    tree.links.new(edge.outputs["Normal"], shader.inputs["Normal"])
+    return material
+
+
 def _leaves(scene: Any, name: str, centres: Any, size: float, rng: Any) -> Any:
     """Parallelograms around these (n, 3) centres, turned at random, each with a whole image."""
     count = len(centres)
@@ -126,4 +169,6 @@ SCENES: dict[str, Callable[[Any, float], None]] = {
     "meadow": _meadow,
     "fur": _fur,
     "foliage": _foliage,
+    "patina": _patina,
+    "wax": _wax,
 }
