@@ -16,6 +16,7 @@ from ...core.base import denoise, native, room
 from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
+from ...core.base.resident import Growth
 from ...core.choose import auto, choice
 from ...core.session import coarse
 from ...core.session.refits import FOLLOWED
@@ -162,8 +163,11 @@ class _Picture:
         room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
         self._show_status("Reading the scene")
+        memory = Growth()
         read = self._read(settings)
+        memory.look()
         built = self._build(module, read, settings)
+        memory.look()
         tree = self._keep(read, built)
 
         later = [self._build_set(module, scene, settings, built.spec).session for scene in read.times]
@@ -171,7 +175,7 @@ class _Picture:
         if later and self.scene.render.use_persistent_data:
             _kept.extend(_structures(later[-1]))
         job = self._trace(settings, read, built, later)
-        self._report(job, read, built, tree)
+        self._report(job, read, built, tree, memory.bytes)
         self._warn()
 
     def _read(self, settings: RenderSettings) -> stages.Read:
@@ -325,16 +329,20 @@ class _Picture:
             self.result.show()
         return last
 
-    def _report(self, job: Any, read: stages.Read, built: stages.Built, tree: trees.Tree | None) -> None:
+    def _report(
+        self, job: Any, read: stages.Read, built: stages.Built, tree: trees.Tree | None, peak: int | None
+    ) -> None:
         """Report on the finished picture: in the status line, as Blender's memory use, and in the panel of the last
-        render.
+        render. peak: bytes that reading, build and render took together, where known.
         """
         session, count = built.session, read.scene.geometry.count
         # Update Blender's status and memory display.
         statistics = {**session.statistics, **job.statistics}
         self._show_status(summary(built.label, statistics, job, built.answers))
-        mebibytes = statistics["bytes"] / 2**20
-        self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        if peak is not None:
+            statistics["peak_bytes"] = peak
+        used, most = (statistics.get(key, statistics["bytes"]) / 2**20 for key in ("bytes", "peak_bytes"))
+        self.engine.update_memory_stats(memory_used=used, memory_peak=most)
         # Keep the report for the panels.
         left_out = [*session.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)

@@ -23,6 +23,7 @@ STATISTICS = (
     ("Render", "seconds", "{:.2f} s"),
     ("Rays", "mrays_s", "{:.2f} M/s"),
     ("Memory", "bytes", "{:,} bytes"),
+    ("Peak of all memory", "peak_bytes", "{:,} bytes"),
     ("Nodes, axis", "nodes_axis", "{:,}"),
     ("Nodes, oblique", "nodes_oblique", "{:,}"),
     ("Leaves", "leaves", "{:,}"),

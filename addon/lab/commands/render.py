@@ -128,6 +128,9 @@ def render(asked: argparse.Namespace) -> int:
     # Print a time only together with the errors of all that it covers; the report covers the last view layer alone.
     is_known = answers != choice.NOT_COMPARED and sum(layer.use for layer in scene.view_layers) == 1
     took = f" in {seconds:.1f} s" * is_known
+    peak = None if report is None else report.statistics.get("peak_bytes")
+    if peak is not None:
+        print(f"Memory of reading, build and render at their peak: {peak / 1e6:,.0f} MB")
     print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
     return 0
 

@@ -13,7 +13,7 @@ from shapes import cube
 
 from addon.blender.measure import pictures
 from addon.blender.render import engine
-from addon.core.base import picture_files
+from addon.core.base import picture_files, resident
 from addon.lab.commands import render
 from addon.lab.pictures import scenes
 
@@ -43,6 +43,7 @@ def test_the_structure_is_what_the_file_says_unless_one_is_asked_for(
     assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
     told = capsys.readouterr().out.strip()
     assert told.endswith(f"{out}: 32 × 16 pixels with bvh-sah, answers not compared"), "no time without the errors"
+    assert ("Memory of reading, build and render at their peak: " in told) == resident.STATUS.exists()
     assert pictures.load(out).shape == (16, 32, 4)
 
 
