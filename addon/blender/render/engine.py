@@ -19,7 +19,7 @@ from ...core.base.notes import Notes
 from ...core.base.resident import Growth
 from ...core.choose import auto, choice
 from ...core.session import coarse
-from ...core.session.refits import FOLLOWED
+from ...core.session.refits import FOLLOWED, Followed
 from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
 from ...core.structures import catalogue
 from ...core.structures.settings import RenderSettings, memory_limit
@@ -146,6 +146,7 @@ class _Picture:
         self.depsgraph = depsgraph
         self.notes = Notes()
         self.result: Result | None = None
+        self.followed: Followed | None = None
         self._fetch()
 
     def _fetch(self) -> None:
@@ -166,6 +167,11 @@ class _Picture:
         memory = Growth()
         read = self._read(settings)
         memory.look()
+        # The structures of times are fitted to each other, those of an animation's frames on request.
+        if self.scene.render.use_persistent_data:
+            self.followed = FOLLOWED
+        elif read.times:
+            self.followed = Followed()
         built = self._build(module, read, settings)
         memory.look()
         tree = self._keep(read, built)
@@ -246,10 +252,11 @@ class _Picture:
             spec,
             threads=settings.threads,
             memory_limit=memory_limit(self.group.memory_limit),
-            followed=FOLLOWED if self.scene.render.use_persistent_data else None,
+            followed=self.followed,
             keep_going=self._building,
         )
-        reasons = [f"Persistent data: the structure was {session.done}"] if session.done else []
+        kept = session.done and self.followed is FOLLOWED
+        reasons = [f"Persistent data: the structure was {session.done}"] if kept else []
         return stages.Built(session, spec, label, reasons)
 
     def _build_chosen(self, module: Any, read: stages.Read, settings: RenderSettings) -> stages.Built:

@@ -11,6 +11,7 @@ from shapes import cube, look, material, place, world
 
 from addon.blender.measure import pictures
 from addon.blender.render import cameras, shutter
+from addon.core.session import refits
 
 SIZE, SAMPLES = 48, 256
 
@@ -74,7 +75,7 @@ def test_a_moving_object(stage: Any, position: str) -> None:
     assert stage.frame_subframe == 0
 
 
-def test_an_object_that_changes_its_shape(stage: Any) -> None:
+def test_an_object_that_changes_its_shape(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     item = bpy.data.objects["Cube"]
     item.shape_key_add(name="Basis")
     key = item.shape_key_add(name="Long")
@@ -85,8 +86,20 @@ def test_an_object_that_changes_its_shape(stage: Any) -> None:
         key.keyframe_insert("value", frame=frame)
     stage.frame_set(1)
     stage.halfspace.motion_steps = 32
+    # The structure of each time is fitted to that of the time before.
+    stage.halfspace.structure = "bvh-sah"
+    done = []
+
+    def noted(*given: Any) -> Any:
+        structure, what = fitted(*given)
+        done.append(what)
+        return structure, what
+
+    fitted = refits.fitted
+    monkeypatch.setattr(refits, "fitted", noted)
     _, apart = compared(stage)
     assert apart < 0.1
+    assert done.count(refits.REFITTED) > 16
 
 
 def test_a_shutter_that_never_opens_is_named(stage: Any) -> None:
