@@ -89,7 +89,12 @@ def _corners(found: extract.Found, geometry: Geometry) -> F32:
     firsts = [np.cumsum([0, *(count for count, _ in each.runs())]).tolist() for each in (other, geometry)]
     for there, here, count in _partners(other, geometry):
         first, start = firsts[0][there], firsts[1][here]
-        corners[start : start + count] = other.vertices[other.triangles[first : first + count]]
+        triangles, own = other.triangles[first : first + count], geometry.triangles[start : start + count]
+        # An instance that is mirrored in one of the frames only has its corners in the other order there.
+        turned = triangles[:, [0, 2, 1]]
+        if count and np.array_equal(turned - turned.min(), own - own.min()):
+            triangles = turned
+        corners[start : start + count] = other.vertices[triangles]
     return np.ascontiguousarray(corners)
 
 

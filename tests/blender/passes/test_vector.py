@@ -75,3 +75,15 @@ def test_other_numbers_of_triangles_have_no_motion_of_their_own(track: Any, tmp_
     channels = exr(track, tmp_path / "picture.exr")
     assert all(np.isfinite(channels[name]).all() for name in CHANNELS)
     assert atlas.report(track).triangles == 12 * 2 + 12 + 8
+
+
+def test_a_mesh_mirrored_in_another_frame_moves_alike_in_both_layouts(track: Any, tmp_path: Path) -> None:
+    animate(bpy.data.objects["Turning"], "scale", (-1, 1, 1), (1, 1, 1), (1, -1, 0.5))
+    track.render.engine = ENGINE
+    flat, kept = (_with_layout(track, layout, tmp_path) for layout in ("flatten", "two-level"))
+    assert all(np.array_equal(flat[name], kept[name]) for name in CHANNELS)
+
+
+def _with_layout(scene: Any, layout: str, folder: Path) -> Any:
+    scene.halfspace.instancing = layout
+    return exr(scene, folder / f"{layout}.exr")
