@@ -12,6 +12,7 @@ use halfspace::registry::{self, TREES};
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::instances::nested::{self, Part};
+use halfspace::structure::instances::top::Top;
 use halfspace::structure::instances::{Instance, Instances};
 use std::sync::Arc;
 
@@ -236,11 +237,11 @@ fn flattened(instances: &Instances) -> Arc<Triangles> {
 #[test]
 fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
     for (name, meshes, placements) in scenes() {
-        let over = |spec: &str| {
+        let over = |top: Top, spec: &str| {
             let meshes = meshes.iter().map(|mesh| build(mesh, spec)).collect();
-            Instances::build(meshes, &placements, &Monitor::new()).unwrap()
+            Instances::build_with(top, meshes, &placements, &Monitor::new()).unwrap()
         };
-        let flat = flattened(&over("bvh-sah"));
+        let flat = flattened(&over(Top::Sah, "bvh-sah"));
         let rays = rays(&flat, 1500, &mut Random(11));
         let mut expected = vec![Hit::MISS; rays.len()];
         build(&flat, "brute").closest(&rays, &mut expected, None);
@@ -251,7 +252,9 @@ fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
             rays.len()
         );
         for (i, spec) in specs().iter().enumerate() {
-            let instances = over(spec);
+            // Alternate the ways to build the upper tree.
+            let (_, top) = Top::NAMED[i % Top::NAMED.len()];
+            let instances = over(top, spec);
             assert_eq!(instances.count(), flat.len());
             let some: Vec<_> = rays.iter().copied().skip(i % 3).step_by(3).collect();
             let wanted: Vec<_> = expected.iter().copied().skip(i % 3).step_by(3).collect();

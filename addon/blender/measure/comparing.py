@@ -21,7 +21,7 @@ from ...core.structures import catalogue, specs, ways
 from ...core.structures.settings import memory_limit
 from .. import state
 from ..session import trees
-from ..settings import properties
+from ..settings import properties, quality
 from ..state import SceneState, Slot
 from . import workloads
 
@@ -141,15 +141,17 @@ def _view(scene: Any) -> tuple[int, int]:
 class Work:
     """One comparison or choice: reads the scene, starts the steps on a thread, and keeps the result."""
 
-    def __init__(self, scene: Any, steps: Callable[[Any, Workload, Any], Iterator[tuple[float, str]]]) -> None:
-        """Raises the exceptions of extraction, and native.NativeError."""
+    def __init__(
+        self, scene: Any, steps: Callable[[Any, Workload, Any], Iterator[tuple[float, str]]], layout: str = "flatten"
+    ) -> None:
+        """layout: as for `workloads.current`. Raises the exceptions of extraction, and native.NativeError."""
         # Stop earlier work, read the scene on this thread, and start the steps on another.
         stop()
         self.state = state.of(scene)
         module = native.load()
         bpy.context.view_layer.update()  # first, because evaluation reports changes
         self.read = trees.moment(scene)
-        workload = workloads.current(scene.name, _view(scene))
+        workload = workloads.current(scene.name, _view(scene), layout)
         self.result: list[Found] = []
         _state.done, _state.text = 0.0, "reading the scene"
         self.background = Background(steps(module, workload, self.result.append), self._see)
@@ -189,10 +191,13 @@ class Work:
 
 def comparing(scene: Any) -> Work:
     """Start a comparison of the chosen configuration with the fastest traversals of the ticked structures."""
-    chosen, plan, threads, size = tried(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
+    plan, threads, size = plan_of(scene), _threads(scene), _view(scene)
+    flat, kept = tried(scene.halfspace), ticked(scene.halfspace)
     limit = memory_limit(scene.halfspace.memory_limit)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
+        # Rays go one by one through instances, so other traversals of a tree are no faster.
+        chosen = flat if workload.kept is None else kept
         options = benchmark.Options(
             size=size,
             sets=choice.SETS,
@@ -201,6 +206,7 @@ def comparing(scene: Any) -> Work:
             check_rays=max(min(affordable(workload, len(choice.SETS)), CHECKED), 64),
             pass_seconds=PASS_SECONDS,
             memory_limit=limit,
+            layout="flatten" if workload.kept is None else "two-level",
         )
         rows = []
         for event in benchmark.events(module, workload, chosen, options):
@@ -216,9 +222,11 @@ def comparing(scene: Any) -> Work:
         structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
         comparison = choice.compare(rows, counted, plan).of_trees(chosen[0])
-        keep(Found(comparison, [comparison.reason(), *workload.notes], COMPARE, rows, options.as_dict()))
+        told = ["Measured in two levels, as Instances is set"] if workload.kept is not None else []
+        notes = [comparison.reason(), *told, *workload.notes]
+        keep(Found(comparison, notes, COMPARE, rows, options.as_dict()))
 
-    return Work(scene, steps)
+    return Work(scene, steps, quality.instancing(scene.halfspace))
 
 
 def choosing(scene: Any) -> Work:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from ...core.base.notes import Notes
 from ...core.scene.scene import Camera, Scene
 from ...core.scene.workload import View, Workload, WorkloadError, framing_view
 from ..read.camera import read_camera
-from ..read.extract import WAIT, extract
+from ..read.extract import WAIT, find
 from ..samples import showcase
 from ..session.trees import Tree
 
@@ -33,8 +34,10 @@ IMPORTERS = {
 """Import operators by suffix."""
 
 
-def load(path: Path, size: tuple[int, int]) -> Workload:
-    """The scene of a file, seen by its camera in a frame of `size` pixels. Raises WorkloadError."""
+def load(path: Path, size: tuple[int, int], layout: str = "flatten") -> Workload:
+    """The scene of a file, seen by its camera in a frame of `size` pixels; layout: as for `current`. Raises
+    WorkloadError.
+    """
     suffix = path.suffix.lower()
     try:
         if suffix == ".blend":
@@ -45,24 +48,31 @@ def load(path: Path, size: tuple[int, int]) -> Workload:
     except Exception as error:
         # Operators report several lines, and importers written in Python raise anything.
         raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
-    return current(path.stem, size)
+    return current(path.stem, size, layout)
 
 
-def built_in_showcase(size: tuple[int, int]) -> Workload:
+def built_in_showcase(size: tuple[int, int], layout: str = "flatten") -> Workload:
     """The showcase, in an otherwise empty file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     showcase.build(bpy.context.scene)
-    return current("showcase", size)
+    return current("showcase", size, layout)
 
 
-def current(name: str, size: tuple[int, int]) -> Workload:
-    """The open file's scene, as the viewport shows it. Raises WorkloadError."""
+def current(name: str, size: tuple[int, int], layout: str = "flatten") -> Workload:
+    """The open file's scene, as the viewport shows it. Raises WorkloadError.
+
+    layout: one of `instances.MODES`; the instances are kept beside the triangles where that is chosen.
+    """
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     notes = Notes()
     # Wait for the sky: no other process may run during timing, and a sky's sun adds shadow rays.
-    scene = extract(depsgraph, notes, sky=WAIT)
-    return of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
+    found = find(depsgraph, notes, sky=WAIT)
+    scene = found.flattened()
+    workload = of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
+    if not found.layout(layout).two_level:
+        return workload
+    return replace(workload, kept=found.instanced(origin=scene.geometry.origin))
 
 
 def of_tree(tree: Tree, name: str, size: tuple[int, int]) -> Workload:

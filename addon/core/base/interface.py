@@ -159,6 +159,7 @@ class Native(Protocol):
         mesh: NDArray[np.int32],
         matrices: NDArray[np.float64],
         *,
+        top: str = "sah",
         threads: int = 0,
         monitor: halfspace_native.Monitor | None = None,
         memory_limit: int | None = None,

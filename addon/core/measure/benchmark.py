@@ -25,6 +25,7 @@ from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees
 from .timing import Candidate
+from .two_level import TwoLevel
 
 if TYPE_CHECKING:
     from ..base.interface import Native
@@ -218,11 +219,16 @@ class _Run:
             # Embree builds on a number of threads of its own choice.
             found = yardstick.EmbreeStructure(vertices, triangles)
             return found, float(found.statistics["build_seconds"])
-        clock = timing.clock(self._options.threads)
+        options = self._options
+        clock = timing.clock(options.threads)
         start = clock()
-        structure = self._native.build(
-            vertices, triangles, spec, threads=self._options.threads, memory_limit=self._options.memory_limit
-        )
+        structure: Traced
+        if options.layout == "two-level":
+            structure = TwoLevel(self._native, self._workload, spec, options.top, options.threads, options.memory_limit)
+        else:
+            structure = self._native.build(
+                vertices, triangles, spec, threads=options.threads, memory_limit=options.memory_limit
+            )
         return structure, clock() - start
 
     def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
@@ -312,8 +318,8 @@ class _Run:
                 candidate.work[whole.name] = field.work(counters, answers.hit)
         # Copy the statistics now: each further pass over a lazily built tree adds nodes.
         candidate.statistics = dict(structure.statistics)
-        if candidate.spec != yardstick.SPEC and options.shapes:
-            candidate.shape = field.shape(candidate.native)
+        if options.shapes and not isinstance(structure, (yardstick.EmbreeStructure, TwoLevel)):
+            candidate.shape = field.shape(structure)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Measure peak memory, cost maps, and wrong answers far from the origin. A failure here is noted in the row."""
@@ -367,7 +373,8 @@ class _Run:
         for candidate in candidates:
             yield self._step(f"{candidate.spec}: what each pixel costs")
             if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
-                candidate.cost_map = costmap.packed(costmap.work(candidate.native, view, size))
+                assert not isinstance(candidate.structure, (yardstick.EmbreeStructure, TwoLevel)), "see `Options`"
+                candidate.cost_map = costmap.packed(costmap.work(candidate.structure, view, size))
 
     def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Render pictures with a growing number of samples, interleaved over the configurations."""
@@ -410,6 +417,8 @@ class _Run:
             one.name: timing.speeds(candidate, one.name, anchor, timing.noise(group, one.name))
             for one in self._prepared.ray_sets
         }
+        if isinstance(candidate.structure, TwoLevel):
+            row["layout"] = f"two levels, the upper one by {options.top}"
         if candidate.spec != yardstick.SPEC:
             counting.mark(row["rays"], self._prepared.ray_sets, candidate.native)
             rows.add_ways(row, counting.ways(candidate.native, self._prepared.ray_sets))

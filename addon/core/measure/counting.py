@@ -17,12 +17,13 @@ from ..structures.ways import nodes_of
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
     from .rows import RayColumns, Way
+    from .two_level import AnyLayout
 
 ONE_BY_ONE = "counted one by one, though they may be traced together"
 """Remark on rays whose counters are not those of the timed traversal."""
 
 
-def ways(structure: Structure, sets: Iterable[RaySet]) -> dict[str, Way]:
+def ways(structure: AnyLayout, sets: Iterable[RaySet]) -> dict[str, Way]:
     """Per ray set, the nodes and rays of the kernel that answers it."""
     found = {some.name: structure.routes[kind_of(some)] for some in sets}
     return {name: {"nodes": route["nodes"], "rays": route["rays"]} for name, route in found.items()}
@@ -33,7 +34,7 @@ def kind_of(some: RaySet) -> str:
     return "shadow" if some.any_hit else "tiles" if some.order == "tile8" else "closest"
 
 
-def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDArray[np.uint32]]:
+def counters(structure: AnyLayout, some: RaySet, threads: int) -> dict[str, NDArray[np.uint32]]:
     """Counters by name, (n,) each, of the any-hit or nearest-hit traversal of these rays. threads: 0 = one per core."""
     options = some.options(threads)
     if some.any_hit:
@@ -53,7 +54,7 @@ def alone(structure: Structure, some: RaySet) -> dict[str, NDArray[np.uint32]]:
     return structure.record(some.origins, some.directions, None, some.t_max, any_hit=some.any_hit).counters
 
 
-def mark(columns: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: Structure) -> None:
+def mark(columns: Mapping[str, RayColumns], sets: Iterable[RaySet], structure: AnyLayout) -> None:
     """Set `counts_timed_walk` in a row's columns of each of these sets."""
     for some in sets:
         columns[some.name]["counts_timed_walk"] = bool(structure.routes[kind_of(some)]["counted"])

@@ -24,9 +24,11 @@ from ..scene.rays import TILE
 from ..scene.workload import Peer, View, Workload
 from ..session.session import render_scene
 from . import flip, timing
+from .two_level import TwoLevel
 
 if TYPE_CHECKING:
     from ..base.interface import Native, RenderJob, RenderScene, Structure
+    from .two_level import AnyLayout
 
 SIZE = 96
 """Shorter side of the pictures in pixels."""
@@ -191,7 +193,7 @@ class Curve:
         """Estimated number of rays of a picture."""
         return self._width * self._height * samples * RAYS_PER_SAMPLE
 
-    def point(self, structure: Structure, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
+    def point(self, structure: AnyLayout, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
         """Error and seconds of one picture, and the number of pixels that differ from other structures' pictures."""
         assert self._converged is not None, "the reference comes first"
         picture, seconds, differing = self._made(structure, samples, threads)
@@ -199,7 +201,7 @@ class Curve:
         shape = self._height, self._width, 3
         return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
 
-    def timed(self, structure: Structure, samples: int, threads: int) -> tuple[float, int]:
+    def timed(self, structure: AnyLayout, samples: int, threads: int) -> tuple[float, int]:
         """Seconds of the reported picture, predicted by `finer`, and the number of pixels that differ from other
         structures'.
         """
@@ -208,7 +210,7 @@ class Curve:
         return seconds / (width * height * fewer) * IMAGE_PIXELS * IMAGE_SAMPLES, differing
 
     def _made(
-        self, structure: Structure, samples: int, threads: int, size: tuple[int, int] | None = None
+        self, structure: AnyLayout, samples: int, threads: int, size: tuple[int, int] | None = None
     ) -> tuple[Image, float, int]:
         """A picture, its seconds, and the number of pixels that differ from the first structure's."""
         scene = self._scene(structure)
@@ -235,8 +237,11 @@ class Curve:
     def _render(self, structure: Structure, samples: int, seed: int, threads: int) -> RenderJob:
         return self._job(self._scene(structure), samples, seed, threads)
 
-    def _scene(self, structure: Structure) -> RenderScene:
+    def _scene(self, structure: AnyLayout) -> RenderScene:
         """The scene with this structure. Textures are copied here, outside all timed code."""
+        if isinstance(structure, TwoLevel):
+            assert self._workload.kept is not None, "it was built from it"
+            return render_scene(self._native, structure.instances, self._workload.kept)
         scene = self._workload.render_scene
         if scene is None:
             return self._native.RenderScene(structure, **plain_scene())

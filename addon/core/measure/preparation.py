@@ -13,7 +13,7 @@ from ..base import room
 from ..scene import rays
 from ..scene.rays import RaySet
 from ..scene.workload import Workload
-from . import costmap, curve, yardstick
+from . import costmap, curve, two_level, yardstick
 from .accuracy import Answers
 from .analysis.tradeoff import Limits, Tradeoff
 from .offsets import Moved
@@ -55,6 +55,7 @@ class Options:
     of a kd-tree. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
     pictures are timed once, and only the usually quickest configuration of each tree gets pictures with more than
     the fewest samples and a measurement of peak memory.
+    layout, top: of `two_level`, whether structures are built over each mesh, and how the tree over the instances is.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
     """
@@ -79,6 +80,8 @@ class Options:
     pass_seconds: float = PASS_SECONDS
     memory_limit: int | None = None
     brief: bool = False
+    layout: two_level.Layout = "flatten"
+    top: str = two_level.TOPS[0]
 
     def as_dict(self) -> dict[str, Any]:
         """The options as a JSON object."""
@@ -142,6 +145,8 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     Raises MemoryError, before any allocation, if the rays do not fit into memory.
     """
     check_room(native, options)
+    if options.layout == "two-level":
+        two_level.geometry_of(workload)
     yield Progress(0.0, "making the rays")
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)

@@ -80,7 +80,7 @@ class Row(TypedDict):
     Columns that only the row of a failure lacks are `... | Any`: readers filter rows by `error` first. table, tables:
     of `structures.ways`, the first and all that show the row. tree: the configuration without nodes and traversal.
     label: the name in tables with columns of nodes and rays. nodes: kinds that rays meet. ways: per ray set, the nodes
-    and rays of the kernel that answers it. None of these is in rows of earlier versions.
+    and rays of the kernel that answers it. None of these is in rows of earlier versions. layout: only in two levels.
     """
 
     scene: str
@@ -123,6 +123,7 @@ class Row(TypedDict):
     converged: NotRequired[Converged | None]
     peer: NotRequired[list[dict[str, Any]]]
     portrait: NotRequired[str]
+    layout: NotRequired[str]
 
 
 Bound = Literal["min", "med", "max"]
@@ -144,7 +145,7 @@ SINCE_TABLES = {"table", "tables", "tree", "label", "nodes", "ways"}
 """Columns that rows of journals may lack: earlier versions had one table."""
 
 
-NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait"}
+NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait", "layout"}
 """Columns that only complete rows have."""
 
 OF_RAYS = tuple(name for name in RayColumns.__annotations__ if name not in ("cases", "counts_timed_walk"))

@@ -21,11 +21,11 @@ from . import counting, yardstick
 from .accuracy import Errors
 
 if TYPE_CHECKING:
-    from ..base.interface import Structure
     from .analysis.field import Shape, Work
     from .analysis.tradeoff import Point
     from .preparation import Options
     from .rows import RayColumns
+    from .two_level import AnyLayout
     from .yardstick import Traced
 
 STEP = 4
@@ -82,7 +82,7 @@ class Candidate:
     left_out: list[str] = field(default_factory=list)
 
     @property
-    def native(self) -> Structure:
+    def native(self) -> AnyLayout:
         """The structure of a configuration that is not the yardstick."""
         assert not isinstance(self.structure, yardstick.EmbreeStructure)
         return self.structure

@@ -16,7 +16,7 @@ from ..base import native
 from .accuracy import Answers
 
 if TYPE_CHECKING:
-    from ..base.interface import Structure
+    from .two_level import AnyLayout
 
 SPEC = "embree"
 
@@ -84,5 +84,5 @@ class EmbreeStructure:
 
 
 if TYPE_CHECKING:
-    Traced = Structure | EmbreeStructure
+    Traced = AnyLayout | EmbreeStructure
     """A measured structure: native, or the yardstick."""

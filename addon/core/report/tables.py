@@ -82,9 +82,10 @@ def measured(scene: str, rows: Sequence[Row]) -> tuple[str, str, str]:
     if ours != [1] and any(row["spec"] == yardstick.SPEC for row in rows):
         threads += " (Embree: 1)"
     count = rows[0]["triangles"]
+    layout = "".join(f", {found}" for found in dict.fromkeys(row["layout"] for row in rows if row.get("layout")))
     return (
-        f"{scene}: {count:,} {'triangle' if count == 1 else 'triangles'}, {threads}. Build in seconds, memory in MB,",
-        "median speeds in million rays per second.",
+        f"{scene}: {count:,} {'triangle' if count == 1 else 'triangles'}{layout}, {threads}. Build in seconds,",
+        "memory in MB, median speeds in million rays per second.",
         f"Errors against {reference} on {checked:,} rays each",
     )
 

@@ -105,6 +105,7 @@ class Workload:
 
     vertices: (n, 3) float32. triangles: (m, 3) int32. extra: the scene's own ray sets, in addition to those of the
     view. render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, if the file has them.
+    kept: the same scene with its instances, whose triangles have the same numbers, if they were read.
     peer: another renderer whose pictures are compared, too. up_axis: x, y or z, as the file names it.
     Raises WorkloadError.
     """
@@ -116,6 +117,7 @@ class Workload:
     extra: tuple[RaySet, ...] = ()
     render_scene: Scene | None = None
     render_camera: Camera | None = None
+    kept: Scene | None = None
     notes: tuple[str, ...] = field(default=())
     peer: Peer | None = None
     up_axis: str = "z"

@@ -25,8 +25,11 @@ def find(scene: str) -> str | Path:
     return workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if is_file_open() else [])))
 
 
-def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callable[[], workload.Workload]:
-    """A function that loads the scene. size: pixels of its view. published: only its published part.
+def loader(
+    scene: str, size: tuple[int, int], published: bool = False, layout: str = "flatten"
+) -> Callable[[], workload.Workload]:
+    """A function that loads the scene. size: pixels of its view. published: only its published part. layout: one of
+    `instances.MODES`; other files than Blender's have no instances.
 
     Raises WorkloadError when there is no such scene, UsageError without Blender.
     """
@@ -45,10 +48,10 @@ def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callab
             return lambda: mesh_files.load(mesh)
         raise UsageError(f"{scene}: needs Blender: {error}") from error
     if found == "showcase":
-        return lambda: workloads.built_in_showcase(size)
+        return lambda: workloads.built_in_showcase(size, layout)
     if isinstance(found, str):
-        return lambda: workloads.current(found, size)
-    return lambda: workloads.load(found, size)
+        return lambda: workloads.current(found, size, layout)
+    return lambda: workloads.load(found, size, layout)
 
 
 def of_preset(preset: str | None, say: Callable[[str], None]) -> list[str]:

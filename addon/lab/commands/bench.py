@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.base import command, native
 from ...core.base.native import first_line
-from ...core.measure import benchmark, curve, offsets, preparation, ranking, yardstick
+from ...core.measure import benchmark, curve, offsets, preparation, ranking, two_level, yardstick
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
 from ...core.scene import rays, workload
@@ -79,6 +79,18 @@ def parser() -> argparse.ArgumentParser:
         help=f"timed repeats (default: {REPEATS}, or {FEWER} for more than {MANY} configurations)",
     )
     add("--seconds", type=float, default=SECONDS, help=f"for all timed passes of a scene, about (default: {SECONDS:g})")
+    add(
+        "--layout",
+        choices=two_level.LAYOUTS,
+        default="flatten",
+        help="two-level: each structure is built over every mesh, below a tree over the instances; rays go one by one, "
+        "so specs are taken as they are spelled",
+    )
+    add(
+        "--top",
+        choices=two_level.TOPS,
+        help=f"with two-level: the tree over the instances (default: {two_level.TOPS[0]})",
+    )
     levels.add_option(made)
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
     add(
@@ -158,7 +170,9 @@ def run(asked: argparse.Namespace) -> int:
         cluster.check(asked.cluster)
     named = asked.scenes or scenes.of_preset(asked.preset, say)
     chosen_scenes = workload.distinct({scene: scenes.find(scene) for scene in named})
-    loaders = [scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in chosen_scenes]
+    loaders = [
+        scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED, options.layout) for scene in chosen_scenes
+    ]
     if asked.out is not None:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
@@ -337,6 +351,9 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     brief = configurations > MANY
     # Only a report shows pictures, peak memory, cost maps and the shapes of trees.
     shown = asked.out is not None or not brief
+    flat = asked.layout == "flatten"
+    if flat and asked.top is not None:
+        raise UsageError("--top: expected --layout two-level, whose instances it is for")
     repeats = asked.repeats if asked.repeats is not None else FEWER if brief else REPEATS
     for name, least, most in (
         ("repeats", 1, 1000),
@@ -369,14 +386,16 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
-        offsets=() if asked.only_rays else offsets.OFFSETS,
+        offsets=offsets.OFFSETS if flat and not asked.only_rays else (),
         scaling=not asked.only_rays and not brief,
-        tradeoff=not asked.only_rays and not brief,
-        peak=shown and not asked.only_rays,
-        maps=shown and not asked.only_rays,
+        tradeoff=flat and not asked.only_rays and not brief,
+        peak=flat and shown and not asked.only_rays,
+        maps=flat and shown and not asked.only_rays,
         shapes=shown,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
         brief=brief,
+        layout=asked.layout,
+        top=asked.top or two_level.TOPS[0],
     )
 
 
@@ -395,6 +414,8 @@ def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
         say(f"one structure of each family: {FAMILIES}; --structures all measures all {len(module.structures())}")
     chosen = specs.expand(wanted, module.structures(), given, left_out)
     chosen = specs.prove(module, chosen)
+    if asked.layout == "two-level":
+        return chosen
     chosen, trees = ways.compared(module, catalogue.of(module.structures()), chosen, left_out)
     for line in left_out:
         say(f"left out: {line}")

@@ -796,6 +796,7 @@ def build_instances(
     mesh: npt.NDArray[np.int32],
     matrices: npt.NDArray[np.float64],
     *,
+    top: str = "sah",
     threads: int = 0,
     monitor: Monitor | None = None,
     memory_limit: int | None = None,
@@ -806,9 +807,10 @@ def build_instances(
     a whole, each as an instance of its mesh with the product of the matrices. mesh: (k,) int32, the index of what each
     instance places. An instance so far from the origin that its vertices are rounded coarsely in the scene has a
     structure of its own. Meshes are numbered part after part, for RenderScene too. matrices: (k, 4, 4) or (k, 3, 4)
-    float64, mesh to scene. threads, monitor, memory_limit: as for build(). Instances whose matrix is singular, not
-    finite or out of the range of float32 are dropped and listed in the statistics. Raises ShapeError (also for more
-    than 2**31 - 2 triangles), Cancelled, MemoryError.
+    float64, mesh to scene. top: how the tree over the instances is partitioned: "sah" by the surface area heuristic,
+    "grid" by a regular grid as in bih, "middle" or "median" along the longest side. threads, monitor, memory_limit: as
+    for build(). Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in
+    the statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), SpecError, Cancelled, MemoryError.
     """
 
 def exact_closest(

@@ -15,6 +15,7 @@ use halfspace_base::error::{Error, Result, caught};
 use halfspace_geom::Transform;
 use halfspace_structure::instances;
 use halfspace_structure::instances::nested::{self, Part};
+use halfspace_structure::instances::top::Top;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -218,18 +219,22 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
 /// structures: of the meshes, in mesh space, whose configurations may differ; in place of one, Instances are placed as a
 /// whole, each as an instance of its mesh with the product of the matrices. mesh: (k,) int32, the index of what each
 /// instance places. An instance so far from the origin that its vertices are rounded coarsely in the scene has a
-/// structure of its own. Meshes are numbered part after part, for RenderScene too. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
-/// build().
+/// structure of its own. Meshes are numbered part after part, for RenderScene too. matrices: (k, 4, 4) or (k, 3, 4)
+/// float64, mesh to scene. top: how the tree over the instances is partitioned: "sah" by the surface area heuristic,
+/// "grid" by a regular grid as in bih, "middle" or "median" along the longest side. threads, monitor, memory_limit: as
+/// for build().
 /// Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in the
-/// statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+/// statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), SpecError, Cancelled, MemoryError.
 #[pyfunction]
-#[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(structures, mesh, matrices, *, threads=0, monitor=None, memory_limit=None)")]
+#[pyo3(signature = (structures, mesh, matrices, *, top="sah", threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(structures, mesh, matrices, *, top='sah', threads=0, monitor=None, memory_limit=None)")]
 #[pyo3(name = "build_instances")]
+#[expect(clippy::too_many_arguments, reason = "Python keywords")]
 fn build(
     py: Python<'_>,
     structures: Vec<Bound<'_, PyAny>>,
     mesh: &Bound<'_, PyAny>,
     matrices: &Bound<'_, PyAny>,
+    top: &str,
     threads: Threads,
     monitor: Option<&Monitor>,
     memory_limit: Option<MemoryLimit>,
@@ -237,6 +242,7 @@ fn build(
     let _mode = DefaultMode::set(py)?;
     // Convert the arguments to what the build takes.
     let limit = monitor::memory_limit(memory_limit);
+    let top = named_top(top).map_err(raise)?;
     let parts = (structures.iter().map(part).collect::<Result<Vec<_>>>()).map_err(raise)?;
     let numbers: PyReadonlyArray1<'_, i32> = mesh
         .extract()
@@ -272,11 +278,19 @@ fn build(
                     .build()
                     .map_err(|e| Error::Memory(format!("threads: {e}")))?;
                 let (meshes, expanded) = nested::expand(&parts, &instances)?;
-                pool.install(|| instances::Instances::build(meshes, &expanded, &monitor))
+                pool.install(|| instances::Instances::build_with(top, meshes, &expanded, &monitor))
             })
         })
         .map_err(raise)?;
     Ok(Instances(Arc::new(built)))
+}
+
+/// Returns the way of this name to build the tree over instances.
+fn named_top(name: &str) -> Result<Top> {
+    Top::of(name).ok_or_else(|| {
+        let names = Top::NAMED.map(|(name, _)| name).join(", ");
+        Error::Spec(format!("top: expected one of {names}, got {name}"))
+    })
 }
 
 /// Reads a structure, or instances that are placed as one.

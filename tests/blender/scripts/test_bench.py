@@ -50,3 +50,29 @@ def test_the_open_scene_gives_the_same_rows_as_its_file(scene: Any, tmp_path: Pa
     assert all(row["curve"] == ours[0]["curve"] for row in ours)
     assert [point["spp"] for point in ours[0]["curve"]] == [1, 2]
     assert (tmp_path / "open" / "report.html").is_file()
+
+
+def test_two_levels_of_a_scene_with_instances_render_what_its_flattened_copy_does(
+    scene: Any, tmp_path: Path, bench: Any
+) -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    monkey = bpy.context.object
+    for number in range(3):
+        item = bpy.data.objects.new("Copy", monkey.data)
+        item.location = (1.5 * number - 2.0, 2.0, 0.3 * number)
+        item.rotation_euler.z = number
+        scene.collection.objects.link(item)
+    bpy.ops.object.light_add(type="POINT", location=(2.0, -2.0, 3.0))
+    bpy.ops.object.camera_add(location=(0.0, -6.0, 0.5), rotation=(1.5, 0.0, 0.0))
+    scene.camera = bpy.context.object
+    quick = [*QUICK, "--structures", "kd,bvh-sah"]
+    assert bench.main([*quick, "--out", str(tmp_path / "flat")]) == 0
+    levels = ["--layout", "two-level", "--top", "median"]
+    assert bench.main([*quick, *levels, "--out", str(tmp_path / "kept")]) == 0
+    kept = [row for row in table(tmp_path / "kept") if row["spec"] != "embree"]
+    assert [row["spec"] for row in kept] == ["kd", "bvh-sah"]
+    assert all(row["layout"] == "two levels, the upper one by median" for row in kept)
+    assert all(row["statistics"]["instances"] == 4 for row in kept)
+    flat = {row["spec"]: row["curve"] for row in table(tmp_path / "flat")}
+    assert all(row["curve"] == flat["kd"] for row in kept)
+    assert "two levels, the upper one by median" in (tmp_path / "kept" / "report.html").read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import subprocess
 import sys
@@ -13,6 +14,9 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
+from addon.core.measure import benchmark, two_level
+from addon.core.report import tables
+from addon.core.scene import workload
 from addon.core.scene.instances import InstancedGeometry, Mesh, choose
 from addon.core.scene.scene import Camera, Material, Scene, World
 from addon.core.session import session
@@ -257,3 +261,28 @@ def test_many_instances_take_little_memory() -> None:
     count, before, peak = map(int, done.stdout.split())
     assert count == 1000 * 10_000
     assert peak - before < 60 << 20, f"{(peak - before) >> 20} MiB"
+
+
+@pytest.mark.parametrize("top", two_level.TOPS)
+def test_structures_in_two_levels_are_measured_and_compared_with_brute_force(top: str) -> None:
+    kept = places((ball(6), ball(4)), 9)
+    structures = [native.build(mesh.vertices, mesh.triangles, "kd") for mesh in kept.meshes]
+    vertices, triangles = native.build_instances(structures, kept.mesh, kept.matrices).flattened()
+    view = workload.framing_view(vertices, triangles)
+    balls = workload.Workload("balls", vertices, triangles, view, kept=scene(kept))
+    options = benchmark.Options(size=(32, 32), repeats=1, check_rays=512, layout="two-level", top=top)
+    rows = list(benchmark.measure(native, balls, ["brute", "kd", "bvh-sah"], options, lambda _: None))
+    assert sorted(row["spec"] for row in rows) == ["brute", "bvh-sah", "kd"]
+    for row in rows:
+        assert row["error"] is None
+        assert benchmark.agrees(row)
+        assert row["errors"]["reference"] == "brute"
+        assert row["statistics"]["instances"] == 9
+        assert {way["rays"] for way in (row["ways"] or {}).values()} == {"single"}
+        assert all(len(one["rounds"]) == 1 and one["hits"] > 0 for one in row["rays"].values())
+    assert f"two levels, the upper one by {top}" in tables.measured("balls", rows)[0]
+    # A flattened scene has no levels to measure.
+    with pytest.raises(workload.WorkloadError, match="balls: two levels need instances"):
+        benchmark.prepared(native, dataclasses.replace(balls, kept=None), options)
+    with pytest.raises(native.SpecError, match="top: expected one of sah, grid, middle, median, got kd"):
+        native.build_instances(structures, kept.mesh, kept.matrices, top="kd")

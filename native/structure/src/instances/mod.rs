@@ -11,19 +11,19 @@
 
 mod copies;
 pub mod nested;
+pub mod top;
 mod tracer;
 mod tracing;
 
 use crate::instances::copies::Copy;
+use crate::instances::top::Top;
 pub use crate::instances::tracer::AtLevel;
 use crate::structure::Structure;
 use halfspace_base::Monitor;
 use halfspace_base::error::{Error, Result};
 use halfspace_base::memory::check_room;
-use halfspace_builders::binned::SurfaceArea;
-use halfspace_builders::object::{self, Object};
+use halfspace_builders::object::Object;
 use halfspace_geom::{Aabb, Transform};
-use halfspace_nodes::cost::Costs;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_ray::Tracer;
 use halfspace_ray::frame::Frame;
@@ -34,14 +34,6 @@ use std::time::Instant;
 
 /// Largest total number of triangles: their numbers are signed 32-bit integers in Python.
 const MOST: u64 = (1 << 31) - 2;
-
-/// Costs of the upper tree: a leaf is a transform of the ray and a traversal of a mesh's tree (chosen).
-const COSTS: Costs = Costs {
-    step: 1.0,
-    leaf: 10.0,
-    triangle: 10.0,
-    ..Costs::BLOCKS
-};
 
 /// Meshes, their instances, and the box tree over them.
 #[derive(Debug)]
@@ -93,6 +85,19 @@ impl Instances {
     /// [`Error::Shape`] when an index of a mesh is out of range, or when there are more than 2^31 - 2 triangles;
     /// [`Error::Cancelled`] and [`Error::Memory`] as the monitor returns them.
     pub fn build(
+        meshes: Vec<Arc<Structure>>,
+        instances: &[Instance],
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Self::build_with(Top::default(), meshes, instances, monitor)
+    }
+
+    /// As [`Self::build`], with the upper tree built by `top`.
+    ///
+    /// # Errors
+    /// Those of [`Self::build`].
+    pub fn build_with(
+        top: Top,
         meshes: Vec<Arc<Structure>>,
         instances: &[Instance],
         monitor: &Monitor,
@@ -152,12 +157,7 @@ impl Instances {
                 id,
             })
             .collect();
-        // Each leaf is one instance, unless centres coincide.
-        let policy = SurfaceArea {
-            costs: COSTS,
-            leaf_max: 1,
-        };
-        let tree = object::build_over(objects, frame.bounds(), &policy, monitor)?;
+        let tree = top.build(objects, frame.bounds(), monitor)?;
         let mut built = Self {
             meshes,
             places,
