@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The checks of the project: `python3 scripts/test.py [--all] [CHECK ...]`.
 
-Sets up what it needs, then runs formatters, linters, type checks and tests, two side by side. Arguments choose checks
-by the beginning of their names. What a day does not need is left out, and named in the summary; with --all, as before a
-release, it is run. The last line is the count. Exit status: 0 nothing failed; 1 something failed; 2 bad usage; 130
-stopped.
+Sets up what it needs, then runs formatters, linters, type checks and tests, one after another, each on all processors.
+Arguments choose checks by the beginning of their names. What a day does not need is left out, and named in the summary;
+with --all, as before a release, it is run. The last line is the count. Exit status: 0 nothing failed; 1 something
+failed; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -18,10 +18,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -36,19 +33,15 @@ HEAVY = tuple(f"halfspace_{room}" for room in ("single", "papers", "group", "str
 DIFFERENT = ("installing", "passes", "read", "settings", "ui", "value_nodes")
 """The folders about what differs between versions of Blender: all that LTS runs without --all."""
 
-SECONDS = 4 * 3600.0
-"""A check that runs for so long hangs, and is ended. A test that hangs ends its tier earlier, see pyproject.toml."""
-
-RUNNING: set[subprocess.Popen[str]] = set()
-STOP = threading.Event()
-"""The processes that run, and whether all are being ended."""
+SIDE_BY_SIDE = "-n auto --maxprocesses 8 --dist loadfile"
+"""Tests of a file share what they build, and each process loads Blender."""
 
 Check = tuple[str, list[str]]
 """A program without which the check is skipped, and the command that runs in the project's folder."""
 
 Counts = collections.Counter
 Outcome = tuple[Counts[str], str, str]
-"""Tests "passed", "failed", "skipped" and "left out", what the check printed, and its seconds or why it did not run."""
+"""Tests "passed", "failed" and "skipped", what the check printed, and its seconds or why it did not run."""
 
 
 def checks(everything: bool = True) -> dict[str, Check]:
@@ -62,7 +55,8 @@ def checks(everything: bool = True) -> dict[str, Check]:
         return "", [str(CURRENT.python), "-m", *words.split()]
 
     def tests(where: environment.Environment, *folders: str) -> Check:
-        return "", [str(where.python), "tests/run.py", *([] if everything else ["-m", "not slow"]), *folders]
+        chosen = [] if everything else ["-m", "not slow"]
+        return "", [str(where.python), "-m", "pytest", *SIDE_BY_SIDE.split(), *chosen, *folders]
 
     rust = "test --workspace --no-fail-fast --exclude halfspace_benches"
     rust += "" if everything else "".join(f" --exclude {crate}" for crate in HEAVY)
@@ -94,8 +88,8 @@ def counted(command: list[str], status: int, said: str) -> Counts[str]:
     if command[:2] == ["cargo", "test"]:
         for line in re.findall(r"^test result: .*? (\d+) passed; (\d+) failed; (\d+) ignored;", said, re.MULTILINE):
             counts.update(dict(zip(("passed", "failed", "skipped"), map(int, line), strict=True)))
-    elif "tests/run.py" in command:
-        same = {"error": "failed", "errors": "failed", "xfailed": "skipped", "deselected": "left out"}
+    elif "pytest" in command:
+        same = {"error": "failed", "errors": "failed", "xfailed": "skipped"}
         closing = re.findall(r"^=+ (.*) in \d\S*s\b.*=$", said, re.MULTILINE)[-1:]
         for number, word in re.findall(r"(\d+) ([a-z]+)", "".join(closing)):
             counts[same.get(word, word)] += int(number)
@@ -112,85 +106,47 @@ def end(process: subprocess.Popen[str]) -> None:
 
 
 def run(name: str, tool: str, command: list[str]) -> Outcome:
-    """Run a check, printing its lines with its name as they come."""
+    """Run a check, printing its lines as they come. Ends it if this process is stopped."""
     if tool and shutil.which(tool) is None:
         return Counts(skipped=1), "", f"not found: {tool}"
+    print(f"==== {name}", flush=True)
     began, lines = time.monotonic(), []
     pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     variables = {**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"}
     options: dict[str, Any] = {"cwd": ROOT, "env": variables, "start_new_session": True}
-    process = subprocess.Popen(command, text=True, errors="replace", **pipes, **options)
-    RUNNING.add(process)
-    limit = threading.Timer(0 if STOP.is_set() else SECONDS, end, [process])
-    limit.start()
-    assert process.stdout is not None
-    with process.stdout as output:
-        for line in output:
-            lines.append(line)
-            # In one piece: another thread may print meanwhile.
-            sys.stdout.write(f"{name:>11} | {line.rstrip()}\n")
-            sys.stdout.flush()
-    limit.cancel()
-    RUNNING.discard(process)
+    with subprocess.Popen(command, text=True, errors="replace", **pipes, **options) as process:
+        try:
+            for line in process.stdout or ():
+                lines.append(line)
+                print(line, end="", flush=True)
+        except BaseException:
+            end(process)
+            raise
     said, seconds = "".join(lines), time.monotonic() - began
-    ended = f", ended by signal {-process.returncode}" if process.wait() < 0 else ""
-    return counted(command, process.returncode, said), said, f"{seconds:.0f} s{ended}"
+    ended = f", ended by signal {-process.returncode}" if process.returncode < 0 else ""
+    counts = counted(command, process.returncode, said)
+    print(f"==== {name}: {words(counts)} ({seconds:.0f} s{ended})", flush=True)
+    return counts, said, f"{seconds:.0f} s{ended}"
 
 
-def prepare(chosen: dict[str, Check]) -> list[environment.Environment]:
-    """Make the environments ready, without the native module. Returns those that are. Raises SetupError.
+def prepare(chosen: dict[str, Check]) -> None:
+    """Make ready the environments that the checks need, with the native module for tests. Raises SetupError.
 
     If only Blender LTS cannot be set up, its check is replaced by one that fails or is skipped.
     """
-    environment.prepare(CURRENT)
-    if "blender-lts" in chosen:
-        try:
-            environment.prepare(LTS)
-            return [CURRENT, LTS]
-        except environment.NoPythonError as error:
-            chosen["blender-lts"] = str(error), []
-        except environment.SetupError as error:
-            chosen["blender-lts"] = "", [sys.executable, "-c", f"raise SystemExit({str(error)!r})"]
-    return [CURRENT]
-
-
-def run_all(chosen: dict[str, Check]) -> dict[str, Outcome]:
-    """Set up and run checks, two side by side. Raises SetupError, and what a check raised."""
-    # One thread takes the checks of crates from the left, then Blender's; the other takes the rest from the right.
-    crates = [name for name, (_, command) in chosen.items() if command[:1] == ["cargo"]]
-    queue = collections.deque([*crates, *reversed([name for name in chosen if name not in crates])])
-    ready = threading.Event()
-    outcomes: dict[str, Outcome] = {}
-
-    def work(take: Callable[[], str]) -> None:
-        while not STOP.is_set():
+    ready = [CURRENT]
+    with environment.alone():
+        environment.prepare(CURRENT)
+        if "blender-lts" in chosen:
             try:
-                name = take()
-            except IndexError:
-                return
-            if name not in crates:
-                ready.wait()
-            print(f"==== {name}", flush=True)
-            outcomes[name] = run(name, *chosen[name])
-            print(f"==== {name}: {words(outcomes[name][0])} ({outcomes[name][2]})", flush=True)
-
-    with ThreadPoolExecutor(1) as pool:
-        try:
-            with environment.alone():
-                environments = prepare(chosen)
-                other = pool.submit(work, queue.popleft)
-                if any("tests/run.py" in command for _, command in chosen.values()):
-                    environment.install_wheel(*environments)
-            ready.set()
-            work(queue.pop)
-            other.result()
-        except BaseException:
-            STOP.set()
-            ready.set()
-            for process in [*RUNNING]:
-                end(process)
-            raise
-    return {name: outcomes[name] for name in chosen}
+                environment.prepare(LTS)
+                ready.append(LTS)
+            except environment.NoPythonError as error:
+                chosen["blender-lts"] = str(error), []
+            except environment.SetupError as error:
+                chosen["blender-lts"] = "", [sys.executable, "-c", f"raise SystemExit({str(error)!r})"]
+        if any("pytest" in command for _, command in chosen.values()):
+            environment.install_wheel(*ready)
 
 
 def words(counts: Counts[str]) -> str:
@@ -210,7 +166,7 @@ def summary(outcomes: dict[str, Outcome], asked: argparse.Namespace) -> Counts[s
         print(f"{'FAILED ' if counts['failed'] else '':>7}{name:<14} {words(counts)} ({remark})")
     left_out = {
         "the Rust tests with checks of overflow": not asked.checks,
-        f"{total['left out']} slow tests": total["left out"],
+        "slow tests": {"core", "blender", "blender-lts"} & outcomes.keys(),
         f"in Blender LTS, all folders but {', '.join(DIFFERENT)}": "blender-lts" in outcomes,
         "three of four rays of the Rust tests' hard scenes": "rust" in outcomes,
         f"unit tests within {', '.join(HEAVY)}": "rust" in outcomes,
@@ -249,12 +205,13 @@ def work(asked: argparse.Namespace) -> int:
     if not asked.all:
         os.environ.setdefault("HALFSPACE_TEST_SHARE", "4")
     wanted = tuple(asked.checks or (name for name in checks() if asked.all or name != "overflow"))
+    chosen = {name: check for name, check in checks(asked.all).items() if name.startswith(wanted)}
     try:
-        outcomes = run_all({name: check for name, check in checks(asked.all).items() if name.startswith(wanted)})
+        prepare(chosen)
     except environment.SetupError as error:
         print(f"The set-up failed: {error}\n\n{words(Counts(failed=1))}", flush=True)
         return 1
-    total = summary(outcomes, asked)
+    total = summary({name: run(name, *check) for name, check in chosen.items()}, asked)
     print(f"\n{words(total)}", flush=True)
     return 1 if total["failed"] or not total["passed"] else 0
 

@@ -2,14 +2,11 @@
 """Blender as a module is one per process: the add-on is registered once, and each test starts from an empty file."""
 
 import importlib.util
-import os
-import tempfile
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="halfspace-blender-"))
 bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed in this environment")
 
 if importlib.util.find_spec("OpenImageIO") is None:

@@ -105,7 +105,7 @@ def check_script(words: list[str]) -> None:
     path = ROOT / words[0]
     if not path.is_file():
         raise Problem(f"{words[0]} does not exist")
-    if path.name in ("run.py", "lock.py"):  # options are those of pytest, and of uv
+    if path.name == "lock.py":  # options are those of uv
         return
     if path.name == "test.py":
         checks = importlib.import_module(path.stem).checks()
