@@ -21,6 +21,9 @@ from environment import CURRENT, ROOT
 
 OUT = ROOT / "out"
 
+GROUPS = ("blender-current", "measure", "build")
+"""Groups of packages in pyproject.toml that the commands for users need: a fifth of all."""
+
 STRUCTURES = ("kd", "bsp-wn-plus-kd", "rbsp", "bih", "bvh-sah", "octree-net")
 """Trees of axis-aligned planes, oblique planes, fixed directions, plane pairs and boxes, and an octree with links."""
 
@@ -52,7 +55,7 @@ def work(_: argparse.Namespace) -> int:
     start = time.monotonic()
     try:
         with environment.alone():
-            environment.prepare(CURRENT)
+            environment.prepare(CURRENT, *GROUPS)
             environment.install_wheel(CURRENT)
     except environment.SetupError as error:
         print(f"The set-up failed: {error}", file=sys.stderr)

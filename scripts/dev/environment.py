@@ -119,11 +119,17 @@ def alone() -> Iterator[None]:
         yield
 
 
-def prepare(environment: Environment) -> None:
-    """Make the environment ready: its Python, its packages, the libraries of its Blender. Raises SetupError."""
+def prepare(environment: Environment, *groups: str) -> None:
+    """Make the environment ready: its Python, its packages, the libraries of its Blender. Raises SetupError.
+
+    groups: the groups in pyproject.toml whose packages are enough; by default those of the environment.
+    """
     make(environment)
     say(f"{environment.folder.name}: looking for changed packages (the first time a few hundred MB are downloaded)")
-    _install(environment, "--require-hashes", "--no-build", "--requirements", str(environment.lock))
+    # As constraints, the locked packages with their hashes are those that may be installed.
+    lock = "--constraints" if groups else "--requirements"
+    chosen = [word for group in groups for word in ("--group", group)]
+    _install(environment, "--require-hashes", "--no-build", lock, str(environment.lock), *chosen)
     provide_libraries(environment)
 
 

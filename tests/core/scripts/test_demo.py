@@ -18,6 +18,7 @@ from addon.lab.commands import bench, render
 
 
 def test_the_picture_comes_first_and_every_step_is_a_valid_command() -> None:
+    assert set(demo.GROUPS) <= set(environment.CURRENT.groups)
     picture, table = demo.STEPS.values()
     render.parser().parse_args(picture[1:])
     asked = bench.parser().parse_args(table[1:])
@@ -59,7 +60,7 @@ def test_all_structures_are_one_command_away(
 def test_a_set_up_that_fails_is_status_2(
     steps: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def fail(_: environment.Environment) -> None:
+    def fail(*_: Any) -> None:
         raise environment.SetupError("no network")
 
     monkeypatch.setattr(environment, "prepare", fail)

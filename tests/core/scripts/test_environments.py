@@ -127,9 +127,12 @@ def test_packages_are_installed_by_their_hashes_and_the_wheel_after_them(
     monkeypatch.setattr(environment, "make", lambda _: None)
     monkeypatch.setattr(environment, "build_wheel", lambda *_: (tmp_path / "x.whl", True))
     environment.prepare(where)
+    environment.prepare(where, "measure")
     environment.install_wheel(where)
-    packages, wheel = asked
-    assert {"--require-hashes", "--no-build", str(environment.ROOT / "requirements" / "venv-x.txt")} <= set(packages)
+    packages, some, wheel = asked
+    lock = str(environment.ROOT / "requirements" / "venv-x.txt")
+    assert list(packages[-4:]) == ["--require-hashes", "--no-build", "--requirements", lock]
+    assert list(some[-6:]) == ["--require-hashes", "--no-build", "--constraints", lock, "--group", "measure"]
     assert list(wheel[-2:]) == ["--no-deps", str(tmp_path / "x.whl")]
 
 
