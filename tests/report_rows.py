@@ -26,6 +26,12 @@ ROW: dict[str, Any] = {
     "triangles": 1234,
     "spec": "kd",
     "structure": "kd",
+    "table": "chosen",
+    "tables": ["chosen"],
+    "tree": "kd",
+    "label": "kd",
+    "nodes": None,
+    "ways": None,
     "k": None,
     "alpha": None,
     "seed": None,
@@ -63,7 +69,7 @@ ROW: dict[str, Any] = {
 
 def row(spec: str, speed: float = 2.0, spread: float = 0.1, **errors: int) -> dict[str, Any]:
     made = copy.deepcopy(ROW)
-    made["spec"] = spec
+    made["spec"] = made["tree"] = made["label"] = spec
     primary = made["rays"]["primary"]
     primary["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
     primary["rounds"] = [speed + spread * part for part in (-1, -0.6, -0.3, 0, 0.3, 0.6, 1)]
@@ -94,8 +100,8 @@ def pictured(one: dict[str, Any], seconds: float, spread: float = 0.01, drift: f
 
 
 def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, Any]:
-    """A row with all that can be drawn."""
-    made = row(spec, 2.0 / slowness)
+    """A row with all that can be drawn, of a configuration as fast as it goes."""
+    made = row(spec, 2.0 / slowness) | {"table": "fastest", "tables": ["fastest"]}
     made["structure"], made["k"] = spec.partition(":")[0], k
     made["statistics"]["nodes_oblique"] = 7 if spec.startswith(("bsp-", "beam-hh")) else 0
     made["curve"] = [

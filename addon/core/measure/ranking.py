@@ -11,7 +11,7 @@ tables (single rays, the fastest traversals) are never compared. Rows with wrong
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -66,7 +66,7 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     # Rank the largest group of comparable rows of one table.
     units: dict[tuple[str, tuple[str, Any, int]], list[Row]] = {}
     for row in able:
-        for table in tables(row):
+        for table in row["tables"]:
             units.setdefault((table, _unit(row, name)), []).append(row)
     timed = max(units.values(), key=len, default=[])
     if len(timed) < 2:
@@ -157,16 +157,10 @@ def _unit(row: Row, name: str) -> tuple[str, str | None, int]:
     return "round", row["round_id"], row["threads"]
 
 
-def tables(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """The tables of like configurations that a row belongs to; rows of earlier versions have a nameless one."""
-    return tuple(row.get("tables") or filter(None, [row.get("table")])) or ("",)
-
-
 def by_table(rows: Iterable[Row]) -> dict[str, list[Row]]:
     """The rows of each table, single rays first; a row of two tables is in both."""
     listed = list(rows)
-    order = ("single", "fastest", "chosen", "")
-    found = {table: [row for row in listed if table in tables(row)] for table in order}
+    found = {table: [row for row in listed if table in row["tables"]] for table in ("single", "fastest", "chosen")}
     return {table: own for table, own in found.items() if own}
 
 
@@ -174,7 +168,7 @@ def related(a: Row, b: Row, name: str) -> bool:
     """Whether the ratio of two rows' speeds is meaningful: both of one table, and timed together or each with the same
     anchor.
     """
-    if not set(tables(a)) & set(tables(b)):
+    if not set(a["tables"]) & set(b["tables"]):
         return False
     unit = _unit(a, name)
     return together(a, b) or (unit == _unit(b, name) and unit[0] == "anchor")

@@ -80,19 +80,19 @@ class Row(TypedDict):
     Columns that only the row of a failure lacks are `... | Any`: readers filter rows by `error` first. table, tables:
     of `structures.ways`, the first and all that show the row. tree: the configuration without nodes and traversal.
     label: the name in tables with columns of nodes and rays. nodes: kinds that rays meet. ways: per ray set, the nodes
-    and rays of the kernel that answers it. None of these is in rows of earlier versions. layout: only in two levels.
+    and rays of the kernel that answers it. layout: only in two levels.
     """
 
     scene: str
     triangles: int
     spec: str
     structure: str
-    table: NotRequired[str | None]
-    tables: NotRequired[list[str]]
-    tree: NotRequired[str]
-    label: NotRequired[str]
-    nodes: NotRequired[str | None]
-    ways: NotRequired[dict[str, Way] | None]
+    table: str | None
+    tables: list[str]
+    tree: str
+    label: str
+    nodes: str | None
+    ways: dict[str, Way] | None
     k: Any
     alpha: Any
     seed: Any
@@ -139,10 +139,6 @@ OF_THE_CLOCK = {
 
 LAZY = ("lazy", "1")
 """The parameter of lazily built trees."""
-
-
-SINCE_TABLES = {"table", "tables", "tree", "label", "nodes", "ways"}
-"""Columns that rows of journals may lack: earlier versions had one table."""
 
 
 NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait", "layout"}
@@ -234,7 +230,7 @@ def lacks(row: Mapping[str, Any]) -> str | None:
             return name
     inner: list[tuple[str, Mapping[str, Any] | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
     inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
-    missing = [name for name in blank() if name not in row and name not in SINCE_TABLES]
+    missing = [name for name in blank() if name not in row]
     missing += [f"{where}, {name}" for where, found, names in inner if found for name in names if name not in found]
     return missing[0] if missing else None
 

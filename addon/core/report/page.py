@@ -85,7 +85,7 @@ def as_html(
         parts.append(f'<ul class="findings">{_items(report.findings(own))}</ul>')
         for table, like in ranking.by_table(own).items():
             if any(row["errors"] and row["spec"] != yardstick.SPEC for row in like):
-                parts.append(f"<h3>{safe(tables.TITLES[table])}</h3>" * bool(table))
+                parts.append(f"<h3>{safe(tables.TITLES[table])}</h3>")
                 sets = set_names(like)
                 best = {(row, f"rays/{name}/mrays_s/med") for row, name in tables.best(like, sets)}
                 parts.append(_table(_columns(sets), like, target, NOTE, best))
@@ -200,7 +200,7 @@ def _table(
     for row in rows:
         kind = "yardstick" if row["spec"] == yardstick.SPEC else "" if agrees(row) else "wrong"
         link = f'<a href="{target(row, "spec")}">{safe(row["spec"] or row["scene"])}</a>'
-        way = f" <small>{safe(row['nodes'])}, {safe(tables.rays_text(row))}</small>" if row.get("nodes") else ""
+        way = f" <small>{safe(row['nodes'])}, {safe(tables.rays_text(row))}</small>" if row["nodes"] else ""
         cells = "".join(_cell(column, row, target, is_best=(id(row), column.at) in best) for column in columns)
         body.append(f'<tr class="{kind}"><th scope="row">{link}{way}</th>{cells}</tr>')
     kind = "wide tall" if len(rows) > MOST_ROWS_SHOWN else "wide"

@@ -123,7 +123,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
     for table, own in ranking.by_table(right).items():
         about = [*_about_rankings(own, set_names(rows)), *_about_first_pictures(own)]
         about += _about_quantity(own, ranking.TRACING)
-        if about and table:
+        if about:
             about[0] = f"{tables.NAMED[table]}: {about[0]}"
         sentences += about
     sentences += [*_about_pictures(right), *tables.about_yardstick(rows)]
@@ -271,8 +271,8 @@ def worth(rows: Sequence[Row]) -> Worth | None:
     """Build plus picture of the best tree with oblique planes against those of kd; None if either is missing."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
     # Compare the fastest traversals of both sides.
-    totals = [(whole, row) for whole, row in totals if {"fastest", ""} & set(ranking.tables(row))]
-    plains = [(whole, row) for whole, row in totals if (row.get("tree") or row["spec"]) == "kd"]
+    totals = [(whole, row) for whole, row in totals if "fastest" in row["tables"]]
+    plains = [(whole, row) for whole, row in totals if row["tree"] == "kd"]
     plain = min(plains, key=lambda item: item[0], default=(0.0, None))[1]
     # If all normals are axes, it is a kd-tree.
     sweeps = [(whole, row) for whole, row in totals if (row["statistics"] or {}).get("nodes_oblique")]

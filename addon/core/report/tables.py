@@ -19,9 +19,8 @@ TITLES = {
     "single": "One ray at a time: each structure through its own nodes",
     "fastest": "As fast as it goes: each structure with its quickest nodes and rays",
     "chosen": "As chosen: configurations that fit neither table",
-    "": "All configurations",
 }
-"""Title of each table; the last is of rows of earlier versions."""
+"""Title of each table."""
 
 NAMED = {table: title.partition(":")[0] for table, title in TITLES.items()}
 """Name of each table."""
@@ -120,7 +119,7 @@ def shown(rows: Sequence[Row], sets: Sequence[str]) -> list[Row]:
     best: set[int] = set()
     trees: dict[str, list[Row]] = {}
     for row in rows:
-        trees.setdefault(row.get("tree") or row["spec"], []).append(row)
+        trees.setdefault(row["tree"], []).append(row)
     for own in trees.values():
         for name in sets:
             timed = [row for row in own if _speed(row, name) is not None]
@@ -161,8 +160,8 @@ def cells(row: Row, sets: Sequence[str]) -> list[str]:
     build, size = row["build_s"], row["bytes"]
     errors = None if row["spec"] == yardstick.SPEC else row["errors"]
     return [
-        row.get("label") or row["spec"],
-        row.get("nodes") or DASH,
+        row["label"],
+        row["nodes"] or DASH,
         rays_text(row),
         DASH if not build else f"{build['med']:.3f}",
         DASH if size is None else f"{size / 1e6:.1f}",
@@ -181,7 +180,7 @@ def rays_text(row: Row) -> str:
 
 def _kinds(row: Row) -> dict[str, str]:
     """How the rays of each set that has rays go."""
-    ways, timed = row.get("ways") or {}, row["rays"] or {}
+    ways, timed = row["ways"] or {}, row["rays"] or {}
     return {name: way["rays"] for name, way in ways.items() if name in timed and timed[name]["n"]}
 
 

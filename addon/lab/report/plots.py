@@ -161,7 +161,7 @@ def _of_field(rows: Sequence[Row]) -> Iterator[Figure]:
         marks = _marks(trees)
         for row in trees:
             mark = marks[row["spec"]]
-            marks[row["spec"]] = replace(mark, label=mark.label and marking.short(row.get("tree") or row["spec"]))
+            marks[row["spec"]] = replace(mark, label=mark.label and marking.short(row["tree"]))
         yield Figure(field_charts.SHAPES, 5.6, partial(field_charts.shapes, rows=trees, marks=marks))
     # Rays that go together share the counts of their group.
     single = _drawable(ranking.by_table(rows).get("single") or rows)

@@ -148,7 +148,7 @@ def percent(row: Row, base: Row) -> float | None:
     rows with the same anchor or the same rounds. Other rows may come from different machines.
     """
     time, unit = time_of(row), time_of(base)
-    if time is None or unit is None or not agrees(row) or not set(ranking.tables(row)) & set(ranking.tables(base)):
+    if time is None or unit is None or not agrees(row) or not set(row["tables"]) & set(base["tables"]):
         return None
     if row["anchor"] == base["spec"]:
         sets = sum(bool(one["rounds"]) for one in row["rays"].values())

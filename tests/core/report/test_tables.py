@@ -76,11 +76,6 @@ def test_no_ranking_and_no_percentage_mixes_two_tables() -> None:
     assert not any("kd:traversal=dir" in text for text in said[1:])
 
 
-def test_rows_of_earlier_versions_stand_in_one_table() -> None:
-    assert list(blocks([row("a", 4.0), row("b", 2.0)]))[:2] == ["room <1>", "All configurations"]
-    assert ranking.rank([row("a", 4.0), row("b", 2.0)], "primary") is not None
-
-
 def test_a_row_of_both_tables_is_ranked_in_both() -> None:
     both = of("single", "octree-net", 6.0) | {"tables": ["single", "fastest"]}
     found = blocks([*LIKE, both])
@@ -117,7 +112,7 @@ def test_lines_align_fit_a_terminal_and_show_errors_zeros_too() -> None:
     lines = blocks([of("single", "kd"), of("single", "kd-sah:leaf_size=4")])["One ray at a time"]
     assert len(set(map(len, lines[:4]))) == 1
     assert lines[2].split()[-6:] == ["0"] * 6
-    (wrong,) = (blocks([row("kd", wrong_values=3)])["All configurations"][2:],)
+    (wrong,) = (blocks([row("kd", wrong_values=3)])["As chosen"][2:],)
     assert wrong[0].split()[-6:] == ["0", "0", "0", "3", "0", "0"]
 
 
@@ -154,7 +149,7 @@ def test_a_failed_row_has_its_reason_and_no_line() -> None:
     text = tables.text([failed, of("single", "brute")])
     assert text.splitlines()[-1] == "kd: too large"
     assert "One ray at a time" in text
-    assert "All configurations" not in text
+    assert "As chosen" not in text
 
 
 def test_too_few_rounds_name_the_best_medians_of_each_table() -> None:
