@@ -269,9 +269,7 @@ FAULTS = (
         "(det - det_half).mul_add(far, doubt)",
         PACKETS,
     ),
-    Fault(
-        "uncertain steps along ropes", "native/papers/src/rope.rs", "ahead[k].low > next.high", "true", ALL
-    ),
+    Fault("uncertain steps along ropes", "native/papers/src/rope.rs", "ahead[k].low > next.high", "true", ALL),
     Fault(
         "heights of points without their error bound",
         "native/papers/src/ta_b_poly.rs",
