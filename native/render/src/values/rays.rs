@@ -8,15 +8,15 @@ use crate::values::shading_point::ShadingPoint;
 
 /// The surroundings of a point, as far as rays explore them.
 pub trait Surroundings {
-    /// Whether a ray from the point, in this unit direction and of this length, meets a surface that casts shadows.
-    /// `local`: only the point's own object counts.
-    fn is_occluded(&self, direction: Vec3, length: f32, local: bool) -> bool;
+    /// Returns the number of rays from the point, in these unit directions and of this length, that meet no surface that
+    /// casts shadows. `local`: only the point's own object counts.
+    fn free(&self, directions: &[Vec3], length: f32, local: bool) -> usize;
 
     /// Returns the nearest surface on a part of a ray.
     fn nearest(&self, ray: Search) -> Option<Met>;
 
-    /// Calls `found` with each surface of the point's own object on a part of a ray.
-    fn each_local(&self, ray: Search, found: &mut dyn FnMut(Met));
+    /// Calls `found` with each surface of the point's own object on parts of rays, and the index of the ray.
+    fn each_local(&self, rays: &[Search], found: &mut dyn FnMut(usize, Met));
 
     /// Returns two random numbers in [0, 1): number `index` of `count` for a purpose.
     fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2];
@@ -99,20 +99,21 @@ impl ShadingPoint<'_> {
             return 1.0;
         };
         let samples = u32::from(settings.samples);
-        let normal = normal.normalized_or(self.normal);
-        let frame = Frame::around(if settings.inside { -normal } else { normal });
-        // Points of the unit disk below directions that are distributed by their cosine.
-        let free = (0..samples).filter(|&index| {
-            let [u, v] = around.pair(Purpose::Occlusion, index, samples);
-            let (sin, cos) = sin_cos_turns(v);
-            let r = u.sqrt();
-            let local = vec3(r * cos, r * sin, (1.0 - u).max(0.0).sqrt());
-            !around.is_occluded(frame.to_world(local), distance, settings.local)
-        });
         if samples == 0 {
             return 1.0;
         }
-        free.count() as f32 / samples as f32
+        let normal = normal.normalized_or(self.normal);
+        let frame = Frame::around(if settings.inside { -normal } else { normal });
+        // Points of the unit disk below directions that are distributed by their cosine.
+        let directions: Vec<_> = (0..samples)
+            .map(|index| {
+                let [u, v] = around.pair(Purpose::Occlusion, index, samples);
+                let (sin, cos) = sin_cos_turns(v);
+                let r = u.sqrt();
+                frame.to_world(vec3(r * cos, r * sin, (1.0 - u).max(0.0).sqrt()))
+            })
+            .collect();
+        around.free(&directions, distance, settings.local) as f32 / samples as f32
     }
 
     /// Returns the mean of the normals within a radius, on the viewer's side: the point's own normal where no rays can
@@ -128,41 +129,23 @@ impl ShadingPoint<'_> {
             return self.normal;
         }
         let frame = Frame::around(self.geometric);
-        let mut sum = Vec3::ZERO;
         let count = u32::from(samples);
-        for index in 0..count {
-            let [u, v] = around.pair(Purpose::Bevel, index, count);
-            // Half of the rays go along the normal, a quarter along each tangent.
-            let (axes, shares, turn) = if u < 0.5 {
-                ([frame.z, frame.x, frame.y], [0.5, 0.25, 0.25], 2.0 * u)
-            } else if u < 0.75 {
-                let turn = 4.0 * (u - 0.5);
-                ([frame.x, frame.z, frame.y], [0.25, 0.5, 0.25], turn)
-            } else {
-                let turn = 4.0 * (u - 0.75);
-                ([frame.y, frame.x, frame.z], [0.25, 0.25, 0.5], turn)
-            };
-            let [axis, right, up] = axes;
-            let r = radius * falloff_quantile(v);
-            let height = (radius * radius - r * r).max(0.0).sqrt();
-            let (sin, cos) = sin_cos_turns(turn);
-            let ray = Search {
-                origin: self.position + axis * height + right * (r * cos) + up * (r * sin),
-                direction: -axis,
-                span: [0.0, 2.0 * height],
-                local: true,
-            };
-            let sampled = falloff(r / radius);
-            around.each_local(ray, &mut |met| {
-                let densities = [0, 1, 2].map(|k| shares[k] * axes[k].dot(met.geometric).abs());
-                let squares: f32 = densities.iter().map(|d| d * d).sum();
-                let distance = (met.position - self.position).length();
-                let weight = densities[0] / squares * (falloff(distance / radius) / sampled);
-                if weight.is_finite() {
-                    sum += met.normal * weight;
-                }
-            });
-        }
+        // Sample disks along the axes.
+        let (rays, disks): (Vec<_>, Vec<_>) = (0..count)
+            .map(|index| {
+                let pair = around.pair(Purpose::Bevel, index, count);
+                let disk = Disk::new(&frame, radius, pair);
+                (disk.ray(self.position), disk)
+            })
+            .unzip();
+        // Sum the normals of what the rays meet.
+        let mut sum = Vec3::ZERO;
+        around.each_local(&rays, &mut |index, met| {
+            let weight = disks[index].weight(&met, radius, (met.position - self.position).length());
+            if weight.is_finite() {
+                sum += met.normal * weight;
+            }
+        });
         let mean = sum.normalized_or(Vec3::ZERO);
         match (mean == Vec3::ZERO, self.inside) {
             (true, _) => self.normal,
@@ -211,6 +194,64 @@ impl ShadingPoint<'_> {
         } else {
             met.normal
         }
+    }
+}
+
+/// A line through the sphere around a bevelled point, along one of three axes.
+struct Disk {
+    /// The axis of the line, and those across it.
+    axes: [Vec3; 3],
+    /// Shares of the lines along these axes.
+    shares: [f32; 3],
+    /// Where the line crosses the disk across its axis.
+    across: [f32; 2],
+    /// Half of the line's length in the sphere.
+    height: f32,
+    /// Weight of a point of the disk at the line.
+    sampled: f32,
+}
+
+impl Disk {
+    /// Samples a line in the frame of a point.
+    fn new(frame: &Frame, radius: f32, [u, v]: [f32; 2]) -> Self {
+        // Half of the rays go along the normal, a quarter along each tangent.
+        let (axes, shares, turn) = if u < 0.5 {
+            ([frame.z, frame.x, frame.y], [0.5, 0.25, 0.25], 2.0 * u)
+        } else if u < 0.75 {
+            let turn = 4.0 * (u - 0.5);
+            ([frame.x, frame.z, frame.y], [0.25, 0.5, 0.25], turn)
+        } else {
+            let turn = 4.0 * (u - 0.75);
+            ([frame.y, frame.x, frame.z], [0.25, 0.25, 0.5], turn)
+        };
+        let r = radius * falloff_quantile(v);
+        let (sin, cos) = sin_cos_turns(turn);
+        Self {
+            axes,
+            shares,
+            across: [r * cos, r * sin],
+            height: (radius * radius - r * r).max(0.0).sqrt(),
+            sampled: falloff(r / radius),
+        }
+    }
+
+    /// Returns the part of the line within the sphere around `centre`.
+    fn ray(&self, centre: Vec3) -> Search {
+        let [axis, right, up] = self.axes;
+        let [x, y] = self.across;
+        Search {
+            origin: centre + axis * self.height + right * x + up * y,
+            direction: -axis,
+            span: [0.0, 2.0 * self.height],
+            local: true,
+        }
+    }
+
+    /// Returns the weight of a point on the line, at this distance from the bevelled one.
+    fn weight(&self, met: &Met, radius: f32, distance: f32) -> f32 {
+        let densities = [0, 1, 2].map(|k| self.shares[k] * self.axes[k].dot(met.geometric).abs());
+        let squares: f32 = densities.iter().map(|d| d * d).sum();
+        densities[0] / squares * (falloff(distance / radius) / self.sampled)
     }
 }
 

@@ -72,19 +72,59 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Returns the nearest hit that counts; that of the part of the ray behind it follows from a larger `t_min`.
-    fn first(&self, mut ray: Ray, counts: impl Fn(u32) -> bool) -> Option<Hit> {
+    /// Calls `met` with the nearest hit of each ray that counts and with the ray's index. A ray goes on behind a hit that
+    /// does not count, or for which `met` returns `true`.
+    fn each(
+        &self,
+        mut rays: Vec<Ray>,
+        counts: impl Fn(u32) -> bool,
+        mut met: impl FnMut(usize, &Hit) -> bool,
+    ) {
+        let mut indices: Vec<_> = (0..rays.len()).collect();
+        let mut hits = Vec::new();
         for _ in 0..MOST_PASSED {
-            let mut hits = [Hit::MISS];
-            self.scene.tracer.closest(&[ray], &mut hits, None);
-            self.rays.set(self.rays.get() + 1);
-            let [hit] = hits;
-            if !hit.is_hit() || counts(hit.triangle) {
-                return hit.is_hit().then_some(hit);
+            if rays.is_empty() {
+                return;
             }
-            ray.t_min = hit.t.next_up();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            self.scene.tracer.closest(&rays, &mut hits, None);
+            self.rays.set(self.rays.get() + rays.len() as u64);
+            // Keep the rays that go on.
+            let mut kept = 0;
+            for (i, hit) in hits.iter().enumerate() {
+                if hit.is_hit() && (!counts(hit.triangle) || met(indices[i], hit)) {
+                    rays[kept] = Ray {
+                        t_min: hit.t.next_up(),
+                        ..rays[i]
+                    };
+                    indices[kept] = indices[i];
+                    kept += 1;
+                }
+            }
+            rays.truncate(kept);
+            indices.truncate(kept);
         }
-        None
+    }
+
+    /// Returns the nearest hit that counts.
+    fn first(&self, ray: Ray, counts: impl Fn(u32) -> bool) -> Option<Hit> {
+        let mut found = None;
+        self.each(vec![ray], counts, |_, hit| {
+            found = Some(*hit);
+            false
+        });
+        found
+    }
+
+    /// Returns the number of rays without a hit that counts.
+    fn missing(&self, rays: Vec<Ray>, counts: impl Fn(u32) -> bool) -> usize {
+        let mut free = rays.len();
+        self.each(rays, counts, |_, _| {
+            free -= 1;
+            false
+        });
+        free
     }
 
     /// Whether a triangle belongs to the point's object.
@@ -112,19 +152,19 @@ impl Around<'_> {
 }
 
 impl Surroundings for Around<'_> {
-    fn is_occluded(&self, direction: Vec3, length: f32, local: bool) -> bool {
-        let ray = self.surface.ray(direction, length);
+    fn free(&self, directions: &[Vec3], length: f32, local: bool) -> usize {
+        let ray = |&direction: &Vec3| self.surface.ray(direction, length);
+        let rays: Vec<_> = directions.iter().map(ray).collect();
         if local {
-            return self.first(ray, |triangle| self.is_own(triangle)).is_some();
+            return self.missing(rays, |triangle| self.is_own(triangle));
         }
         if self.scene.features().hidden {
-            let seen = |triangle| self.is_seen(triangle, RayKind::Shadow);
-            return self.first(ray, seen).is_some();
+            return self.missing(rays, |triangle| self.is_seen(triangle, RayKind::Shadow));
         }
-        let mut occluded = [false];
-        self.scene.tracer.occluded(&[ray], &mut occluded, None);
-        self.rays.set(self.rays.get() + 1);
-        occluded[0]
+        let mut occluded = vec![false; rays.len()];
+        self.scene.tracer.occluded(&rays, &mut occluded, None);
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        occluded.iter().filter(|&&occluded| !occluded).count()
     }
 
     fn nearest(&self, search: Search) -> Option<Met> {
@@ -161,21 +201,22 @@ impl Surroundings for Around<'_> {
         Some(self.met(&ray, &hit))
     }
 
-    fn each_local(&self, search: Search, found: &mut dyn FnMut(Met)) {
-        let [t_min, t_max] = search.span;
-        let mut ray = Ray {
+    fn each_local(&self, searches: &[Search], found: &mut dyn FnMut(usize, Met)) {
+        let ray = |search: &Search| Ray {
             o: search.origin.array(),
             d: search.direction.array(),
-            t_min,
-            t_max,
+            t_min: search.span[0],
+            t_max: search.span[1],
         };
-        for _ in 0..MOST_PASSED {
-            let Some(hit) = self.first(ray, |triangle| self.is_own(triangle)) else {
-                return;
-            };
-            found(self.met(&ray, &hit));
-            ray.t_min = hit.t.next_up();
-        }
+        let rays: Vec<_> = searches.iter().map(ray).collect();
+        self.each(
+            rays.clone(),
+            |triangle| self.is_own(triangle),
+            |index, hit| {
+                found(index, self.met(&rays[index], hit));
+                true
+            },
+        );
     }
 
     fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
