@@ -269,7 +269,11 @@ impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         #[cfg(target_arch = "x86_64")]
         if batch.level.as_avx2().is_none() {
-            self.count(batch, answers, &mut vec![RayCounters::default(); batch.rays.len()]);
+            self.count(
+                batch,
+                answers,
+                &mut vec![RayCounters::default(); batch.rays.len()],
+            );
             return;
         }
         let mut none = vec![NoCount; batch.rays.len()];
