@@ -338,7 +338,12 @@ fn no_triangles_have_no_nearest_and_no_overlaps() {
 
 #[test]
 fn other_trees_are_refused_by_name() {
-    let scene = soup(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    // Long diagonal triangles, which spatial splits divide.
+    let diagonal = |i: u16| {
+        let x = f32::from(i);
+        [[x, 0.0, 0.0], [x + 64.0, 64.0, 64.0], [x, 0.1, 0.0]]
+    };
+    let scene = soup((0..64).flat_map(diagonal).collect());
     let surface = |spec| {
         let config = registry::parse(spec).unwrap();
         let structure = Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap();
