@@ -140,7 +140,7 @@ def test_files_have_the_names_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -
     found = files.of_rows([*ROWS, *other], ("latex", "pgf"))
     names = {path.name for path in found}
     assert {path.parent.name for path in found} == {files.FOLDER}
-    assert {"room-1-table-chosen.tex", "room-1-2-table-chosen.tex", "overview.tex"} <= names
+    assert {"room-1-table-fastest.tex", "room-1-2-table-fastest.tex", "overview.tex"} <= names
     assert len(names) == 2 * (len(NAMES) + 1) + 1
     overview = str(found[Path(files.FOLDER, files.OVERVIEW)])
     assert sorted(re.findall(r"\\input\{(.+?)\}", overview)) == sorted(names - {"overview.tex"})
@@ -154,7 +154,7 @@ def test_a_report_and_its_paper_are_written_together(tmp_path: Path, monkeypatch
     monkeypatch.setattr(plots, "problem", lambda: "left out here")
     bench.save(tmp_path, document(ROWS), None, ("latex",))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.csv", "bench.json", files.FOLDER, "report.html"]
-    assert {path.name for path in (tmp_path / files.FOLDER).iterdir()} == {"room-1-table-chosen.tex", files.OVERVIEW}
+    assert {path.name for path in (tmp_path / files.FOLDER).iterdir()} == {"room-1-table-fastest.tex", files.OVERVIEW}
     (tmp_path / "other").mkdir()
     bench.save(tmp_path / "other", document(ROWS), None)
     assert not (tmp_path / "other" / files.FOLDER).exists()

@@ -62,7 +62,7 @@ def _steps(tree: Any, some: rays.RaySet) -> Any:
 
 def finding(*rows: dict[str, Any]) -> str:
     """The sentence on primary rays in the findings of these rows."""
-    return next(text for text in report.findings(list(rows)) if text.startswith("Primary"))
+    return next(text for text in report.findings(list(rows)) if ": Primary" in text)
 
 
 def test_counters_of_another_traversal_explain_nothing() -> None:
