@@ -8,9 +8,8 @@
 //! known: a mispredicted branch would otherwise wait for memory before it is resolved, and hold up the other
 //! rays.
 //!
-//! Beside streams through `bvh-sah` (AVX2, Zen 3, 150,000 segments between random points): 0.90 of their time for nearest
-//! hits and 0.72 for any hits on the Stanford dragon, whose tree no cache holds; 1.4 and 1.7 times on the smaller Country
-//! kitchen. `bench --structures bvh-sah:traversal=stream,bvh-sah:traversal=flight` measures both.
+//! Through boxes that gains over streams only where no cache holds the tree and rays have no order, through wide planes
+//! on more scenes: `bench --structures bvh-sah:traversal=stream,bvh-sah:traversal=flight` measures both.
 
 pub mod kernel;
 
