@@ -16,23 +16,23 @@ class Growth:
     """
 
     def __init__(self) -> None:
-        self._begun, self._peak = _sizes()
+        self._begun, self._peak = sizes()
         self._seen = self._begun
 
     def look(self) -> None:
         """Note the present size."""
-        self._seen = max(self._seen, _sizes()[0])
+        self._seen = max(self._seen, sizes()[0])
 
     @property
     def bytes(self) -> int | None:
         """The largest growth; None where the system does not report it."""
         self.look()
-        peak = _sizes()[1]
+        peak = sizes()[1]
         most = peak if peak > self._peak else self._seen
         return most - self._begun if self._begun else None
 
 
-def _sizes() -> tuple[int, int]:
+def sizes() -> tuple[int, int]:
     """Bytes now and at their peak; zeros where the system does not report them."""
     try:
         lines = dict(line.split(":", 1) for line in STATUS.read_text(encoding="ascii").splitlines())

@@ -16,7 +16,7 @@ import bpy
 
 from ...blender.measure import workloads
 from ...blender.session import reports, trees
-from ...core.base import native
+from ...core.base import native, resident
 from ...core.measure import check
 from ...core.measure.check import Check
 
@@ -79,7 +79,7 @@ def measure(scene: Any, runs: int) -> Times:
             times.clock[engine].append(taken)
             times.processor[engine].append(work)
             if before is not None:
-                times.memory[engine].append((_resident("VmHWM") - before) / 1024)
+                times.memory[engine].append((resident.sizes()[1] - before) / 2**20)
             # Take the parts of the time from the engine's own report.
             if engine == "HALFSPACE":
                 report = reports.last(scene)
@@ -91,9 +91,9 @@ def measure(scene: Any, runs: int) -> Times:
     return times
 
 
-def _reset_peak() -> float | None:
+def _reset_peak() -> int | None:
     """Free what earlier renders left, and begin the measurement of the largest memory of this process. Returns its
-    memory now, in KiB; None where the system does not measure it.
+    bytes now; None where the system does not measure it.
     """
     trees.clear()
     gc.collect()
@@ -101,15 +101,9 @@ def _reset_peak() -> float | None:
         # Return freed memory to the system, where the C library can.
         ctypes.CDLL(None).malloc_trim(0)
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-        return _resident("VmRSS")
     except (AttributeError, OSError, TypeError):
         return None
-
-
-def _resident(name: str) -> float:
-    """An entry of this process's status, in KiB."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(float(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
+    return resident.sizes()[0] or None
 
 
 def check_rays(scene: Any) -> Check | None:
