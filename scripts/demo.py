@@ -14,10 +14,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import environment
-from environment import CURRENT, ROOT
+from scripts.dev import environment
+from scripts.dev.environment import CURRENT, ROOT
 
 OUT = ROOT / "out"
 
@@ -42,7 +42,6 @@ STEPS = {
 def main(arguments: Sequence[str]) -> int:
     """Set up, then run all steps. Returns the exit status of the first that fails, 130 if stopped."""
     # Import here: the Python that starts this script may be too old for these modules.
-    sys.path.insert(0, str(ROOT))
     from addon.core.base import command
     from addon.lab.base.usage import Parser
 

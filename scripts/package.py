@@ -22,16 +22,12 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
-sys.path.insert(0, str(Path(__file__).resolve().parent / "systems"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import bundled
-import environment
-import targets
 
 from addon.core.base import command
 from addon.lab.base.usage import Parser, output, website
+from scripts.dev import environment
+from scripts.systems import bundled, targets
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -22,10 +22,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import environment
-from environment import CURRENT, LTS, ROOT
+from scripts.dev import environment
+from scripts.dev.environment import CURRENT, LTS, ROOT
 
 HEAVY = tuple(f"halfspace_{room}" for room in ("single", "papers", "group", "stream", "beam", "polybeam"))
 """Crates whose own unit tests run with --all only: kernels, which are compiled again for them, minutes each."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
-import foreign_tests
+from scripts.dev import foreign_tests
 
 FILE = foreign_tests.CLASSES / "bvhtree.py"
 

@@ -3,12 +3,6 @@
 
 from __future__ import annotations
 
-import animations
-import extraction
-import overlay_picture
-import package
-import pictures
-
 from addon.lab.commands import (
     bench,
     choose,
@@ -21,6 +15,8 @@ from addon.lab.commands import (
     stability,
     thesis,
 )
+from scripts import package
+from scripts.dev import animations, extraction, overlay_picture, pictures
 
 COMMANDS = {
     "animations": animations,

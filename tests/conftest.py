@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tests with and without Blender share, and what each process that runs tests is."""
+"""The fixtures of all tests, and what each process that runs tests is."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -63,3 +64,86 @@ def disk_full_at_the_last() -> Callable[[Path], AbstractContextManager[None]]:
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == old, "all old, or all new"
 
     return full
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Two small files."""
+    from tests.sweep_runs import soups
+
+    return soups(tmp_path_factory.mktemp("scenes"), 2, 300)
+
+
+@pytest.fixture
+def whole(scenes: list[str], tmp_path: Path) -> list[dict[str, Any]]:
+    """The rows of one uninterrupted sweep over both in this process."""
+    from addon.lab.commands import bench
+    from tests.sweep_runs import OPTIONS, ROWS, table
+
+    assert bench.main([*scenes, *OPTIONS, "--out", str(tmp_path / "whole")]) == 0
+    found = table(tmp_path / "whole")
+    assert len(found) == 2 * ROWS
+    return found
+
+
+@pytest.fixture(scope="session")
+def _addon() -> Iterator[None]:
+    """The add-on, registered once: Blender as a module is one per process."""
+    import addon
+
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture(autouse=True)
+def _own_file(request: pytest.FixtureRequest) -> None:
+    """Start each test with Blender from an empty file."""
+    if request.module.__name__.startswith("tests.blender."):
+        request.getfixturevalue("scene")
+
+
+@pytest.fixture
+def scene(_addon: None) -> Any:
+    """The scene of an empty file."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def add(scene: Any) -> Any:
+    """Adds an object with this data to the scene: add(name, data, location=..., ...)."""
+    import bpy
+
+    def add(name: str, data: Any, **properties: Any) -> Any:
+        item = bpy.data.objects.new(name, data)
+        scene.collection.objects.link(item)
+        for key, value in properties.items():
+            setattr(item, key, value)
+        return item
+
+    return add
+
+
+@pytest.fixture
+def canvas(request: pytest.FixtureRequest) -> Any:
+    """What is drawn on without a window, of the size that the test's file says."""
+    import gpu
+
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
+    try:
+        gpu.init()
+    except Exception as error:
+        pytest.skip(f"no drawing here: {error}")
+    return gpu.types.GPUOffScreen(request.module.WIDTH, request.module.HEIGHT, format="RGBA16F")
+
+
+@pytest.fixture(scope="session")
+def zips(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The paths of the zips of `builds.zips`."""
+    from tests.blender.installing import builds
+
+    return builds.zips(tmp_path_factory.mktemp("zips"))

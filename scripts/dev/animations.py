@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Three short animations of the documentation, from a real Blender window:
-`python scripts/dev/animations.py --window COMMAND [--only NAME] [--out DIR]`.
+`python -m scripts.dev.animations --window COMMAND [--only NAME] [--out DIR]`.
 
 Writes depth.webp (the depth sliders over a kd-tree), ray.webp (a ray is picked and followed step by step) and
 use-this-one.webp (*Compare*, then *Use This One*). COMMAND opens Blender on a screen and runs the steps of
@@ -21,13 +21,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-import package
-
 from addon.core.base import command
 from addon.lab.base.usage import Parser, UsageError, output
+from scripts import package
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of docs/pictures.md: `python scripts/dev/composed_pictures.py [SCENE ...] [--out DIR] [--size WxH]`.
+"""The pictures of docs/pictures.md: `python -m scripts.dev.composed_pictures [SCENE ...] [--out DIR] [--size WxH]`.
 
 Renders the two scenes of `composed.py` with Halfspace and with Cycles at equal settings, several times with
 different random numbers. Writes composed-SCENE.jpg, Halfspace left and Cycles right, and prints a row of the page's
@@ -17,8 +17,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command, interrupt, native
 from addon.core.structures import specs

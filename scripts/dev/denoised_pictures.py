@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""FLIP of denoised pictures beside those of Cycles: `python scripts/dev/denoised_pictures.py [SCENE ...]`.
+"""FLIP of denoised pictures beside those of Cycles: `python -m scripts.dev.denoised_pictures [SCENE ...]`.
 
 Renders scenes of `compare --scene` with both engines at equal settings and few samples, with and without Denoise,
 and prints the mean FLIP of each picture against the mean of a converged picture of both. Exit status: 0 done; 2
@@ -12,10 +12,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command, interrupt, native
 from addon.core.measure import flip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The documents as a site: `python scripts/dev/documents_site.py [--no-pictures] [--out DIR]`.
+"""The documents as a site: `python -m scripts.dev.documents_site [--no-pictures] [--out DIR]`.
 
 Stages docs/, README and CHANGELOG in a temporary folder, adds a page for each structure
 and each notebook, which is run, and the reference of the Python package, and builds all with mkdocs, whose warnings are
@@ -22,14 +22,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-import package_python
-import structure_pages
-
 from addon.core.base import command, native
 from addon.lab.base.usage import Parser, output
+from scripts import package_python
+from scripts.dev import structure_pages
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -206,7 +202,7 @@ def build(out: Path, *, pictures: bool) -> None:
 
 def draw() -> None:
     """Draw the pictures of structures that are missing; brute force has the triangles alone. Raises SiteError."""
-    import overlay_picture
+    from scripts.dev import overlay_picture
 
     PICTURES.mkdir(parents=True, exist_ok=True)
     for row in native.load().structures():

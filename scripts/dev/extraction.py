@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time of reading a scene from Blender: `python scripts/dev/extraction.py [--triangles N] [--rounds N]`.
+"""Time of reading a scene from Blender: `python -m scripts.dev.extraction [--triangles N] [--rounds N]`.
 
 Prints, for grids of a million triangles and for thousands of instances, the time of Blender's own evaluation, of the
 extraction after an edit, and of the extraction without a change: processor time of the shortest of several rounds. The
@@ -16,10 +16,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.lab.base.usage import Parser, UsageError

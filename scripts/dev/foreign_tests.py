@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run the ray tests of trimesh or of Open3D, unchanged, on our classes: `python scripts/dev/foreign_tests.py PATH`.
+"""Run the ray tests of trimesh or of Open3D, unchanged, on our classes: `python -m scripts.dev.foreign_tests PATH`.
 
 PATH is a checkout or an unpacked source archive. trimesh: its folders `trimesh`, `tests` and `models`; what these
 import (such as scipy and networkx) must be installed. Where trimesh would load its module for Embree it gets
@@ -17,8 +17,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.lab.base.usage import Parser

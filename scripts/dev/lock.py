@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lock files of the environments: `python scripts/dev/lock.py [--upgrade]`; options are those of `uv pip compile`.
+"""The lock files of the environments: `python -m scripts.dev.lock [--upgrade]`; options are those of `uv pip compile`.
 
 uv resolves the dependency groups of pyproject.toml for all systems and writes requirements/*.txt: exact versions with
 their hashes. It writes requirement files instead of uv.lock, which would contain the host of each package.
@@ -7,12 +7,12 @@ their hashes. It writes requirement files instead of uv.lock, which would contai
 
 import sys
 
-import environment
+from scripts.dev import environment
 
 if __name__ == "__main__":
     for one in environment.ALL:
         words = ["pip", "compile", "--quiet", "--universal", "--generate-hashes", "--python-version", one.version]
-        words += ["--custom-compile-command", "python scripts/dev/lock.py", "--output-file", str(one.lock)]
+        words += ["--custom-compile-command", "python -m scripts.dev.lock", "--output-file", str(one.lock)]
         words += [word for group in one.groups for word in ("--group", group)]
         try:
             environment.uv([*words, "pyproject.toml", *sys.argv[1:]], f"{one.lock.name} could not be made")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults, one at a time, and whether a test notices: `python scripts/dev/mutations.py [options]`.
+"""Deliberate faults, one at a time, and whether a test notices: `python -m scripts.dev.mutations [options]`.
 
 Puts the faults of `deliberate_faults.py` into a copy of the sources, each behind a switch, so that one build serves
 all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or the build failed;
@@ -19,12 +19,9 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-from deliberate_faults import FAULTS, Fault
-
 from addon.core.base import command
 from addon.lab.base.usage import Parser
+from scripts.dev.deliberate_faults import FAULTS, Fault
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 600

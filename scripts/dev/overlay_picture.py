@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of the structure in the viewport: `python scripts/dev/overlay_picture.py [FILE] [options]`.
+"""A picture of the structure in the viewport: `python -m scripts.dev.overlay_picture [FILE] [options]`.
 
 FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Draws without a
 window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, with one line; 130 stopped.
@@ -13,8 +13,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.core.report import results

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of the documentation, from real runs: `python scripts/dev/pictures.py [--out DIR] [--width PIXELS]`.
+"""The pictures of the documentation, from real runs: `python -m scripts.dev.pictures [--out DIR] [--width PIXELS]`.
 
 Writes planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a
 tile of rays, costs.png with the steps of two structures on one scale, and front.png with a render next to its planes.
@@ -16,13 +16,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import overlay_picture
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
 from addon.core.base import command
 from addon.core.structures import catalogue
 from addon.lab.base.usage import Parser, UsageError, output
+from scripts.dev import overlay_picture
 
 ROOT = Path(__file__).resolve().parents[2]
 

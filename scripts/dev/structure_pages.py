@@ -11,12 +11,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import structures_page
-
 from addon.core.measure import counting
 from addon.core.scene import rays
 from addon.lab.claims import growth
 from addon.lab.claims.table import CLAIMS
+from scripts.dev import structures_page
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The page of structures, from the registry of the native module: `python scripts/dev/structures_page.py [--check]`.
+"""The page of structures, from the registry of the native module: `python -m scripts.dev.structures_page [--check]`.
 
 Writes docs/structures.md. With --check it writes nothing and compares the file with what it would write. Exit status:
 0 written, or current; 1 not current; 2 bad usage; 130 stopped.
@@ -325,7 +325,7 @@ def main(arguments: Sequence[str]) -> int:
     if asked.check:
         current = PAGE.is_file() and PAGE.read_text(encoding="utf-8") == text
         if not current:
-            print(f"{PAGE}: not current; run python scripts/dev/structures_page.py", file=sys.stderr)
+            print(f"{PAGE}: not current; run python -m scripts.dev.structures_page", file=sys.stderr)
         return 0 if current else 1
     PAGE.write_text(text, encoding="utf-8")
     print(PAGE)

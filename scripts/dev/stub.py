@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The texts of the native module's type stub, from the module itself: `.venv/bin/python scripts/dev/stub.py [--check]`.
+"""The texts of the native module's type stub, from the module itself: `.venv/bin/python -m scripts.dev.stub [--check]`.
 
 Declarations are written by hand; what `help()` shows, which is written in Rust, replaces the texts below them. Exit
 status: 0 written, or with --check equal; 1 with --check different; 2 bad usage; 130 stopped.
@@ -15,8 +15,6 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command, native
 from addon.lab.base.usage import Parser

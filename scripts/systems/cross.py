@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The crates for another system, on this one: `python scripts/systems/cross.py COMMAND ...`.
+"""The crates for another system, on this one: `python -m scripts.systems.cross COMMAND ...`.
 
 `prepare SYSTEM` installs what the others need, from Debian's packages and with rustup. `wheel SYSTEM` builds the wheel
 into the folder after --out. `test SYSTEM` runs the tests of all crates, or those after --crate, under Wine or QEMU.
@@ -19,15 +19,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-import package
-import targets
-from targets import TARGETS, Target
-
 from addon.core.base import command
 from addon.lab.base.usage import Parser, output
+from scripts import package
+from scripts.systems import targets
+from scripts.systems.targets import TARGETS, Target
 
 ROOT = Path(__file__).resolve().parents[2]
 

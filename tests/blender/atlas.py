@@ -12,11 +12,11 @@ import addon_utils
 import bpy
 import numpy as np
 import pytest
-from shapes import grid, with_nodes
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
 from addon.blender.session import reports
+from tests.blender.shapes import grid, with_nodes
 
 TILE, MARGIN = 24, 2
 """Pixels along a tile, and pixels at its edge that are not compared."""

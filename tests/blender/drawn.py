@@ -9,12 +9,12 @@ import gpu
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
-from shapes import cube, grid, look, place
 
 from addon.blender.overlay import drawing as overlay
 from addon.blender.session import trees
 from addon.core.base import native
 from addon.core.structures import catalogue
+from tests.blender.shapes import cube, grid, look, place
 
 WIDTH, HEIGHT = 200, 150
 

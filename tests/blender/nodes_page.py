@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The page of shader nodes: `python tests/blender/nodes_page.py [--record FILE]`.
+"""The page of shader nodes: `python -m tests.blender.nodes_page [--record FILE]`.
 
 Runs the tests that compare nodes with Cycles, in an environment that has bpy, and writes docs/nodes.md: each shader
 node that this Blender offers, whether it is rendered, and the comparisons without a difference in which it stood. With
@@ -17,12 +17,9 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-import beside_cycles
-
 from addon.core.base import command
 from addon.lab.base.usage import Parser
+from tests.blender import beside_cycles
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "nodes.md"

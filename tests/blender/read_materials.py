@@ -6,11 +6,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
-from shapes import node
 
 from addon.blender.read.materials import Palette
 from addon.core.base.notes import Notes
 from addon.core.scene.scene import Material
+from tests.blender.shapes import node
 
 
 def converted(block: Any) -> tuple[Material, list[str]]:

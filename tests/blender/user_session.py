@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import package
+from scripts import package
 
-HERE = Path(__file__).resolve().parent
+INSIDE = Path(__file__).resolve().parent / "installing" / "inside"
+"""What that Blender runs."""
 
 
 def built_wheel() -> Path:
@@ -59,15 +60,15 @@ def made_zip(folder: Path, name: str, wheel: Path, changes: Mapping[str, Callabl
     return made
 
 
-def session(user: Path, script: str, *arguments: str, before: Sequence[str] = ()) -> dict[str, Any]:
-    """What a user's Blender found in this script of `tests/blender`, and its whole output as "log".
+def session(user: Path, steps: str, *arguments: str, before: Sequence[str] = ()) -> dict[str, Any]:
+    """What a user's Blender found in a scenario of these steps, a module of INSIDE, and its whole output as "log".
 
     user: its folder for settings and extensions. before: a command that runs it.
     """
     # Nothing of this environment but bpy: no PYTHONPATH, no current folder, no user site.
     clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "BLENDER_"))}
     done = subprocess.run(
-        [*before, sys.executable, "-I", str(HERE / script), *arguments],
+        [*before, sys.executable, "-I", str(INSIDE), steps, *arguments],
         env={**clean, "BLENDER_USER_RESOURCES": str(user)},
         cwd=user,
         capture_output=True,

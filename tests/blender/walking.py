@@ -8,12 +8,12 @@ import addon_utils
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, material, node, with_nodes
 
 from addon.blender.read import remarks
 from addon.blender.render import engine
 from addon.blender.render.requested import render_settings
 from addon.core.base.equality import same
+from tests.blender.shapes import cube, material, node, with_nodes
 
 Outcome = tuple[Any, list[str]]
 """What the native module is handed, and the lines of the notes."""

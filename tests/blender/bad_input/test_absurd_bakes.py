@@ -6,9 +6,9 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, material, place, world
 
 from addon.blender.render.engine import ENGINE
+from tests.blender.shapes import cube, material, place, world
 
 SIZE = 8
 """Pixels along a side of a baked picture."""

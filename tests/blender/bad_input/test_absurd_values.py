@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add, made, number
-from shapes import cube, grid, lamp, node, place, with_nodes, world
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import add, made, number
+from tests.blender.shapes import cube, grid, lamp, node, place, with_nodes, world
 
 ODD = (math.nan, math.inf, -math.inf, -1e30, 1e30)
 """Values that no input expects. Blender stores infinity as the largest float."""

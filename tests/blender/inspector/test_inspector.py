@@ -10,8 +10,6 @@ import bpy
 import gpu
 import numpy as np
 import pytest
-from drawn import build, plates
-from layouts import draw, draw_all
 from mathutils import Matrix
 
 from addon.blender.inspector import levels, map_cursor, worst
@@ -21,6 +19,8 @@ from addon.blender.session import trees
 from addon.blender.settings import signals
 from addon.blender.ui import inspector_panels, overlay_panels
 from addon.core.overlay.legend import Entry
+from tests.blender.drawn import build, plates
+from tests.blender.layouts import draw, draw_all
 
 WIDTH, HEIGHT = 200, 150
 

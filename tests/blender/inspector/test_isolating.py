@@ -6,12 +6,12 @@ from typing import Any
 
 import bpy
 import pytest
-from drawn import boxes, build
-from shapes import cube
 
 import addon
 from addon.blender.inspector import isolating
 from addon.blender.session import trees
+from tests.blender.drawn import boxes, build
+from tests.blender.shapes import cube
 
 
 def view() -> Any:

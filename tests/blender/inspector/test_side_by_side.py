@@ -6,8 +6,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from drawn import build, plates
-from layouts import draw, draw_all
 
 from addon.blender.inspector import levels, second, worst
 from addon.blender.measure import cost_maps
@@ -15,6 +13,8 @@ from addon.blender.overlay import drawing, picking
 from addon.blender.ui import histogram_icons, inspector_panels, overlay_panels
 from addon.core.inspector import levels as measuring
 from addon.core.overlay import cells
+from tests.blender.drawn import build, plates
+from tests.blender.layouts import draw, draw_all
 
 WIDTH, HEIGHT = 200, 150
 

@@ -4,9 +4,9 @@
 from pathlib import Path
 from typing import Any
 
-from user_session import built_wheel, made_zip, other_build
+from tests.blender.user_session import built_wheel, made_zip, other_build
 
-STEPS = "installing/upgrade_steps.py"
+STEPS = "upgrade"
 
 PANEL_OF_THE_OLD = '''
 

@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from builds import STEPS, check_look, check_new_session, check_picture
-from user_session import session
+
+from tests.blender.installing.builds import STEPS, check_look, check_new_session, check_picture
+from tests.blender.user_session import INSIDE, session
 
 FOLDERS = pytest.mark.parametrize("folders", ["folders", "file"])
 """What cannot be renamed: the folders of the locked file too, or nothing."""
@@ -50,17 +51,17 @@ def test_a_locked_module_that_is_unpacked_again_works_at_once_and_at_the_next_st
 def test_the_file_is_locked_here(tmp_path: Path) -> None:
     import subprocess
 
-    script = "import sys, os, shutil; sys.path.insert(0, sys.argv[1]); import locking; path = sys.argv[2]\n"
+    script = "import sys, os, shutil, locking; path = sys.argv[1]\n"
     script += "locking.lock(path, True); found = []\n"
-    script += "for call in (lambda: os.remove(path), lambda: open(path, 'wb'), lambda: shutil.rmtree(sys.argv[3]),\n"
-    script += "             lambda: os.rename(sys.argv[3], sys.argv[3] + '2')):\n"
+    script += "for call in (lambda: os.remove(path), lambda: open(path, 'wb'), lambda: shutil.rmtree(sys.argv[2]),\n"
+    script += "             lambda: os.rename(sys.argv[2], sys.argv[2] + '2')):\n"
     script += "    try: call()\n"
     script += "    except PermissionError: found.append('refused')\n"
     script += "os.rename(path, path + '2'); print(found, locking.still_there())\n"
     (tmp_path / "folder").mkdir()
     file = tmp_path / "folder" / "module.so"
     file.write_bytes(b"loaded")
-    command = [sys.executable, "-c", script, str(Path(__file__).parent), str(file), str(file.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", script, str(file), str(file.parent)]
+    done = subprocess.run(command, cwd=INSIDE, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['refused', 'refused', 'refused', 'refused'] True"
     assert (tmp_path / "folder" / "module.so2").read_bytes() == b"loaded"

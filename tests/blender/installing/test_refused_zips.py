@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builds import check_picture
-from user_session import built_wheel, for_system, made_zip, session
 
-STEPS = "installing/refused_steps.py"
+from tests.blender.installing.builds import check_picture
+from tests.blender.user_session import built_wheel, for_system, made_zip, session
+
+STEPS = "refused"
 ELSEWHERE = (
     ("manylinux_2_28_aarch64", "Linux on ARM") if sys.platform == "win32" else ("win_amd64", "Windows on x86-64")
 )

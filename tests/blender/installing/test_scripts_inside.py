@@ -6,13 +6,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import halfspace_native
-import package
 import pytest
-from user_session import built_wheel, made_zip, session
 
 from addon.lab.base import inside
+from scripts import package
+from tests.blender.user_session import built_wheel, made_zip, session
 
-STEPS = "installing/script_steps.py"
+STEPS = "running"
 
 SCRIPT = ("halfspace", "export", "grid", "--out", "tree.npz")
 

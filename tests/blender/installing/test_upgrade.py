@@ -4,8 +4,9 @@
 from pathlib import Path
 
 import pytest
-from builds import STEPS, check_look, check_new_session, check_picture
-from user_session import session
+
+from tests.blender.installing.builds import STEPS, check_look, check_new_session, check_picture
+from tests.blender.user_session import session
 
 
 @pytest.mark.parametrize(

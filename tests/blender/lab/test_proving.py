@@ -7,8 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from kinds import KINDS
-from shapes import read
 
 from addon.blender.read import camera
 from addon.core.base import native
@@ -16,6 +14,8 @@ from addon.core.base.notes import Notes
 from addon.core.session import session
 from addon.core.structures.settings import RenderSettings
 from addon.lab.pictures import proving
+from tests.blender.shapes import read
+from tests.kinds import KINDS
 
 SIZE = (24, 16)
 

@@ -8,12 +8,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from drawn import row
-from layouts import Window, draw_all, operator, until_it_ends
-from shapes import grid
 
 from addon.blender.measure import compare_files, compare_operators, comparing
 from addon.blender.render import engine
@@ -22,6 +18,10 @@ from addon.blender.settings import presets, properties
 from addon.blender.ui import compare_panels, panels
 from addon.core.choose import auto, choice
 from addon.core.structures import catalogue, ways
+from tests.blender import atlas
+from tests.blender.drawn import row
+from tests.blender.layouts import Window, draw_all, operator, until_it_ends
+from tests.blender.shapes import grid
 
 
 @pytest.fixture

@@ -7,8 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from drawn import row
-from shapes import read, with_nodes
 
 from addon.blender.measure import checking, comparing, cost_maps, lettering, map_pictures, workloads
 from addon.blender.session import building
@@ -16,6 +14,8 @@ from addon.core.base import native
 from addon.core.measure import costmap, counting
 from addon.core.scene import rays
 from addon.core.structures import catalogue
+from tests.blender.drawn import row
+from tests.blender.shapes import read, with_nodes
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-import shapes
 
 from addon.blender.measure import workloads
 from addon.core.scene.workload import WorkloadError
 from addon.lab.bench import mesh_files
+from tests.blender import shapes
 
 SIZE = (64, 32)
 

@@ -7,14 +7,26 @@ from typing import Any
 import bpy
 import gpu
 import numpy as np
-import overlay_picture
 import pytest
-from drawn import HEIGHT, WIDTH, boxes, build, camera, distances, everywhere, inside, picture, projected, show
 
 from addon.blender.measure import pictures
 from addon.blender.overlay import drawing as overlay
 from addon.blender.settings import properties
 from addon.core.overlay import planes
+from scripts.dev import overlay_picture
+from tests.blender.drawn import (
+    HEIGHT,
+    WIDTH,
+    boxes,
+    build,
+    camera,
+    distances,
+    everywhere,
+    inside,
+    picture,
+    projected,
+    show,
+)
 
 
 @everywhere

@@ -8,7 +8,14 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from drawn import (
+from mathutils import Vector
+
+from addon.blender.overlay import drawing as overlay
+from addon.blender.overlay import picking
+from addon.blender.session import building, trees
+from addon.core.base import colours, native
+from addon.core.overlay import beams
+from tests.blender.drawn import (
     HEIGHT,
     STRUCTURES,
     WIDTH,
@@ -24,14 +31,7 @@ from drawn import (
     show,
     some_triangles,
 )
-from layouts import Window, operator
-from mathutils import Vector
-
-from addon.blender.overlay import drawing as overlay
-from addon.blender.overlay import picking
-from addon.blender.session import building, trees
-from addon.core.base import colours, native
-from addon.core.overlay import beams
+from tests.blender.layouts import Window, operator
 
 
 @everywhere

@@ -8,12 +8,12 @@ from typing import Any
 
 import bpy
 import pytest
-from drawn import build
-from layouts import Window, operator, until_it_ends
-from shapes import cube, grid
 
 from addon.blender.session import building, trees
 from addon.core.structures import catalogue
+from tests.blender.drawn import build
+from tests.blender.layouts import Window, operator, until_it_ends
+from tests.blender.shapes import cube, grid
 
 
 def test_an_edit_makes_the_tree_stale_but_a_camera_does_not(scene: Any, add: Any) -> None:

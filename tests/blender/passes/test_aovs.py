@@ -4,15 +4,15 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add, made, tile_material
-from exr_files import both, exr
-from shapes import cube, grid, look, place, world
 
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import add, made, tile_material
+from tests.blender.exr_files import both, exr
+from tests.blender.shapes import cube, grid, look, place, world
 
 waves = made("VectorMath", made("NewGeometry", output="Position"), operation="SINE")
 """A smooth colour of the place."""

@@ -3,13 +3,13 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.shapes import cube, grid, lamp, look, material, node, place, world
 
 SIZE = 32
 """Pixels along a side of a baked picture."""

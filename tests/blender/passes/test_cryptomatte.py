@@ -5,17 +5,17 @@ import json
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import OpenImageIO
 import pytest
-from exr_files import both, exr
-from shapes import cube, grid, look, material, place
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
 from addon.core.base import cryptomatte
+from tests.blender import atlas
+from tests.blender.exr_files import both, exr
+from tests.blender.shapes import cube, grid, look, material, place
 
 KINDS = ("CryptoObject", "CryptoMaterial", "CryptoAsset")
 WIDTH, HEIGHT = 60, 40

@@ -4,15 +4,15 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made, tile_material
-from exr_files import both, colours, exr
-from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import made, tile_material
+from tests.blender.exr_files import both, colours, exr
+from tests.blender.shapes import cube, grid, lamp, look, place, world
 
 GROUPS = ("Lamps", "Glow", "Sky", "Dark")
 

@@ -7,11 +7,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from exr_files import exr
-from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.read import passes
 from addon.blender.render import engine
+from tests.blender.exr_files import exr
+from tests.blender.shapes import cube, grid, lamp, look, material, node, place, world
 
 WIDTH, HEIGHT = 64, 48
 BACKGROUND = 1e9

@@ -4,15 +4,15 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import both
-from shapes import cube, grid, lamp, look, material, place, world
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.exr_files import both
+from tests.blender.shapes import cube, grid, lamp, look, material, place, world
 
 
 @pytest.fixture

@@ -4,14 +4,14 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import both, exr
-from shapes import cube, grid, look
 
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.exr_files import both, exr
+from tests.blender.shapes import cube, grid, look
 
 CHANNELS = ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W")
 

@@ -4,13 +4,10 @@
 import tracemalloc
 from typing import Any
 
-import atlas
 import bpy
 import halfspace_native
 import numpy as np
 import pytest
-from atlas import made
-from shapes import cube, material, node, place, read, sphere
 
 from addon.blender.read import extract, layers, meshes
 from addon.blender.read.layers import read_layers
@@ -18,6 +15,9 @@ from addon.blender.read.value_nodes import ISLAND
 from addon.blender.read.vertex_layers import lowest_neighbours
 from addon.core.base.notes import Notes
 from addon.core.scene.scene import SceneError
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.shapes import cube, material, node, place, read, sphere
 
 KEY = ("tangent", "UVMap")
 

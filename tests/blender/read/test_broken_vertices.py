@@ -5,18 +5,18 @@ import math
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from exr_files import colours, render
-from shapes import cube, lamp, look, world
 
 from addon.blender.read import extract
 from addon.blender.render import engine
 from addon.core.base.notes import Notes
 from addon.core.scene.instances import InstancedGeometry
 from addon.core.scene.scene import Geometry
+from tests.blender import atlas
+from tests.blender.exr_files import colours, render
+from tests.blender.shapes import cube, lamp, look, world
 
 BROKEN = {"nan": math.nan, "infinite": math.inf, "negative": -math.inf}
 """Infinity assigned to a property becomes the largest float; written into an attribute it stays infinite."""

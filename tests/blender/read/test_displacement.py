@@ -3,13 +3,14 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made
-from rounds import found
-from shapes import cube, grid, node, place
+
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.rounds import found
+from tests.blender.shapes import cube, grid, node, place
 
 
 def displacing(make: atlas.Maker, method: str = "DISPLACEMENT", name: str = "Displaced") -> Any:

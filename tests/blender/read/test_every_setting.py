@@ -9,8 +9,9 @@ from typing import Any
 
 import bpy
 import pytest
-from shapes import cube, material, read
-from walking import LIGHTS, OWNERS, Outcome, build, differs, outcome, owners, values
+
+from tests.blender.shapes import cube, material, read
+from tests.blender.walking import LIGHTS, OWNERS, Outcome, build, differs, outcome, owners, values
 
 EVERYWHERE = "*"
 

@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix
-from shapes import cube, grid, material, normals, read, sphere, triangle, world_corners
+
+from tests.blender.shapes import cube, grid, material, normals, read, sphere, triangle, world_corners
 
 
 def test_an_empty_scene_has_no_triangles() -> None:

@@ -4,15 +4,15 @@
 import math
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from read_materials import nodes_group
-from shapes import node, read, with_nodes
 
 from addon.blender.read import lights
 from addon.core.scene.scene import Light
+from tests.blender import atlas
+from tests.blender.read_materials import nodes_group
+from tests.blender.shapes import node, read, with_nodes
 
 
 def only_light(add: Any, kind: str, *, scale: tuple[float, float, float] = (1, 1, 1), **settings: Any) -> Light:

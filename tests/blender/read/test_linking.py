@@ -4,9 +4,9 @@
 from typing import Any
 
 import bpy
-from shapes import cube, material, read
 
 from addon.blender.read import linking
+from tests.blender.shapes import cube, material, read
 
 
 def lamp(add: Any, name: str = "Lamp") -> Any:

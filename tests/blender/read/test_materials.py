@@ -5,14 +5,14 @@ from typing import Any
 
 import bpy
 import pytest
-from atlas import add, made, number, tile_material
-from read_materials import converted, inputs, nodes_group, plug
-from shapes import material, node, world
 
 from addon.blender.read.images import Gallery
 from addon.blender.read.materials import Palette
 from addon.blender.read.world import read_world
 from addon.core.base.notes import Notes
+from tests.blender.atlas import add, made, number, tile_material
+from tests.blender.read_materials import converted, inputs, nodes_group, plug
+from tests.blender.shapes import material, node, world
 
 
 def test_principled_constants() -> None:

@@ -4,18 +4,18 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import halfspace_native as native
 import numpy as np
 import pytest
-from exr_files import render
-from shapes import cube, grid, lamp, look, material, node, world
 
 from addon.blender.read import extract
 from addon.blender.render import engine
 from addon.core.base.notes import Notes
 from addon.core.structures.trees import Trees
+from tests.blender import atlas
+from tests.blender.exr_files import render
+from tests.blender.shapes import cube, grid, lamp, look, material, node, world
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, grid, material, node
 
 from addon.blender.read import extract, object_meshes
 from addon.blender.read.remembered import Remembered
@@ -20,6 +19,7 @@ from addon.blender.render import viewport
 from addon.core.base.equality import same
 from addon.core.base.notes import Notes
 from addon.core.scene import tubes
+from tests.blender.shapes import cube, grid, material, node
 
 
 @pytest.fixture

@@ -4,17 +4,17 @@
 import math
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made
-from rounds import camera, cloud, found, fur, hair, locks, pointed
-from shapes import cube, grid, material
 
 from addon.blender.read.strands import collecting
 from addon.blender.read.value_nodes import COLOR, STRAND, UV
 from addon.core.scene import tubes
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.rounds import camera, cloud, found, fur, hair, locks, pointed
+from tests.blender.shapes import cube, grid, material
 
 
 @pytest.fixture(autouse=True)

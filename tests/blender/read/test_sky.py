@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-import shapes
 
 import addon
 from addon.blender.measure import workloads
@@ -24,6 +23,7 @@ from addon.blender.read.world import read_world
 from addon.blender.render import engine
 from addon.blender.session import building
 from addon.core.base.notes import Notes
+from tests.blender import shapes
 
 
 @pytest.fixture
@@ -223,13 +223,12 @@ def test_a_render_that_waits_for_a_sky_can_be_stopped(
 def test_python_leaves_no_other_blender_behind(tmp_path: Path) -> None:
     script = tmp_path / "leave.py"
     script.write_text(
-        f"""
+        """
 import sys, time
-sys.path.insert(0, {str(Path(addon.__file__).parents[1])!r})
 import bpy
 from addon.blender.read import sky
 sky._command = lambda folder: [sys.executable, "-c", "import time; time.sleep(900)"]
-sky._begin("{{}}")
+sky._begin("{}")
 while not sky._processes:
     time.sleep(0.01)
 print(next(iter(sky._processes)).pid, flush=True)
@@ -238,6 +237,8 @@ print(next(iter(sky._processes)).pid, flush=True)
     folder = tmp_path / "temporary"
     folder.mkdir()
     environment = {**os.environ, "TMPDIR": str(folder), "TEMP": str(folder), "TMP": str(folder)}
+    root = Path(addon.__file__).parents[1]
+    environment["PYTHONPATH"] = os.pathsep.join([str(root), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
     done = subprocess.run(
         [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=300, check=True
     )

@@ -5,13 +5,13 @@ from typing import Any
 
 import bpy
 import pytest
-from atlas import add, made, tile_material
 from mathutils import Euler
-from read_materials import converted, inputs, nodes_group
-from shapes import material, node
 
 from addon.blender.read.images import read_image
 from addon.core.base.notes import Notes
+from tests.blender.atlas import add, made, tile_material
+from tests.blender.read_materials import converted, inputs, nodes_group
+from tests.blender.shapes import material, node
 
 
 def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = "") -> Any:

@@ -4,15 +4,15 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from exr_files import exr
-from shapes import cube, look, material, place, read, world
 
 from addon.blender.read import visibility
 from addon.blender.read.linking import Linking
 from addon.core.base.notes import Notes
+from tests.blender import atlas
+from tests.blender.exr_files import exr
+from tests.blender.shapes import cube, look, material, place, read, world
 
 
 @pytest.fixture

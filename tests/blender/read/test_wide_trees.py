@@ -5,14 +5,14 @@ from typing import Any
 
 import bpy
 import pytest
-from atlas import add, made, number, tile_material
-from read_materials import converted, nodes_group
-from shapes import material, node, with_nodes
 
 from addon.blender.read import values
 from addon.blender.read.values import Values
 from addon.blender.read.world import read_world
 from addon.core.base.notes import Notes
+from tests.blender.atlas import add, made, number, tile_material
+from tests.blender.read_materials import converted, nodes_group
+from tests.blender.shapes import material, node, with_nodes
 
 LEVELS = 30
 

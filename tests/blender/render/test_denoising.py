@@ -4,14 +4,14 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import numpy as np
 import pytest
-from exr_files import colours, render
-from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.render import engine
 from addon.core.base import denoise
+from tests.blender import atlas
+from tests.blender.exr_files import colours, render
+from tests.blender.shapes import cube, grid, lamp, look, place, world
 
 
 @pytest.fixture

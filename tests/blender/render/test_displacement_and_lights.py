@@ -7,16 +7,16 @@ import math
 from typing import Any
 
 import addon_utils
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as node
-from rounds import camera
-from shapes import grid, with_nodes
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import add as node
+from tests.blender.rounds import camera
+from tests.blender.shapes import grid, with_nodes
 
 
 @pytest.fixture(autouse=True)

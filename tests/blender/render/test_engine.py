@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import halfspace_native
 import numpy as np
 import OpenImageIO
 import pytest
-from exr_files import exr, render
-from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.read import extract
 from addon.blender.render import engine, requested, viewport
 from addon.blender.session import reports, trees
 from addon.core.base import room
 from addon.core.session import coarse
+from tests.blender import atlas
+from tests.blender.exr_files import exr, render
+from tests.blender.shapes import cube, grid, lamp, look, material, node, place, world
 
 WIDTH, HEIGHT = 48, 32
 

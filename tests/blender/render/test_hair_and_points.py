@@ -3,17 +3,17 @@
 
 from typing import Any
 
-import atlas
 import numpy as np
 import pytest
-from atlas import made
 from mathutils import Matrix
-from rounds import camera, cloud, fur, hair, locks
-from shapes import grid, lamp, place, world
 
 from addon.blender.read.strands import collecting
 from addon.blender.render.engine import ENGINE
 from addon.core.scene import tubes
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.rounds import camera, cloud, fur, hair, locks
+from tests.blender.shapes import grid, lamp, place, world
 
 SAMPLES = 100
 

@@ -6,15 +6,15 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import OpenImageIO
 import pytest
-from atlas import add, made
-from shapes import cube, grid
 
 from addon.blender.read.bundled import bundled
+from tests.blender import atlas
+from tests.blender.atlas import add, made
+from tests.blender.shapes import cube, grid
 
 
 def written(path: Path, seed: int, kind: str = "uint8", channels: int = 3, *, width: int = 7, height: int = 5) -> Path:

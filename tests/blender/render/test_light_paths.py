@@ -4,13 +4,13 @@
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from exr_files import colours, render
 
 from addon.blender.render import engine
 from addon.lab.pictures import proving_parts as parts
+from tests.blender import atlas
+from tests.blender.exr_files import colours, render
 
 WIDTH, HEIGHT = 48, 32
 SAMPLES, BOUNCES = 1024, 4

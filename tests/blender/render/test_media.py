@@ -3,16 +3,16 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as node
-from atlas import made
-from shapes import cube, grid, lamp, look, material, place, with_nodes, world
-from shapes import node as node_of
 
 from addon.blender.measure import pictures
+from tests.blender import atlas
+from tests.blender.atlas import add as node
+from tests.blender.atlas import made
+from tests.blender.shapes import cube, grid, lamp, look, material, place, with_nodes, world
+from tests.blender.shapes import node as node_of
 
 SIZE, SAMPLES, BOUNCES = 24, 512, 6
 

@@ -3,15 +3,15 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, look, material, place, world
 
 from addon.blender.measure import pictures
 from addon.blender.render import cameras, shutter
 from addon.core.session import refits
+from tests.blender import atlas
+from tests.blender.shapes import cube, look, material, place, world
 
 SIZE, SAMPLES = 48, 256
 

@@ -5,13 +5,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made
 from mathutils import Vector
-from shapes import cube, lamp, look, material, place, world
+
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.shapes import cube, lamp, look, material, place, world
 
 SAMPLES, SIZE, SQUARE = 64, (64, 48), 8
 """Samples, pixels of the picture, and pixels along a square."""

@@ -9,7 +9,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from shapes import cube, look, material, place
 
 from addon.blender.inspector import levels, second, worst
 from addon.blender.measure import checking, comparing, cost_maps
@@ -17,6 +16,7 @@ from addon.blender.render import baking, denoising, engine, previews, viewport
 from addon.blender.samples import arrays
 from addon.blender.session import building, reports, trees
 from addon.core.session.preview import Preview
+from tests.blender.shapes import cube, look, material, place
 
 TEXT = "internal error: index out of bounds"
 

@@ -4,14 +4,14 @@
 import math
 from typing import Any
 
-import atlas
 import numpy as np
 import pytest
-from atlas import made, tile_material
-from shapes import grid, look
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import made, tile_material
+from tests.blender.shapes import grid, look
 
 WIDTH, HEIGHT = 60, 36
 

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from atlas import add, made, read, shown
-from shapes import ball, grid, lamp, place, world
+
+from tests.blender import atlas
+from tests.blender.atlas import add, made, read, shown
+from tests.blender.shapes import ball, grid, lamp, place, world
 
 
 def places() -> Iterator[tuple[str, atlas.Maker]]:

@@ -9,9 +9,9 @@ from typing import Any
 
 import bpy
 import pytest
-from shapes import cube, look, place
 
 from addon.blender.render import running
+from tests.blender.shapes import cube, look, place
 
 
 @pytest.fixture(autouse=True)

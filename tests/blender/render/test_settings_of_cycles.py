@@ -3,13 +3,13 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from atlas import made
-from shapes import cube, grid, lamp, look, material, node, place, world
 
 from addon.blender.measure import pictures
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.shapes import cube, grid, lamp, look, material, node, place, world
 
 SIZE, SAMPLES = 24, 256
 

@@ -3,12 +3,13 @@
 
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made, place
-from shapes import ball, lamp, world
+
+from tests.blender import atlas
+from tests.blender.atlas import made, place
+from tests.blender.shapes import ball, lamp, world
 
 BOUNCES = 1
 

@@ -4,12 +4,13 @@
 from functools import partial
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add, made, place
-from shapes import lamp, sphere, world
+
+from tests.blender import atlas
+from tests.blender.atlas import add, made, place
+from tests.blender.shapes import lamp, sphere, world
 
 BOUNCES = 1
 NEW = bpy.app.version >= (5, 2)

@@ -5,14 +5,15 @@ import math
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import made
-from exr_files import colours, render
 from mathutils import Vector
-from shapes import cube, grid, lamp, material, node, place, read, world
+
+from tests.blender import atlas
+from tests.blender.atlas import made
+from tests.blender.exr_files import colours, render
+from tests.blender.shapes import cube, grid, lamp, material, node, place, read, world
 
 WHITE = (0.8, 0.8, 0.8, 1.0)
 

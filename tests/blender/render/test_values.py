@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add, made, number, place, placed, shown
+
+from tests.blender import atlas
+from tests.blender.atlas import add, made, number, place, placed, shown
 
 Makers = Iterator[tuple[str, atlas.Maker]]
 

@@ -12,12 +12,12 @@ import gpu
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shapes import cube, grid, lamp, look, place, world
 
 from addon.blender.read import views
 from addon.blender.render import viewport
 from addon.blender.render.viewport import Viewport
 from addon.core.base import denoise
+from tests.blender.shapes import cube, grid, lamp, look, place, world
 
 WIDTH, HEIGHT = 64, 48
 MOST_REDRAWS = 5000

@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add as node
-from shapes import cube, read, with_nodes
 
 from addon.blender.read.media import grids
 from addon.blender.session import reports
+from tests.blender import atlas
+from tests.blender.atlas import add as node
+from tests.blender.shapes import cube, read, with_nodes
 
 SAMPLES, BOUNCES = 512, 8
 

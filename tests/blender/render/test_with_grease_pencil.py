@@ -7,11 +7,12 @@ The last file of this folder by its name: such a render ends the context in whic
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
-from exr_files import render
-from shapes import cube, lamp, look, place
+
+from tests.blender import atlas
+from tests.blender.exr_files import render
+from tests.blender.shapes import cube, lamp, look, place
 
 
 def test_grease_pencil_is_drawn_by_blender_and_not_reported(scene: Any, tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
-from shapes import read
 
 from addon.core.scene.workload import load_npz
+from tests.blender.shapes import read
 
 VERTICES = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 1.5]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)

@@ -5,9 +5,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from shapes import read
 
 from addon.blender.samples import showcase
+from tests.blender.shapes import read
 
 
 def test_the_showcase_uses_supported_features_and_has_its_lights_and_materials(scene: Any) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from shapes import read, world_corners
 
 from addon.blender.measure import pictures
 from addon.core.measure.accuracy import Errors
@@ -17,6 +16,7 @@ from addon.core.scene.workload import load_npz
 from addon.lab.base.usage import UsageError
 from addon.lab.commands import compare
 from addon.lab.pictures import large, stage, whole
+from tests.blender.shapes import read, world_corners
 
 
 @pytest.fixture

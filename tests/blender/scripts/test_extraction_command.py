@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command that times extraction: that it measures what it says, never how long that took."""
 
-import extraction
 import pytest
+
+from scripts.dev import extraction
 
 
 def test_every_scene_gets_a_row_with_its_size(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,13 +5,13 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-import little_room
 import numpy as np
 import pytest
 
 from addon.blender.measure import pictures
 from addon.core.report import results
 from addon.lab.commands import compare
+from tests import little_room
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("resource") is None, reason="no file's size can be limited")
 

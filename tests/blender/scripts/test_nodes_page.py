@@ -4,10 +4,10 @@
 import re
 from pathlib import Path
 
-import beside_cycles
 import bpy
-import nodes_page
 import pytest
+
+from tests.blender import beside_cycles, nodes_page
 
 TESTS = Path(__file__).resolve().parents[1]
 
@@ -26,7 +26,7 @@ def test_the_page_of_nodes_is_current() -> None:
     labels = nodes_page.offered()
     assert {name: state for name, (state, _) in page.items()} == {
         label: nodes_page.state(node) for node, label in labels.items()
-    }, "run python tests/blender/nodes_page.py"
+    }, "run python -m tests.blender.nodes_page"
     text = "".join(path.read_text(encoding="utf-8") for path in TESTS.rglob("test_*.py"))
     assert [test for _, tests in page.values() for test in tests if f"def {test}(" not in text] == []
     # Nodes that only hand values on have no tile of their own; those that move or cut out things have other tests.

@@ -8,14 +8,14 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from one_line import told
-from shapes import cube
 
 from addon.blender.measure import pictures
 from addon.blender.render import engine
 from addon.core.base import picture_files, resident
 from addon.lab.commands import render
 from addon.lab.pictures import scenes
+from tests.blender.shapes import cube
+from tests.one_line import told
 
 QUICK = ["--samples", "1"]
 

@@ -6,8 +6,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from drawn import row
-from layouts import draw
 
 from addon.blender.measure import cost_maps, map_pictures, workloads
 from addon.blender.render import engine
@@ -16,6 +14,8 @@ from addon.blender.ui import overlay_panels, panels
 from addon.core.base import native
 from addon.core.measure import costmap
 from addon.lab.pictures import whole
+from tests.blender.drawn import row
+from tests.blender.layouts import draw
 
 
 @pytest.fixture

@@ -6,12 +6,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import atlas
 import bpy
 import halfspace_native
 import pytest
-from layouts import Layout, draw, draw_all
-from shapes import cube, look, reopened
 
 from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
@@ -20,6 +17,9 @@ from addon.blender.ui import panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
+from tests.blender import atlas
+from tests.blender.layouts import Layout, draw, draw_all
+from tests.blender.shapes import cube, look, reopened
 
 
 def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:

@@ -5,14 +5,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import atlas
 import bpy
 import pytest
-from shapes import cube, look, reopened
 
 from addon.blender.render.viewport import Viewport
 from addon.blender.settings import properties, quality, stored
 from addon.core.base.notes import Notes
+from tests.blender import atlas
+from tests.blender.shapes import cube, look, reopened
 
 
 @pytest.fixture

@@ -7,14 +7,14 @@ from typing import Any
 
 import bpy
 import pytest
-from layouts import Window, operator
-from shapes import cube, look
 
 import addon
 from addon.blender.measure import compare_files, comparing, cost_maps
 from addon.blender.overlay import drawing as overlay
 from addon.blender.overlay import picking
 from addon.blender.ui import manual
+from tests.blender.layouts import Window, operator
+from tests.blender.shapes import cube, look
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from typing import Any
 
 import bmesh
 import bpy
-import bvhtree_module
 import halfspace_native as native
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from addon.lab.commands.stability import BUNNY
+from tests import bvhtree_module
 
 bvhtree = bvhtree_module.load()
 

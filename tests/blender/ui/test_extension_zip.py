@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import package
 import pytest
-from user_session import built_wheel, session
 
-STEPS = "extension_session.py"
+from scripts import package
+from tests.blender.user_session import built_wheel, session
+
+STEPS = "extension"
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import package
 import pytest
-from user_session import built_wheel, made_zip
+
+from scripts import package
+from tests.blender.user_session import built_wheel, made_zip
 
 COMMAND = "HALFSPACE_BLENDER"
 """Environment variable: the command that runs a real Blender, by default the program `blender` if there is one."""

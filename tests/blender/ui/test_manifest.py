@@ -5,7 +5,7 @@ import re
 import tomllib
 from pathlib import Path
 
-import package
+from scripts import package
 
 ROOT = Path(__file__).resolve().parents[3]
 MANIFEST = ROOT / "blender_manifest.toml"

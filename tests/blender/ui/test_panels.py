@@ -10,8 +10,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from layouts import Layout, draw, draw_all
-from shapes import cube
 
 from addon.blender.measure import checking
 from addon.blender.read import extract
@@ -30,6 +28,8 @@ from addon.blender.ui import (
 from addon.core.base import native
 from addon.core.structures import catalogue, specs
 from addon.core.structures.presets import offered
+from tests.blender.layouts import Layout, draw, draw_all
+from tests.blender.shapes import cube
 
 PANELS = [
     *panels.CLASSES,

@@ -9,12 +9,12 @@ from typing import Any
 
 import bpy
 import pytest
-from layouts import Layout, draw_own
-from shapes import cube
 
 from addon.blender.render.engine import ENGINE
 from addon.blender.ui import compat, data_panels, panels, pass_panels
 from addon.blender.ui.data_panels import OF_PANORAMAS
+from tests.blender.layouts import Layout, draw_own
+from tests.blender.shapes import cube
 
 SOURCES = Path(compat.__file__).parents[1]
 

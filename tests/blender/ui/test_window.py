@@ -9,8 +9,6 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import animations
-import package
 import pytest
 
 from addon.blender.measure import pictures
@@ -23,6 +21,8 @@ from addon.blender.ui import (
     panels,
     pass_panels,
 )
+from scripts import package
+from scripts.dev import animations
 
 COMMAND = "HALFSPACE_WINDOW"
 """Environment variable: a command that opens a Blender window; see `scripts/dev/window/README.md`."""

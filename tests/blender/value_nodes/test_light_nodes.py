@@ -5,15 +5,15 @@ import math
 from pathlib import Path
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import add, made, read
-from shapes import grid, lamp, look, node, place, with_nodes
 
 from addon.blender.measure import pictures
 from addon.blender.render.engine import ENGINE
+from tests.blender import atlas
+from tests.blender.atlas import add, made, read
+from tests.blender.shapes import grid, lamp, look, node, place, with_nodes
 
 FILE = """IESNA:LM-63-1995
 [TEST] a lamp with two lobes

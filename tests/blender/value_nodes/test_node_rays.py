@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-import atlas
 import bmesh
 import bpy
 import numpy as np
 import pytest
-from atlas import made, read
 from mathutils import Matrix
-from shapes import place
+
+from tests.blender import atlas
+from tests.blender.atlas import made, read
+from tests.blender.shapes import place
 
 
 def corner(*, smooth: bool = False) -> Any:

@@ -4,12 +4,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-import atlas
 import bpy
 import numpy as np
 import pytest
-from atlas import read
-from shapes import grid, look
+
+from tests.blender import atlas
+from tests.blender.atlas import read
+from tests.blender.shapes import grid, look
 
 
 def fan(makers: Sequence[atlas.Maker]) -> Any:

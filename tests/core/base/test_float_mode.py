@@ -20,8 +20,9 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from render_scenes import camera, settings
+
+from tests.kinds import KINDS
+from tests.render_scenes import camera, settings
 
 X86_GLIBC = platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc"
 pytestmark = pytest.mark.skipif(not X86_GLIBC, reason="the mode is set through fenv_t of glibc on x86-64")

@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rooms_of_triangles
-from lying_native import LIES, Lying, LyingNative, altered
 
 from addon.core.base.background import Background
 from addon.core.choose import auto, choice
@@ -21,6 +19,8 @@ from addon.core.measure import benchmark, check
 from addon.core.scene.workload import View, Workload
 from addon.core.structures import catalogue, specs, ways
 from addon.lab.commands import choose
+from tests import rooms_of_triangles
+from tests.lying_native import LIES, Lying, LyingNative, altered
 
 native = pytest.importorskip("halfspace_native")
 

@@ -7,10 +7,11 @@ import json
 import sys
 from pathlib import Path
 
-import animations
 import pytest
-from one_line import told
 from PIL import Image
+
+from scripts.dev import animations
+from tests.one_line import told
 
 WINDOW = """\
 import json, pathlib, sys

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import bibtexparser
-import environment
 import halfspace_native as native
 import pytest
 import yaml
 from bibtexparser import middlewares
 
 from addon.core.base import native as core_native
+from scripts.dev import environment
 
 ROOT: Path = environment.ROOT
 

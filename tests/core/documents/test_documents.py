@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import environment
 import halfspace_native as native
 import numpy as np
 import pytest
 
 from addon.core.structures import specs
 from addon.lab.commands import bench, launcher
+from scripts import test
+from scripts.dev import environment, structures_page
 
 ROOT: Path = environment.ROOT
 DOCUMENTS = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -108,7 +109,7 @@ def check_script(words: list[str]) -> None:
     if path.name == "lock.py":  # options are those of uv
         return
     if path.name == "test.py":
-        checks = importlib.import_module(path.stem).checks()
+        checks = test.checks()
         unknown = [word for word in words[1:] if word != "--all" and not any(name.startswith(word) for name in checks)]
         if unknown:
             raise Problem(f"no check begins with {unknown[0]}")
@@ -118,7 +119,7 @@ def check_script(words: list[str]) -> None:
     elif path.stem in launcher.COMMANDS:
         check_halfspace([path.stem, *words[1:]])
     else:
-        module = importlib.import_module(path.stem)
+        module = importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
         check_configurations(module, parsed(module, words[1:]))
 
 
@@ -169,7 +170,8 @@ def check_command(line: str) -> None:
     if not words:
         return
     if words[0] in PYTHONS:
-        check_script(words[1:])
+        own = words[1:]
+        check_script([f"{own[1].replace('.', '/')}.py", *own[2:]] if own[0] == "-m" else own)
     elif words[0] == "blender":
         check_blender(words[1:])
     elif words[0] == "cargo":
@@ -249,7 +251,9 @@ def test_what_a_document_says_is_so(document: Path) -> None:
     ("text", "words"),
     [
         ("```sh\npython3 scripts/no_such.py\n```\n", "does not exist"),
+        ("```sh\npython3 -m scripts.dev.no_such\n```\n", "does not exist"),
         ("```sh\npython3 scripts/bench.py --no-such-option\n```\n", "--no-such-option"),
+        ("```sh\npython3 -m scripts.dev.pictures --no-such-option\n```\n", "--no-such-option"),
         ("```sh\npython3 scripts/demo.py --fast  # a comment\n```\n", "--fast"),
         ("```sh\npython3 scripts/test.py no-such-check\n```\n", "no-such-check"),
         ("```sh\n.venv/bin/python scripts/bench.py --structures kd,no-such-tree\n```\n", "no-such-tree"),
@@ -285,11 +289,11 @@ def test_the_front_door_is_short(name: str) -> None:
 
 
 def test_the_page_of_structures_is_current() -> None:
-    page = importlib.import_module("structures_page")
     rows = native.structures()
-    written = page.PAGE.read_text(encoding="utf-8")
-    assert written == page.page(rows), "run python scripts/dev/structures_page.py"
-    assert written != page.page([{**rows[0], "summary": "Another one."}, *rows[1:]]), "a change of a row shows"
+    written = structures_page.PAGE.read_text(encoding="utf-8")
+    assert written == structures_page.page(rows), "run python -m scripts.dev.structures_page"
+    changed = structures_page.page([{**rows[0], "summary": "Another one."}, *rows[1:]])
+    assert written != changed, "a change of a row shows"
 
 
 def test_the_readme_names_every_structure() -> None:

@@ -10,14 +10,12 @@ from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
-import documents_site
 import halfspace_native as native
-import overlay_picture
 import pytest
-import structure_pages
-from one_line import told
 
 from addon.lab.claims.table import CLAIMS
+from scripts.dev import documents_site, overlay_picture, structure_pages
+from tests.one_line import told
 
 pytestmark = pytest.mark.slow
 

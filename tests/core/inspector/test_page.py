@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms_of_triangles import WORKLOAD, built
 
 from addon.core.base import native
 from addon.core.inspector import page
 from addon.core.measure import costmap
+from tests.rooms_of_triangles import WORKLOAD, built
 
 
 def test_a_page_holds_maps_rays_trees_and_levels(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,15 +12,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import browsers
 import numpy as np
 import pytest
-from rooms_of_triangles import SIZE, WORKLOAD, built
 
 from addon.core.base import colours, native
 from addon.core.base.arrays import F64
 from addon.core.inspector import csv_files, histogram, page
 from addon.core.measure import costmap
+from tests import browsers
+from tests.rooms_of_triangles import SIZE, WORKLOAD, built
 
 SPECS = ("kd", "bvh-sah")
 DATA = re.compile(r'(<script id="data" type="application/json">)(.*?)(</script>)', re.DOTALL)

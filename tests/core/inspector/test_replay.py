@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rooms_of_triangles import SIZE, WORKLOAD, built
 
 from addon.core.base import native
 from addon.core.inspector import ray_costs, reasons, replay
 from addon.core.overlay import cells
 from addon.core.tree import table
 from addon.core.tree.table import LEAF
+from tests.rooms_of_triangles import SIZE, WORKLOAD, built
 
 SPECS = ["kd", "bsp-wn-plus-kd", "bvh-sah", "bih", "obb", "octree-param", "grid", "brute"]
 EXACT = {"kd", "bsp-wn-plus-kd", "bvh-sah"}

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rooms_of_triangles import SIZE, WORKLOAD, built
 
 from addon.core.inspector import csv_files, histogram, levels, node_view, ray_costs, replay
 from addon.core.overlay import cells
+from tests.rooms_of_triangles import SIZE, WORKLOAD, built
 
 
 @pytest.mark.parametrize("spec", ["kd", "bvh-sah", "brute"])

@@ -12,7 +12,6 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, LyingNative
 
 from addon.core.base import native
 from addon.core.report import results
@@ -70,6 +69,7 @@ from addon.lab.claims import (
 )
 from addon.lab.claims.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome, Timing
 from addon.lab.commands import claims as command
+from tests.lying_native import LIES, LyingNative
 
 THESIS_SCENES = claims_thesis.scenes
 

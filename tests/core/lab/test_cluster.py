@@ -11,15 +11,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-import environment
 import halfspace_native
 import pytest
-from sweep_runs import OPTIONS, ROWS, soups, table
 
 from addon.core.measure import benchmark
 from addon.core.scene import workload
 from addon.lab.bench import cluster
 from addon.lab.commands import bench
+from scripts.dev import environment
+from tests.sweep_runs import OPTIONS, ROWS, soups, table
 
 pytestmark = pytest.mark.slow
 

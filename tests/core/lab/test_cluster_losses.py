@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sweep_runs import OPTIONS, ROWS, table
 
 from addon.lab.bench import cluster
 from addon.lab.commands import bench
+from tests.sweep_runs import OPTIONS, ROWS, table
 
 pytestmark = [
     pytest.mark.slow,

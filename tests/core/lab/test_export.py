@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
-from report_rows import document, everything, row
 
 from addon.lab.commands import bench
 from addon.lab.export import files
 from addon.lab.report import plots
+from tests.report_rows import document, everything, row
 
 SPREAD = {"mean": 2.0, "p50": 2, "p90": 3, "p99": 3, "max": 3, "histogram": [1, 2, 5]}
 

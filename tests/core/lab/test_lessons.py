@@ -9,12 +9,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import environment
 import halfspace_native as native
-import package_python
 import pytest
 
 from addon.lab.lessons import lessons
+from scripts import package_python
+from scripts.dev import environment
 
 PAGES = environment.ROOT / "docs" / "lessons"
 NOTEBOOKS = sorted(PAGES.glob("*.ipynb"))

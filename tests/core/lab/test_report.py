@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from report_rows import document, everything, pictured, row
 
 from addon.core.measure import ranking
 from addon.core.report import costs, report
 from addon.lab.report import charts, field_charts, page, plots, thesis
+from tests.report_rows import document, everything, pictured, row
 
 DRAWN = pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
 

@@ -12,10 +12,10 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, LyingNative
 
 from addon.lab.commands import stability as command
 from addon.lab.stability import slowdown, slowdown_page, stability
+from tests.lying_native import LIES, LyingNative
 
 RINGS, RAYS, COPIES = 12, 100, 40
 

@@ -12,13 +12,13 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, Lying, LyingNative
 
 from addon.core.report import results
 from addon.core.scene import grid
 from addon.core.structures import catalogue, ways
 from addon.lab.commands import stability as command
 from addon.lab.stability import agreement, leaks, stability, trials
+from tests.lying_native import LIES, Lying, LyingNative
 
 LIMIT = 1500
 

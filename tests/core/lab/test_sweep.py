@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sweep_runs import OPTIONS, table
 
 from addon.core.measure import benchmark
 from addon.core.scene import workload
 from addon.lab.bench import cluster, sweep
 from addon.lab.commands import bench
 from addon.lab.report import thesis
+from tests.sweep_runs import OPTIONS, table
 
 
 def test_parts_merge_to_the_whole(scenes: list[str], tmp_path: Path, whole: list[Any], capsys: Any) -> None:

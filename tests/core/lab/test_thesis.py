@@ -11,7 +11,6 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, LyingNative
 
 from addon.core.base import native
 from addon.core.scene import workload
@@ -19,6 +18,7 @@ from addon.lab.claims.claims import FAILS, HOLDS, UNTESTED
 from addon.lab.commands import thesis as command
 from addon.lab.report import thesis as published
 from addon.lab.thesis import levels, measure, plan, tables
+from tests.lying_native import LIES, LyingNative
 
 SMALL = plan.Effort(((4,), (3, 5)), (1, 2), (32, 32), 1, 200)
 

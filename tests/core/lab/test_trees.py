@@ -10,10 +10,10 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
 
 from addon.lab.commands import export
 from addon.lab.export import trees
+from tests.kinds import KINDS
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "trees.md"
 RAYS = 40

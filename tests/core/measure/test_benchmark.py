@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, Lying, LyingNative, altered
 
 from addon.core.measure import benchmark, check, costmap, offsets, peak, timing, yardstick
 from addon.core.measure.benchmark import Options, Row
 from addon.core.report import report
 from addon.core.scene import grid, rays, workload
+from tests.lying_native import LIES, Lying, LyingNative, altered
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"

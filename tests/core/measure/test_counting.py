@@ -9,13 +9,13 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from report_rows import everything, row
 
 from addon.core.measure import benchmark, counting
 from addon.core.report import costs, report
 from addon.core.scene import grid, rays
 from addon.core.structures import catalogue, ways
 from addon.lab.report import plots
+from tests.report_rows import everything, row
 
 NAMES = [row["id"] for row in halfspace_native.structures()]
 

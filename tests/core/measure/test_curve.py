@@ -10,12 +10,12 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import altered
 
 from addon.core.measure import benchmark, curve, flip, picture_times
 from addon.core.measure.benchmark import Options
 from addon.core.scene import grid
 from addon.core.scene.workload import Workload
+from tests.lying_native import altered
 
 
 @pytest.fixture(autouse=True)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rooms_of_triangles import WORKLOAD, built
 
 from addon.core.measure import costmap
 from addon.core.scene import rays
+from tests.rooms_of_triangles import WORKLOAD, built
 
 SIZE = (32, 24)
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinds import KINDS
-from rooms_of_triangles import soup
 
 from addon.core.base import colours
 from addon.core.overlay import cells, planes
+from tests.kinds import KINDS
+from tests.rooms_of_triangles import soup
 
 native = pytest.importorskip("halfspace_native")
 

@@ -9,9 +9,10 @@ import sys
 import zipfile
 from pathlib import Path
 
-import bundled
-import environment
 import pytest
+
+from scripts.dev import environment
+from scripts.systems import bundled
 
 NAMES = [f"x-1.2.3-cp311-abi3-{tag}.whl" for tag in ("linux_x86_64", "win_amd64")]
 

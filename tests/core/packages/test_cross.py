@@ -12,13 +12,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import answers
-import cross
-import package
-import package_python
 import pytest
-import targets
-from one_line import told
+
+from scripts import package, package_python
+from scripts.systems import answers, cross, targets
+from tests.one_line import told
 
 ROOT = Path(__file__).resolve().parents[3]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -208,10 +206,11 @@ def test_a_workflow_calls_scripts_as_they_are(path: Path, monkeypatch: pytest.Mo
         program, *words = shlex.split(line)
         if program != "python":
             continue
-        assert (ROOT / words[0]).is_file(), line
-        module = {module.__name__: module for module in (cross, package, package_python)}.get(Path(words[0]).stem)
+        name, *given = words[1:] if words[0] == "-m" else [words[0].removesuffix(".py").replace("/", "."), *words[1:]]
+        assert (ROOT / name.replace(".", "/")).with_suffix(".py").is_file(), line
+        module = {module.__name__: module for module in (cross, package, package_python)}.get(name)
         if module is not None:
-            assert module.main(words[1:]) == 0, line
+            assert module.main(given) == 0, line
     assert called
     systems = set(re.findall(r"system: ([\w-]+),", text))
     assert systems == set(targets.TARGETS) if path.stem == "release" else systems < set(targets.TARGETS)

@@ -9,10 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import package_python
 import pytest
 
 from addon.lab.commands import launcher
+from scripts import package_python
 
 ABSENT = """raise ModuleNotFoundError("No module named 'halfspace_native'", name="halfspace_native")\n"""
 

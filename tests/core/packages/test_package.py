@@ -12,15 +12,14 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import environment
 import grimp
-import package
-import package_python
 import pytest
-import targets
-from one_line import told
 
 from addon.core.base import native
+from scripts import package, package_python
+from scripts.dev import environment
+from scripts.systems import targets
+from tests.one_line import told
 
 
 @pytest.fixture
@@ -113,7 +112,7 @@ def test_the_manifest_gets_the_page_of_its_publisher() -> None:
 
 
 @pytest.mark.parametrize("page", ["", "example.org", "ftp://example.org", 'https://a"b', "https://a b"])
-@pytest.mark.parametrize("program", [package, package_python])
+@pytest.mark.parametrize("program", [package, package_python], ids=["package", "package_python"])
 def test_a_page_that_is_none_is_refused(program: Any, page: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is not the address of a page" in told(program, ["--website", page], capsys)
 

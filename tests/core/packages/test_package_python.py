@@ -16,14 +16,14 @@ from email.message import Message
 from email.parser import Parser
 from pathlib import Path
 
-import environment
 import numpy as np
-import package_python
 import pytest
 import trove_classifiers
 from packaging.requirements import Requirement
 
 from addon.core.base import native
+from scripts import package_python
+from scripts.dev import environment
 
 pytestmark = pytest.mark.slow
 

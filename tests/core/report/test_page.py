@@ -8,11 +8,11 @@ from html.parser import HTMLParser
 from typing import Any
 
 import halfspace_native
-from report_rows import ROW, document, everything, pictured, row
 
 from addon.core.measure.analysis import field
 from addon.core.report import page, report, statistics
 from addon.core.scene import grid
+from tests.report_rows import ROW, document, everything, pictured, row
 
 
 def test_the_page_is_one_file_that_escapes_what_it_shows_and_says_what_is_wrong() -> None:

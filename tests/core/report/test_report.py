@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from report_rows import document, everything, pictured, row
 
 from addon.core.measure import ranking
 from addon.core.report import costs, report, tables
 from addon.core.report.report import answer
 from addon.lab.report import page
+from tests.report_rows import document, everything, pictured, row
 
 
 def said(*rows: dict[str, Any]) -> str:

@@ -7,11 +7,11 @@ import copy
 from typing import Any
 
 import pytest
-from report_rows import ROW, row
 
 from addon.core.measure import ranking
 from addon.core.report import report, tables
 from addon.lab.report import thesis
+from tests.report_rows import ROW, row
 
 
 def of(

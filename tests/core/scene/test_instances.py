@@ -242,8 +242,7 @@ def test_the_choice_follows_memory() -> None:
 MEMORY = """
 import resource, sys
 import numpy as np
-sys.path.insert(0, "tests/core/scene")
-from test_instances import Mesh, ball, picture, places, start
+from tests.core.scene.test_instances import Mesh, ball, picture, places, start
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 geometry = places((ball(50),), {count}, spread=400.0)
 session = start(geometry)

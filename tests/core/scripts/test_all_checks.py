@@ -10,8 +10,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import environment
 import pytest
+
+from scripts.dev import environment
 
 ROOT = environment.ROOT
 script = runpy.run_path(str(ROOT / "scripts" / "test.py"), run_name="script")

@@ -12,11 +12,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import environment
 import numpy as np
 import pytest
-from lying_native import LyingNative
-from report_rows import everything
 
 from addon.core.base import native
 from addon.core.measure import benchmark, yardstick
@@ -27,6 +24,9 @@ from addon.lab.bench import bench_presets, inspecting, scenes
 from addon.lab.commands import bench
 from addon.lab.export import files
 from addon.lab.report import page, plots
+from scripts.dev import environment
+from tests.lying_native import LyingNative
+from tests.report_rows import everything
 
 BENCH = environment.ROOT / "scripts" / "bench.py"
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]

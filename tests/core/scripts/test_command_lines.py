@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import COMMANDS
-from one_line import told
 
 from addon.core.base import native
 from addon.core.choose import auto
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.lab.commands import claims, inspector
+from tests.commands import COMMANDS
+from tests.one_line import told
 
 HUGE = "99999999999"
 

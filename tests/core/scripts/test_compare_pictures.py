@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from one_line import told
 
 from addon.core.base import picture_files
 from addon.core.base.picture_files import Picture
 from addon.lab.commands import compare
+from tests.one_line import told
 
 
 def saved(path: Path, pixels: np.ndarray) -> str:

@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import demo
-import environment
 import pytest
-from one_line import told
 
 from addon.core.structures import catalogue
 from addon.lab.commands import bench, render
+from scripts import demo
+from scripts.dev import environment
+from tests.one_line import told
 
 
 def test_the_picture_comes_first_and_every_step_is_a_valid_command() -> None:
@@ -73,7 +73,7 @@ def test_a_python_without_packages_starts_the_set_up(script: str, argument: str,
     path = environment.ROOT / "scripts" / script
     # A None in sys.modules makes each import of that package fail.
     code = f"import runpy, sys; sys.modules['numpy'] = None; sys.argv = [{script!r}, {argument!r}]; "
-    code += f"sys.path.insert(0, {str(path.parent)!r}); runpy.run_path({str(path)!r}, run_name='__main__')"
+    code += f"runpy.run_path({str(path)!r}, run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stderr
     assert "Traceback" not in done.stderr

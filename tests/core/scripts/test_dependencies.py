@@ -8,8 +8,9 @@ import shutil
 import subprocess
 from typing import Any
 
-import environment
 import pytest
+
+from scripts.dev import environment
 
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
 """Cargo's name of the official registry, whichever mirror it downloads from."""

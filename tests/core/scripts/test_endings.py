@@ -11,13 +11,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-import demo
-import mutations
 import pytest
-import test
-from commands import COMMANDS
 
 from addon.core.base import command, native
+from scripts import demo, test
+from scripts.dev import mutations
+from tests.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[3]
 FULL = Path("/dev/full")
@@ -59,7 +58,7 @@ def test_ctrl_c_ends_the_tools_of_developers_alike(
 ) -> None:
     monkeypatch.setattr(tool, first, interrupt)
     assert tool.main([]) == 130
-    assert capsys.readouterr() == ("", f"{tool.__name__}: stopped\n")
+    assert capsys.readouterr() == ("", f"{tool.__name__.rpartition('.')[2]}: stopped\n")
 
 
 @pytest.mark.parametrize("name", ["bench", "claims", "stability"])

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import environment
 import pytest
+
+from scripts.dev import environment
 
 HERE = "{}.{}".format(*sys.version_info)
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import halfspace_native as native
-import little_room
 import numpy as np
 import pytest
 
 from addon.core.report import results
+from tests import little_room
 
 STRUCTURES = [row["id"] for row in native.structures() if row["id"] != "brute"]
 SUN = {"kind": "sun", "to_world": np.eye(4), "power": (3.0, 3.0, 3.0)}

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import halfspace_native as native
-import stub
+
+from scripts.dev import stub
 
 
 def test_the_texts_of_the_stub_are_those_of_the_module() -> None:

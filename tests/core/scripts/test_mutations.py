@@ -7,9 +7,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-import mutations
 import pytest
-from deliberate_faults import FAULTS, Fault
+
+from scripts.dev import mutations
+from scripts.dev.deliberate_faults import FAULTS, Fault
 
 
 def test_every_fault_has_its_place() -> None:

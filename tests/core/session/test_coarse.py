@@ -10,12 +10,12 @@ from typing import Any
 import halfspace_native
 import numpy as np
 import pytest
-from fake_native import FakeNative
 
 from addon.core.scene.scene import Camera, Geometry, Material, Scene, World
 from addon.core.session import coarse
 from addon.core.session.session import RenderError, Session
 from addon.core.structures.settings import RenderSettings
+from tests.fake_native import FakeNative
 
 FLOOR = Geometry(
     np.array([[-9, -9, 0], [9, -9, 0], [9, 0, 0], [-9, 0, 0]], np.float32),

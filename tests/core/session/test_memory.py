@@ -11,10 +11,6 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from lying_native import altered
-from one_line import told
-from render_scenes import camera
 
 from addon.core.base import native as loading
 from addon.core.base import room
@@ -22,6 +18,10 @@ from addon.core.measure import benchmark, peak, preparation
 from addon.core.scene import grid, rays, workload
 from addon.core.scene.workload import WorkloadError
 from addon.lab.commands import bench
+from tests.kinds import KINDS
+from tests.lying_native import altered
+from tests.one_line import told
+from tests.render_scenes import camera
 
 SOUP = np.random.default_rng(4).normal(size=(9000, 3)).astype(np.float32)
 INDICES = np.arange(9000, dtype=np.int32).reshape(-1, 3)

@@ -8,10 +8,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from fake_native import SETTINGS, FakeNative, preview, scene_of, until, view_from
 
 from addon.core.session import preview as previews
 from addon.core.session.stock import Stock
+from tests.fake_native import SETTINGS, FakeNative, preview, scene_of, until, view_from
 
 
 def test_pixels_become_smaller_and_samples_more() -> None:

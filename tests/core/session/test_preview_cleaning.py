@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_native import LONG, SETTINGS, FakeNative, preview, scene_of, until, view_from
 
 from addon.core.base.denoise import DenoiseError
 from addon.core.session.cleaning import Cleaning
 from addon.core.session.preview import Preview
+from tests.fake_native import LONG, SETTINGS, FakeNative, preview, scene_of, until, view_from
 
 
 class Denoiser:

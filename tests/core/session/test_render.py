@@ -10,8 +10,9 @@ from pathlib import Path
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from render_scenes import FLOOR, MATTE, POINT, camera, finish, image, placed, scene, settings
+
+from tests.kinds import KINDS
+from tests.render_scenes import FLOOR, MATTE, POINT, camera, finish, image, placed, scene, settings
 
 TASKS = Path("/proc/self/task")
 """The threads of this process, where the system lists them."""

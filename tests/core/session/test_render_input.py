@@ -6,7 +6,8 @@ import math
 import halfspace_native as native
 import numpy as np
 import pytest
-from render_scenes import MATTE, POINT, camera, finish, placed, scene, settings
+
+from tests.render_scenes import MATTE, POINT, camera, finish, placed, scene, settings
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import math
 import halfspace_native as native
 import numpy as np
 import pytest
-from render_scenes import FLOOR, camera, finish, image, scene, settings
+
+from tests.render_scenes import FLOOR, camera, finish, image, scene, settings
 
 CORNERS = np.array([[-9, -9], [9, -9], [9, 9], [-9, 9]], np.float32)
 UV = (CORNERS[FLOOR[1]] + 9) / 18

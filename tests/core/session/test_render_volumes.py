@@ -4,7 +4,8 @@
 import halfspace_native as native
 import numpy as np
 import pytest
-from render_scenes import camera, finish, image, placed, settings
+
+from tests.render_scenes import camera, finish, image, placed, settings
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
 FACES = np.array(

@@ -8,11 +8,11 @@ from dataclasses import replace
 import halfspace_native
 import numpy as np
 import pytest
-from fake_native import FakeNative
 
 from addon.core.scene.scene import Camera, Geometry, Light, Material, Scene, World
 from addon.core.session.session import Cancelled, RenderError, Session, watch
 from addon.core.structures.settings import RenderSettings
+from tests.fake_native import FakeNative
 
 SCENE = Scene(Geometry.empty(), (Material("grey"),), (), World())
 CAMERA = Camera("perspective", np.eye(4), (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0)

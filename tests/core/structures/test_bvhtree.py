@@ -7,10 +7,11 @@ import math
 import sys
 from typing import Any
 
-import bvhtree_module
 import halfspace_native as native
 import numpy as np
 import pytest
+
+from tests import bvhtree_module
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from rooms_of_triangles import soup
+
+from tests.kinds import KINDS
+from tests.rooms_of_triangles import soup
 
 SPECS = (*KINDS, "kd:traversal=rope", "rbsp:traversal=projected", "octree-beam:traversal=polygon")
 

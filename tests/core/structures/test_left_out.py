@@ -9,10 +9,10 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from rooms_of_triangles import soup
 
 from addon.core.structures import catalogue
+from tests.kinds import KINDS
+from tests.rooms_of_triangles import soup
 
 SUBJECTS = {
     "oblique planes",

@@ -7,10 +7,11 @@ import copy
 import inspect
 from typing import Any
 
-import foreign_tests
 import halfspace_native as native
 import numpy as np
 import pytest
+
+from scripts.dev import foreign_tests
 
 
 @pytest.fixture(scope="module", name="module")

@@ -6,7 +6,8 @@ from __future__ import annotations
 import halfspace_native as native
 import numpy as np
 import pytest
-from rooms_of_triangles import soup
+
+from tests.rooms_of_triangles import soup
 
 COUNTERS = ("steps_axis", "steps_oblique", "leaves", "leaves_empty", "tests", "verdicts")
 

@@ -9,10 +9,11 @@ import math
 from fractions import Fraction
 from typing import Any
 
-import bvhtree_module
 import halfspace_native as native
 import numpy as np
 import pytest
+
+from tests import bvhtree_module
 
 Mesh = tuple[Any, Any]
 

@@ -7,8 +7,6 @@ from typing import Any
 
 import halfspace_native
 import numpy as np
-import overlay_picture
-import pictures
 import pytest
 
 from addon.core.choose import auto
@@ -19,6 +17,7 @@ from addon.lab.bench import bench_presets
 from addon.lab.claims import growth
 from addon.lab.commands import compare
 from addon.lab.stability import agreement
+from scripts.dev import overlay_picture, pictures
 
 
 def structure(name: str, family: str, **defaults: Any) -> dict[str, Any]:
@@ -99,7 +98,8 @@ NAMED = {
     **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
     "growth.SPECS": growth.SPECS,
     "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.LINES, *pictures.BESIDE],
-    **{f"{made.__name__} --structure": [made.parser().get_default("structure")] for made in (compare, overlay_picture)},
+    "compare --structure": [compare.parser().get_default("structure")],
+    "overlay_picture --structure": [overlay_picture.parser().get_default("structure")],
 }
 """The configurations that the project itself builds, by their places. Claims are measured in `test_claims`, TICKED in
 Blender.

@@ -12,11 +12,11 @@ from typing import Any
 import halfspace_native as native
 import numpy as np
 import pytest
-from kinds import KINDS
-from rooms_of_triangles import soup
 
 from addon.core.scene import workload
 from addon.lab.stability import leaks
+from tests.kinds import KINDS
+from tests.rooms_of_triangles import soup
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)

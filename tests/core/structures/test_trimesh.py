@@ -9,9 +9,10 @@ import sys
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-import foreign_tests
 import numpy as np
 import pytest
+
+from scripts.dev import foreign_tests
 
 
 @pytest.fixture(scope="module")

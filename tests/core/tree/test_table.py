@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinds import KINDS
 
 from addon.core.base import native
 from addon.core.tree import location, regions, table
+from tests.kinds import KINDS
 
 MODULE = native.load()
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One zip is installed over another while Blender runs: `python -I upgrade_steps.py SCENARIO ARGUMENT ...`.
-
-Run by test_upgrade.py and test_locked_files.py, in processes of their own.
-"""
+"""One zip is installed over another while Blender runs."""
 
 import contextlib
 import gc
@@ -12,9 +9,6 @@ import types
 import weakref
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 import in_session
@@ -233,7 +227,3 @@ def later() -> dict[str, Any]:
     open_scene()
     found |= {"look": look(), "picture": render(), "unpacked": unpacked(), "stale": stale(), "traces": traces()}
     return found
-
-
-if __name__ == "__main__":
-    in_session.run({"over": over, "locked": locked, "later": later})

@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Zips that cannot work here are installed: `python -I refused_steps.py SCENARIO ARGUMENT ...`.
-
-Run by test_refused_zips.py, in processes of their own. Each scenario ends with a picture by Cycles: Blender goes on.
-"""
+"""Zips that cannot work here are installed. Each scenario ends with a picture by Cycles: Blender goes on."""
 
 import sys
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 import in_session
@@ -87,8 +82,3 @@ def both(first: str, second: str) -> dict[str, Any]:
     found |= {"second shown": shown(NAME_OF_SECOND), "second picture": render()}
     found["second build"] = part("core.base.native", NAME_OF_SECOND).load().BUILD
     return found
-
-
-if __name__ == "__main__":
-    scenarios = (refused, without_module, old_processor, unregistered, both)
-    in_session.run({scenario.__name__: scenario for scenario in scenarios})

@@ -1,17 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does with the extension zip, in a Blender of its own: `python -I extension_session.py SCENARIO ZIP ...`.
+"""What a user does with the extension zip."""
 
-Run by test_extension_zip.py.
-"""
-
-import sys
-from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 import bpy
-import in_session
 from in_session import NAME, addon_utils, attempt, install, native, open_scene, render, traces, user_folder
 
 
@@ -50,7 +42,3 @@ def read_only(archive: str, picture: str) -> dict[str, Any]:
     addon_utils.enable(NAME, default_set=True)
     found["still"] = render(path=picture)
     return found
-
-
-if __name__ == "__main__":
-    in_session.run({"first_use": first_use, "read_only": read_only})

@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does in a Blender of its own: the processes of `user_session` import it, with nothing of this repository
-but the zips that they install.
-"""
+"""What a user does in a Blender of its own."""
 
 import importlib
-import json
 import os
-import sys
-import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -127,17 +121,3 @@ def stale() -> list[str]:
     """The lists of files, in the folder of extensions, that Blender removes at its next start."""
     found = user_folder().glob("extensions/**/.~stale~")
     return sorted(line for path in found for line in path.read_text(encoding="utf-8").splitlines())
-
-
-def run(scenarios: dict[str, Callable[..., dict[str, Any]]]) -> None:
-    """Run the scenario that the command line names, print what it found as one JSON line, and end the process."""
-    try:
-        print("FOUND " + json.dumps(scenarios[sys.argv[1]](*sys.argv[2:])))
-        status = 0
-    except BaseException:
-        traceback.print_exc()
-        status = 1
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # Blender 4.5 as a module hangs at the interpreter's end after a render.
-    os._exit(status)

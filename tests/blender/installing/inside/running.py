@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scripts of the repository inside a Blender whose extension lies in a repository of another name.
-
-`python -I script_steps.py run ZIP ROOT SCRIPT ARGUMENT ...`; run by test_scripts_inside.py.
-"""
+"""Scripts of the repository inside a Blender whose extension lies in a repository of another name."""
 
 import contextlib
 import io
@@ -11,10 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import bpy
-import in_session
 from in_session import install, open_scene
 
 REPOSITORY = "laboratory"
@@ -42,7 +36,3 @@ def run(archive: str, root: str, script: str, *arguments: str) -> dict[str, Any]
         "same": core in theirs,
     }
     return found
-
-
-if __name__ == "__main__":
-    in_session.run({"run": run})
