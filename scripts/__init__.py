@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is run in a clone of the repository."""
+"""Commands of a clone of the repository."""

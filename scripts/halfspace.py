@@ -16,6 +16,6 @@ from addon.lab.base import inside
 from addon.lab.commands import launcher
 
 if __name__ == "__main__":
-    # Inside Blender, what stands before "--" is Blender's own.
+    # Inside Blender, everything before "--" is Blender's own.
     split = sys.argv.index("--") + 1 if "--" in sys.argv else 1
     sys.exit(launcher.main(sys.argv[split:], inside.adopt))

@@ -129,7 +129,7 @@ def add(scene: Any) -> Any:
 
 @pytest.fixture
 def canvas(request: pytest.FixtureRequest) -> Any:
-    """What is drawn on without a window, of the size that the test's file says."""
+    """A surface to draw on without a window, of the size that the test's file says."""
     import gpu
 
     if not hasattr(gpu, "init"):

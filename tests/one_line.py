@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a command that fails says, as a user reads it: what it logs stands on standard error too."""
+"""The message of a command that fails, as a user reads it, with what it logs to standard error."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def document(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def pictured(one: dict[str, Any], seconds: float, spread: float = 0.01, drift: float = 0.0) -> None:
-    """Give a row a picture that takes about so long, timed in seven rounds beside kd, which takes ten seconds."""
+    """Give a row a picture that takes about so long, timed in seven rounds next to kd, which takes ten seconds."""
     pace = [1 + drift * step for step in range(7)]
     rounds = [seconds * (1 + spread * part) for part in (0.3, -1, 1, -0.6, 0, 0.6, -0.3)]
     rounds = [each * slower for each, slower in zip(rounds, pace, strict=True)]

@@ -35,7 +35,7 @@ MODULES: tuple[Any, ...] = (
     *(structure, panels, data_panels, pass_panels, bake_panels, overlay_panels),
     *(histogram_icons, inspector_panels, compare_panels, drawing),
 )
-"""What is registered, in this order: settings before the panels that show them. Each module may have `CLASSES`, and
+"""Registered modules, in their order: settings before the panels that show them. Each module may have `CLASSES`, and
 functions `register` and `unregister` for everything else.
 """
 

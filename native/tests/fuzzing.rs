@@ -63,7 +63,7 @@ fn spec() -> impl Strategy<Value = String> {
             })
             .collect();
         (prop::sample::select(tree.spelled_ways()), pairs).prop_map(move |(way, pairs)| {
-            // Leave out what has no effect beside the others.
+            // Leave out what has no effect next to the others.
             let mut spec = format!("{way}{}", if way.contains(':') { "" } else { ":" });
             for pair in pairs.into_iter().flatten() {
                 let more = format!("{spec},{pair}");
@@ -153,7 +153,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_valid_reads_back_from_its_canonical_text(spec in spec()) {
+    fn valid_specs_read_back_from_their_canonical_text(spec in spec()) {
         let config = registry::parse(&spec).unwrap();
         let again = registry::parse(&config.canonical()).unwrap();
         prop_assert_eq!(config.canonical(), again.canonical());

@@ -86,7 +86,7 @@ fn other_directions_are_counted_as_other_steps() {
         let has = |name: &str| tree.all_params().any(|param| param.name == name);
         let changes = [("k", "k=3"), ("k", "k=8"), ("alpha", "alpha=1000")];
         for (_, changed) in changes.iter().filter(|(name, _)| has(name)) {
-            // The parameter may have no effect beside the others, or have this value already.
+            // The parameter may have no effect next to the others, or have this value already.
             let parsed = halfspace::registry::parse(&format!("{}:{changed}", tree.id));
             let Some(spec) = parsed.ok().map(|config| config.canonical()) else {
                 continue;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""FLIP of denoised pictures beside those of Cycles: `python -m scripts.dev.denoised_pictures [SCENE ...]`.
+"""FLIP of denoised pictures compared with those of Cycles: `python -m scripts.dev.denoised_pictures [SCENE ...]`.
 
 Renders scenes of `compare --scene` with both engines at equal settings and few samples, with and without Denoise,
 and prints the mean FLIP of each picture against the mean of a converged picture of both. Exit status: 0 done; 2

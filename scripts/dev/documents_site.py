@@ -51,7 +51,7 @@ REFERENCE_HEAD = """\
 # Python reference
 
 What `import halfspace` offers, its modules in place of the classes of other libraries, see [the Python
-package](manual.md#the-python-package), and the module `halfspace_native`, on which all stand and which can be used
+package](manual.md#the-python-package), and the module `halfspace_native`, on which all are built and which can be used
 alone.
 """
 
@@ -139,7 +139,7 @@ def stage(folder: Path, pictures: Path | None, package: Path) -> None:
 
 
 def run_notebook(path: Path, package: Path) -> None:
-    """Run a notebook with nbconvert, which writes a page beside it, and its pictures. Raises SiteError.
+    """Run a notebook with nbconvert, which writes a page next to it, and its pictures. Raises SiteError.
 
     package: the folder from which cells import `halfspace`.
     """
@@ -154,7 +154,7 @@ def run_notebook(path: Path, package: Path) -> None:
         # IPython colours what an error says.
         last = re.sub(r"\x1b\[[\d;]*m", "", done.stderr).strip().splitlines()[-1]
         raise SiteError(f"{path.name}: {last}")
-    # A link to the file itself stands below the heading.
+    # A link to the file itself is below the heading.
     page = path.with_suffix(".md")
     heading, _, rest = page.read_text(encoding="utf-8").partition("\n")
     offer = f'[Download this notebook]({path.name}){{ download="{path.name}" }}'

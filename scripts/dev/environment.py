@@ -216,7 +216,7 @@ def build_wheel(
     words += options or ["--interpreter", str(python)]
     variables = {**os.environ, "PYO3_PYTHON": str(python), **variables}
     if subprocess.run(words, cwd=ROOT, env=variables, check=False).returncode != 0:
-        raise SetupError("the native module does not build: its compiler's messages stand above")
+        raise SetupError("the native module does not build: its compiler's messages are above")
     (made,) = fresh.glob("*.whl")
     (fresh / "fingerprint").write_text(wanted, encoding="utf-8")
     shutil.rmtree(folder, ignore_errors=True)

@@ -56,7 +56,7 @@ def seeded(text: str, fault: Fault, number: int) -> str:
         raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not a whole one")
     places = text.count(fault.old)
     if places != 1:
-        raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")
+        raise StaleError(f"{fault.what}: {fault.old!r} occurs {places} times in {fault.file}")
     return text.replace(fault.old, f"(if crate::fault({number}) {{ {fault.new} }} else {{ {fault.old} }})")
 
 
@@ -69,7 +69,7 @@ def seed(copy: Path) -> None:
         crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
     for crate in crates:
         library = crate / "src/lib.rs"
-        # Each switched expression stands in parentheses, of which some are not needed.
+        # Each switched expression is in parentheses, of which some are not needed.
         text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
         library.write_text(text, encoding="utf-8")
 

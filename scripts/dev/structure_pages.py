@@ -64,7 +64,7 @@ STATED: Mapping[str, str] = {
     "brute": "It is the reference: every other structure must return its answers, bit for bit. Its own are compared "
     "with integer and rational arithmetic: see [correctness](../correctness.md#how-it-is-tested).",
 }
-"""What is stated of structures without published claims."""
+"""Statements about structures without published claims."""
 
 Row = Mapping[str, Any]
 

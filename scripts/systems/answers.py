@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every structure of the compiled module answers, one hash each: `python answers.py [--rays N] [--out FILE]`.
+"""Answers of every structure of the compiled module, one hash each: `python answers.py [--rays N] [--out FILE]`.
 
 Needs only NumPy and the module, so that it runs wherever the module does, and its output can be compared between
 systems. The scene and the rays consist of sums and products of f32, which IEEE 754 defines to the last bit.

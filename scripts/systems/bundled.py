@@ -4,7 +4,7 @@
 Blender unpacks the wheels of all extensions into one folder and takes two of the same name and version for the same
 one. A new build would therefore not be unpacked over an old one, Windows could not overwrite a module that is loaded,
 and Python would return the module that it has loaded under this name. With the build in the names of distribution and
-package, a new build is unpacked and loaded beside the old one.
+package, a new build is unpacked and loaded next to the old one.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def table(lines: Sequence[str]) -> dict[str, list[str]]:
 
 
 def differences(name: str, first: Sequence[str], second: Sequence[str]) -> list[str]:
-    """What two lists of answers do not agree on, one line each. name: the second's."""
+    """Differences between two lists of answers, one line each. name: the second's."""
     ours, theirs = table(first), table(second)
     found = [f"{name}: {row}: only one of the two answers" for row in sorted(ours.keys() ^ theirs.keys())]
     common = [row for row in ours if row in theirs]

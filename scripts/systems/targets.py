@@ -90,7 +90,7 @@ def program(target: Target, name: str) -> str:
 
 
 def output(target: Target, *words: str) -> str:
-    """What a compiler for a system prints; empty if it fails. Raises TargetError."""
+    """The output of a compiler for a system; empty if it fails. Raises TargetError."""
     done = subprocess.run([program(target, words[0]), *words[1:]], capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""
 

@@ -30,7 +30,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("Light", "Light and shadow linking", SUPPORTED, ("test_linked_lights",)),
     ("Light", "Max bounces", SUPPORTED, ("test_light_samples_see_a_light_up_to_its_bounces",)),
     ("Light", "Linking of glowing meshes", NOT, ("test_linked_glowing_objects_are_listed",)),
-    ("Camera", "Perspective, depth of field", SUPPORTED, ("test_what_is_out_of_focus_is_blurred_as_in_cycles",)),
+    ("Camera", "Perspective, depth of field", SUPPORTED, ("test_objects_out_of_focus_are_blurred_as_in_cycles",)),
     ("Camera", "Panoramic, all kinds", SUPPORTED, ("test_panoramas_are_those_of_cycles",)),
     ("Camera", "Stereo", SUPPORTED, ("test_both_eyes_see_what_they_see_in_cycles",)),
     ("Camera", "Motion", SUPPORTED, ("test_a_moving_and_turning_camera",)),

@@ -58,7 +58,7 @@ def _declared(owner: Any, name: str) -> str:
 
 
 def draw_own(panel: type, context: Any) -> Layout:
-    """What one of Blender's panels, or of ours, draws in this context."""
+    """The items that one of Blender's panels, or of ours, draws in this context."""
     attributes = {}
     for base in reversed(panel.__mro__):
         if base.__module__ not in ("builtins", "bpy_types", "_bpy_types") and base is not bpy.types.Panel:
@@ -72,7 +72,7 @@ def draw_own(panel: type, context: Any) -> Layout:
 
 
 def draw_all(panel: type, **context: Any) -> Layout:
-    """What a panel draws, header included."""
+    """The items that a panel draws, header included."""
     attributes = {key: value for key, value in vars(panel).items() if not key.startswith("bl_")}
     for base in panel.__mro__:
         if base.__module__.startswith("addon"):
@@ -106,7 +106,7 @@ def operator(kind: type, **own: Any) -> Any:
 
 
 class Window:
-    """What operators find in a window with this scene; `calls` has what they do to it, `texts` its status bar's."""
+    """Context of operators in a window with this scene; `calls` has what they do to it, `texts` its status bar's."""
 
     def __init__(self, scene: Any) -> None:
         self.calls: list[str] = []
@@ -131,7 +131,7 @@ class Window:
 
 
 def until_it_ends(kind: Any, itself: Any, context: Any) -> set[str]:
-    """What an operator returns at last; until then timers of others go on to them."""
+    """The last result of an operator; until then timers of others go on to them."""
     for _ in range(100_000):
         result: set[str] = kind.modal(itself, context, SimpleNamespace(type="TIMER"))
         if result != {"PASS_THROUGH"}:

@@ -13,7 +13,7 @@ from typing import Any
 from scripts import package
 
 INSIDE = Path(__file__).resolve().parent / "installing" / "inside"
-"""What that Blender runs."""
+"""The folder that such a Blender runs."""
 
 
 def built_wheel() -> Path:
@@ -61,7 +61,7 @@ def made_zip(folder: Path, name: str, wheel: Path, changes: Mapping[str, Callabl
 
 
 def session(user: Path, steps: str, *arguments: str, before: Sequence[str] = ()) -> dict[str, Any]:
-    """What a user's Blender found in a scenario of these steps, a module of INSIDE, and its whole output as "log".
+    """Findings of a user's Blender in a scenario of these steps, a module of INSIDE, and its whole output as "log".
 
     user: its folder for settings and extensions. before: a command that runs it.
     """

@@ -16,7 +16,7 @@ from addon.core.base.equality import same
 from tests.blender.shapes import cube, material, node, with_nodes
 
 Outcome = tuple[Any, list[str]]
-"""What the native module is handed, and the lines of the notes."""
+"""Input of the native module, and the lines of the notes."""
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
 
@@ -169,7 +169,7 @@ def owners(scene: Any) -> dict[str, Any]:
 
 
 def outcome(scene: Any, *, moving: bool) -> Outcome:
-    """What a final render of the scene is handed, and what it notes; nothing is traced. moving: with the other times at
+    """Input and notes of a final render of the scene; nothing is traced. moving: with the other times at
     which the shutter is open, which take longer.
     """
     found: list[Outcome] = []

@@ -32,7 +32,7 @@ WHAT = (
         6,
     ),
 )
-"""What can be written; all as CSV but the last two."""
+"""Kinds of export; all as CSV but the last two."""
 
 SUFFIXES = {"PICTURE": ".png", "PAGE": ".html"}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The second structure of the inspector, over the triangles of the last one: the one that cost maps show beside it."""
+"""The second structure of the inspector, over the triangles of the last one: the one that cost maps show next to it."""
 
 from __future__ import annotations
 

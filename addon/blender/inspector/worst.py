@@ -57,7 +57,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Beside:
-    """A ray in a second structure. spec: of that structure. rows: its numbers beside those of the first. lines: why it
+    """A ray in a second structure. spec: of that structure. rows: its numbers next to those of the first. lines: why it
     costs what it costs there.
     """
 
@@ -84,7 +84,7 @@ def _size(scene: Any) -> tuple[int, int]:
 
 
 def _camera(scene: Any) -> tuple[Any, ...]:
-    """What the view depends on besides its size: place and frame of the camera."""
+    """Key of the view apart from its size: position and frame of the camera."""
     item = scene.camera
     if item is None:
         return ()

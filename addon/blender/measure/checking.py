@@ -20,7 +20,7 @@ from . import workloads
 
 
 def words(tree: trees.Tree) -> str:
-    """A short text on the tree's checked answers, for use beside its speed."""
+    """A short text on the tree's checked answers, for use next to its speed."""
     found = tree.check
     if found is None:
         return choice.NOT_COMPARED

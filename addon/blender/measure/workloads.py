@@ -61,7 +61,7 @@ def built_in_showcase(size: tuple[int, int], layout: str = "flatten") -> Workloa
 def current(name: str, size: tuple[int, int], layout: str = "flatten") -> Workload:
     """The open file's scene, as the viewport shows it. Raises WorkloadError.
 
-    layout: one of `instances.MODES`; the instances are kept beside the triangles where that is chosen.
+    layout: one of `instances.MODES`; the instances are kept next to the triangles where that is chosen.
     """
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()

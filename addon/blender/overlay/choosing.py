@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the overlay draws of a structure: data of each part by the scene's settings, its levels, and its legend."""
+"""Contents of the overlay: data of each part by the scene's settings, its levels, and its legend."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def parts(scene: Any) -> list[str]:
 
 
 def first(settings: Any, tree: trees.Tree, eye: F64) -> First:
-    """What of the planes is shown to a viewer at `eye`, (3,) in the tree's frame."""
+    """The levels of planes that are shown to a viewer at `eye`, (3,) in the tree's frame."""
     return tree.survey().first(eye) if settings.depth_auto else First(settings.depth_min, settings.depth_max)
 
 

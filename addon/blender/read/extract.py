@@ -86,7 +86,7 @@ class Found:
         return self._with(meshes.keep_instances(self.placements, uvs=uvs, **self._read(), origin=origin))
 
     def _read(self) -> dict[str, Any]:
-        """What materials read."""
+        """Layers and objects that materials read."""
         return {"layers": self.layers, "objects": self.objects or self.apart}
 
     def _with(self, geometry: AnyGeometry) -> Scene:

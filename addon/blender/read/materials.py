@@ -189,7 +189,7 @@ class Palette:
         return values
 
     def _displacement(self, material: Any, remarks: dict[str, None]) -> programs.Displacement | None:
-        """What moves the vertices of meshes with this material, if anything."""
+        """The displacement of meshes with this material, if any."""
         tree = active_tree(material)
         output = None if tree is None else output_node(tree)
         if output is None or programs.method(material) == "BUMP":

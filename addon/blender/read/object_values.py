@@ -17,7 +17,7 @@ Value = tuple[float, float, float, float]
 INFO, OBJECT, INSTANCER = "INFO", "OBJECT", "INSTANCER"
 
 PARTICLE, PLACE = "PARTICLE", "PLACE"
-"""Values of the particle at whose place an instance stands, and of that place on the instancer."""
+"""Values of the particle at whose place an instance is, and of that place on the instancer."""
 
 GRID, DENSITY_SCALE = "GRID", ""
 """The number of a grid by its name, counted from 1, and the factor on the coefficients of volumes."""

@@ -87,14 +87,14 @@ OWN_PASSES = (
     Pass("Triangle Tests", "X", "VALUE", "use_pass_tests", own=True),
     Pass("Leaf Depth", "X", "VALUE", "use_pass_depth", own=True),
 )
-"""What only this engine has."""
+"""Passes of this engine alone."""
 
 MATTES = {
     "Object": "use_pass_cryptomatte_object",
     "Material": "use_pass_cryptomatte_material",
     "Asset": "use_pass_cryptomatte_asset",
 }
-"""What Cryptomatte distinguishes, with the property of the view layer that enables it."""
+"""Kinds of things that Cryptomatte distinguishes, with the property of the view layer that enables it."""
 
 PASSES = (*DATA_PASSES, *LIGHT_PASSES, *VOLUME_PASSES, CATCHER_PASS, *OWN_PASSES)
 
@@ -133,7 +133,7 @@ def _groups(view_layer: Any) -> list[Pass]:
 
 
 def wanted_data(view_layer: Any) -> outputs.Wanted:
-    """What the enabled passes need of the scene."""
+    """Data of the scene that the enabled passes need."""
     mattes = any(getattr(view_layer, switch) for switch in MATTES.values())
     return outputs.Wanted(mattes, outputs.wanted(view_layer), outputs.groups(view_layer))
 

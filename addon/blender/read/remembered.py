@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a 3D view has read of objects, for as long as they keep their shape: after an edit it reads what has changed."""
+"""Objects that a 3D view has read, as long as they keep their shape: after an edit it reads what has changed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Remembered:
         self._entries, self._wanted = {}, wanted
 
     def of(self, key: Hashable, instance: Instance, read: Callable[[], T]) -> T:
-        """What was read for this key, if the instance's object and its instancer had it and are unchanged; otherwise
+        """The value read for this key, if the instance's object and its instancer had it and are unchanged; otherwise
         what `read` returns.
         """
         owner, uids = _owner(instance)

@@ -13,7 +13,7 @@ from .camera import read_camera
 
 
 class Culling:
-    """What the scene's culling leaves out, as in Cycles: by the boxes around objects, seen from the active camera."""
+    """Objects that the scene's culling leaves out, as in Cycles: by their boxes, seen from the active camera."""
 
     def __init__(self, depsgraph: Any) -> None:
         scene = depsgraph.scene_eval

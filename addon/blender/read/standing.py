@@ -26,7 +26,7 @@ class Standing:
         return self._places.setdefault(key, matrix)
 
     def shape(self, item: Any, parent: Any, data: Any, read: Callable[[], T]) -> T:
-        """What `read` returns; what it returned at the frame if the object has no deformation motion."""
+        """The result of `read`; its result at the frame if the object has no deformation motion."""
         if moves(item, parent) and moves(item, parent, "use_deform_motion"):
             return read()
         key = item.name_full, data.name_full

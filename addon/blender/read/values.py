@@ -161,17 +161,17 @@ class Values:
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Settings of steps that are computed beside the shading point."""
+        """Settings of steps that are computed next to the shading point."""
         return self._shift
 
     @property
     def shifted(self) -> bool:
-        """Whether values are computed beside the shading point."""
+        """Whether values are computed next to the shading point."""
         return bool(self._shift)
 
     @contextmanager
     def beside(self, axis: str, width: float) -> Iterator[None]:
-        """Compute values beside the shading point meanwhile: along the surface's axis X or Y, by `width` pixels."""
+        """Compute values next to the shading point meanwhile: along the surface's axis X or Y, by `width` pixels."""
         self._shift = {"shift": axis, "width": width}
         try:
             yield

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...core.structures.settings import RenderSettings
 
 FOLDERS = ("lib", "blender.shared")
-"""Where Blender keeps its libraries, beside the folder of its scripts: the second on Windows."""
+"""Where Blender keeps its libraries, next to the folder of its scripts: the second on Windows."""
 
 
 def finder() -> Callable[[], ctypes.CDLL]:

@@ -215,7 +215,7 @@ class _Picture:
         return stages.Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
 
     def _find(self, uvs: bool, notes: Notes, standing: Standing) -> extract.Found:
-        """What the scene shows at the depsgraph's time."""
+        """The objects that the scene shows at the depsgraph's time."""
         wanted = replace(passes.wanted_data(self.depsgraph.view_layer_eval), standing=standing)
         return extract.find(self.depsgraph, notes, uvs=uvs, keep_going=self._reading, wanted=wanted)
 

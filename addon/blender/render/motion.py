@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vector pass needs: the triangles and the cameras one frame before this picture and one frame after."""
+"""Inputs of the vector pass: the triangles and the cameras one frame before this picture and one frame after."""
 
 from __future__ import annotations
 

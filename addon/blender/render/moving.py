@@ -21,7 +21,7 @@ Cameras = Mapping[str, Camera]
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """What was read at the frame, and the notes on it."""
+    """The scene as read at the frame, and the notes on it."""
 
     scene: Scene
     cameras: Cameras

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the stages of a picture hand on: the scene that was read, and the structure that was built."""
+"""Results of the stages of a picture: the scene that was read, and the structure that was built."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ REST_SECONDS = 0.4
 """Time without changes before a scene is rebuilt automatically, in seconds."""
 
 WORK = "build the structure"
-"""What the operator does, for its errors."""
+"""The operator's work, as its errors name it."""
 
 log = logging.getLogger(__name__)
 

@@ -14,9 +14,9 @@ class Modal:
     """An operator whose work has `step(seconds)`, which returns whether it has ended, and `cancel()`. Esc stops it."""
 
     work = ""
-    """What it does, as in "could not `work`", for its errors."""
+    """Its work, as in "could not `work`", for its errors."""
     stopped = ""
-    """What it reports after Esc."""
+    """Its report after Esc."""
     seconds = POLL_SECONDS
     """Time between two steps."""
 

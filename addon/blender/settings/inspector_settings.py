@@ -57,7 +57,7 @@ class HalfspaceMapRange(bpy.types.PropertyGroup):
 
 
 class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
-    """What the inspector looks at."""
+    """Settings of the inspector."""
 
     node: IntProperty(  # type: ignore[valid-type]
         name="Node",
@@ -130,7 +130,7 @@ class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
     ranges: CollectionProperty(type=HalfspaceMapRange)  # type: ignore[valid-type]
     column: EnumProperty(  # type: ignore[valid-type]
         name="Column",
-        description="Which numbers of the levels stand side by side",
+        description="Which numbers of the levels are side by side",
         items=[
             ("NODES", "Nodes", "Nodes and leaves", 0),
             ("SAH", "SAH", "Share of the expected SAH cost", 1),

@@ -144,7 +144,7 @@ def _map_properties(known: Catalogue) -> dict[str, Any]:
         ),
         "second": EnumProperty(
             name="Beside",
-            description="Another structure, with its default parameters, beside the first: its cost map on the same "
+            description="Another structure, with its default parameters, next to the first: its cost map on the same "
             "scale, its worst rays and its levels for the same rays",
             items=[("NONE", "Nothing", "One structure only", 0), *others],
             default="NONE",

@@ -17,7 +17,7 @@ VIEWED = ("COMBINED", "SHADOW", "EMIT", *LIT)
 
 
 class HALFSPACE_PT_bake(EnginePanel, bpy.types.Panel):
-    """What is baked, of the selected objects into the images of their materials."""
+    """Parts that are baked, of the selected objects into the images of their materials."""
 
     bl_label = "Bake"
     section = "Baking"

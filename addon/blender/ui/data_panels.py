@@ -63,7 +63,7 @@ class HALFSPACE_PT_panorama(EnginePanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
-    """What a view layer includes."""
+    """Contents of a view layer."""
 
     bl_label = "Filter"
     bl_context = "view_layer"
@@ -78,7 +78,7 @@ class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
-    """What a view layer renders otherwise than its scene."""
+    """Settings of the scene that a view layer overrides."""
 
     bl_label = "Override"
     bl_context = "view_layer"
@@ -160,7 +160,7 @@ class HALFSPACE_PT_world_ray_visibility(_WorldPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_world_settings(_WorldPanel, bpy.types.Panel):
-    """What limits light samples of the world. Cycles stores the settings."""
+    """Limits of light samples of the world. Cycles stores the settings."""
 
     bl_label = "Settings"
     bl_options = {"DEFAULT_CLOSED"}

@@ -156,7 +156,7 @@ def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None, shown:
 
 
 def _chosen(shown: planes.Planes, deepest: int) -> str:
-    """What is chosen automatically of a structure with levels 0 to `deepest`."""
+    """The automatic choice for a structure with levels 0 to `deepest`."""
     if shown.across >= 0:
         return f"One layer of cells across {planes.KINDS[shown.across]}"
     return f"Levels up to {max(shown.levels.stop - 1, 0)} of {max(deepest, 0)}"

@@ -76,7 +76,7 @@ class EnginePanel:
         help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
     def column(self) -> Any:
-        """A column with labels beside the values."""
+        """A column with labels next to the values."""
         layout = self.layout  # type: ignore[attr-defined]
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -260,7 +260,7 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
 
 
 def _of_blender(name: str, own: str, parent: str = "") -> type:
-    """A panel of ours with the content of one of Blender's, whose own would stand before those of all extensions."""
+    """A panel of ours with the content of one of Blender's, whose own would be before those of all extensions."""
     theirs = getattr(properties_render, name)
     kept = ("bl_label", "bl_options", "draw", "draw_header")
     content = {key: getattr(theirs, key) for key in kept if hasattr(theirs, key)}
@@ -273,7 +273,7 @@ SIMPLIFY = tuple(
     _of_blender(f"RENDER_PT_simplify{part}", f"HALFSPACE_PT_simplify{part}", "HALFSPACE_PT_simplify" if part else "")
     for part in ("", "_viewport", "_render", "_greasepencil")
 )
-"""What Blender makes simpler for all engines."""
+"""Panels of Blender's *Simplify* that serve all engines."""
 
 
 class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):

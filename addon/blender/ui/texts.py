@@ -12,10 +12,10 @@ NARROW = 245
 """Width of the properties at Blender's default layout, without interface scale; the sidebar is wider."""
 
 MARGINS = 50
-"""Pixels of a region beside the text of its panels, boxes included."""
+"""Pixels of a region next to the text of its panels, boxes included."""
 
 TABS = 24
-"""Pixels of the tabs beside a sidebar, which are part of its region."""
+"""Pixels of the tabs next to a sidebar, which are part of its region."""
 
 ICON = 26
 """Pixels of an icon."""

@@ -103,7 +103,7 @@ def _items(sentences: Sequence[str]) -> str:
 
 
 def _lead(rows: Sequence[Row], pictures: Sequence[Picture], told: str) -> Iterator[str]:
-    """What a reader of a scene sees first: the answer, the scene, and the error of its pictures against time."""
+    """The head of a scene: the answer, the scene, and the error of its pictures against time."""
     sentence = told or report.answer(rows)
     if sentence:
         yield f'<p class="answer">{safe(sentence)}</p>'
@@ -242,7 +242,7 @@ def _left_out(rows: Sequence[Row]) -> str:
         reasons: dict[str, list[tuple[str, str]]] = {}
         for row in rows:
             for text in reasons_of(row):
-                # Reasons that differ only in their numbers stand in one line, with the numbers of the first.
+                # Reasons that differ only in their numbers share one line, with the numbers of the first.
                 reasons.setdefault(re.sub(r"[\d.,]+", "0", text), []).append((text, row["spec"] or row["scene"]))
         items = "".join(f"<li>{_reason(told)}</li>" for told in reasons.values())
         parts.append(f"<li>{title}:<ul>{items}</ul></li>" if items else "")

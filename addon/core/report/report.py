@@ -65,7 +65,7 @@ QUANTITIES = {
     ranking.PICTURE: f"the build and one picture of {IMAGE}",
     ranking.TRACING: "the build and one million rays of each set",
 }
-"""What the answer of a scene ranks, the most useful first."""
+"""Quantities that the answer of a scene ranks, the most useful first."""
 
 
 def answer(rows: Sequence[Row]) -> str:

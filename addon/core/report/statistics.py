@@ -134,7 +134,7 @@ def _table(title: str, note: str, columns: tuple[Column, ...], rows: Sequence[Ro
 
 
 def sentences(expected: Correlation | None, fit: Fit | None) -> Iterator[str]:
-    """What expected costs and counts explain of the measured times."""
+    """Sentences on how well expected costs and counts explain the measured times."""
     if expected is not None:
         if expected.pearson == expected.pearson:
             yield (

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Benchmark rows as text tables for a terminal of 100 columns.
 
-Each scene has up to three: one ray at a time, as fast as it goes, and configurations that fit neither. Like stands with
-like: no mark and no sentence compares rows of two tables. Every time stands beside the errors of its configuration.
+Each scene has up to three: one ray at a time, as fast as it goes, and configurations that fit neither. Like is with
+like: no mark and no sentence compares rows of two tables. Every time is next to the errors of its configuration.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def heading(scene: str, rows: Sequence[Row]) -> list[str]:
 
 
 def measured(scene: str, rows: Sequence[Row]) -> tuple[str, str, str]:
-    """What the tables of a scene show: scene and units in two lines, and what the answers were compared with."""
+    """The head of the tables of a scene: scene and units in two lines, and the reference of the answers."""
     checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
     reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
     ours = sorted({row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]} or {1})
@@ -133,7 +133,7 @@ def best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
     """Pairs of a row's id and a ray set to mark: the fastest, and those equal to it within noise.
 
     No row is marked if a faster one is not: where noise separates a faster row but not this one, neither is. rows: of
-    one table, in which a row that stands in several tables is compared with the others of this one only.
+    one table, in which a row that is in several tables is compared with the others of this one only.
     """
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found: set[tuple[int, str]] = set()

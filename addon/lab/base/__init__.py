@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all command lines of the laboratory share."""
+"""Parts that all command lines of the laboratory share."""

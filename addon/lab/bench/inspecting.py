@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pages of the inspector: one alone, and those beside the report of a benchmark."""
+"""Pages of the inspector: one alone, and those next to the report of a benchmark."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...core.base.interface import Native
 
 WIDTH = 256
-"""Camera rays side by side on a page beside a report."""
+"""Camera rays side by side on a page next to a report."""
 
 
 def add_option(parser: ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def read(asked: Namespace, module: Native) -> Beside:
 
 @dataclass
 class Beside:
-    """The pages beside a report, of no structure or some. files: names of the written ones, by scene."""
+    """The pages next to a report, of no structure or some. files: names of the written ones, by scene."""
 
     folder: Path
     specs: list[str]

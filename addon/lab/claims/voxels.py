@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Amanatides and Woo 1987: from one cell of a grid to the next by two comparisons and one addition.
 
-A step is timed without triangle tests, over grids of several resolutions, beside a node of a kd-tree, which takes two
+A step is timed without triangle tests, over grids of several resolutions, next to a node of a kd-tree, which takes two
 to four comparisons, a difference and a product (`cases.py`). Ours is not the published step, which adds up
 distances and so may miss a cell; there is no faithful configuration.
 """

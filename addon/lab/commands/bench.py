@@ -135,7 +135,7 @@ def parser() -> argparse.ArgumentParser:
         + ", ".join(f"{name} ({what})" for name, what in files.FORMATS.items()),
     )
     inspecting.add_option(made)
-    add("--published", type=Path, metavar="FILE", help="published results to draw beside the K sweep")
+    add("--published", type=Path, metavar="FILE", help="published results to draw next to the K sweep")
     return made
 
 
@@ -217,7 +217,7 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def notes(loaded: workload.Workload, options: benchmark.Options) -> list[str]:
-    """What to know about a scene before it is measured."""
+    """Notes on a scene before it is measured."""
     count, most = preparation.compared(loaded, options), options.check_rays
     return [*loaded.notes, *([f"{count:,} rays per set compared, not {most:,}, to end sooner"] if count < most else [])]
 

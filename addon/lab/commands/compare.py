@@ -192,7 +192,7 @@ def run(asked: argparse.Namespace) -> None:
     name = _open(asked)
     found, _ = _render_both(bpy, asked, name)
     ours, theirs = found["HALFSPACE"], found["CYCLES"]
-    print(f"\n{name}, {asked.size}, Halfspace beside Cycles")
+    print(f"\n{name}, {asked.size}, Halfspace and Cycles")
     for line in comparison.compare(ours, theirs).lines():
         print(f"  {line}")
     _print_left_out(bpy.context.scene)
@@ -250,11 +250,11 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         known, allowed = proving.DIFFERENCES.get(name, ("", comparison.ROUNDING))
         verdict = comparison.judge(found["HALFSPACE"], found["CYCLES"], tolerance=allowed)
         verdicts.append(verdict)
-        print(f"{name}, {asked.size}: Halfspace beside Cycles")
+        print(f"{name}, {asked.size}: Halfspace and Cycles")
         for line in verdict.lines():
             print(f"  {line}")
         if known:
-            print(f"  known difference of the models, up to {100 * allowed:g} % of a square beside its noise: {known}")
+            print(f"  known difference of the models, up to {100 * allowed:g} % of a square next to its noise: {known}")
         ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
         print(
             f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "

@@ -156,7 +156,7 @@ def check(asked: argparse.Namespace) -> None:
     for mode, meaningless in MEANINGLESS.items():
         for name in meaningless:
             if getattr(asked, mode) not in (None, False) and getattr(asked, name) not in (None, False):
-                raise UsageError(f"--{name.replace('_', '-')}: expected no --{mode.replace('_', '-')} beside it")
+                raise UsageError(f"--{name.replace('_', '-')}: expected no --{mode.replace('_', '-')} with it")
 
 
 def is_brute(spec: str) -> bool:

@@ -93,7 +93,7 @@ def problem(name: str) -> str | None:
 
 def of_rows(rows: Sequence[Row], formats: Iterable[str], published: Published | None = None) -> dict[Path, str | bytes]:
     """The files, by their paths within the folder of a report. formats: keys of `FORMATS`. published: results of the
-    thesis, drawn beside ours.
+    thesis, drawn next to ours.
     """
     wanted = set(formats)
     found: dict[Path, str | bytes] = {}

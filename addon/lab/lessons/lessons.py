@@ -167,7 +167,7 @@ PUBLISHED = "kd:traversal=ta-b,robust=none"
 LESSONS: tuple[Lesson, ...] = (
     Lesson(
         "1-split",
-        "What a split costs",
+        "Costs of a split",
         uneven,
         ("kd", "kd-median"),
         (

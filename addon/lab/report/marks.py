@@ -135,7 +135,7 @@ def legend(where: Any, handles_of: Any = None, *, others: int = 0, more: Sequenc
         found.append(Line2D([], [], color=OTHER.colour, marker=OTHER.marker, linewidth=OTHER.width, label=label))
     found += more
     if found:
-        # As many columns as fit beside each other, by the longest name.
+        # As many columns as fit next to each other, by the longest name.
         column = HANDLE_WIDTH + LETTER_WIDTH * max(len(str(handle.get_label())) for handle in found)
         fitting = max(1, int(where.get_size_inches()[0] / column))
         where.legend(handles=found, loc="outside lower center", ncols=min(4, fitting, len(found)), columnspacing=1.6)

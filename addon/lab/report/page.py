@@ -16,7 +16,7 @@ from .thesis import Published
 
 
 def as_html(document: dict[str, Any], published: Published | None = None) -> str:
-    """The whole report as one page. published: results of the thesis, shown beside ours."""
+    """The whole report as one page. published: results of the thesis, shown next to ours."""
     return page.as_html(
         document,
         draw=partial(plots.pictures, published=published),
@@ -58,7 +58,7 @@ def _overview(rows: Sequence[Row]) -> str:
 
 
 def _thesis(rows: Sequence[Row], published: Published | None) -> str:
-    """The tables of the thesis, our numbers beside the published ones."""
+    """The tables of the thesis, our numbers next to the published ones."""
     found = thesis.tables(by_scene(rows), published)
     if not found:
         return ""
@@ -70,7 +70,7 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
     )
     parts = [intro]
     for table in found:
-        # Write published numbers in italics beside ours.
+        # Write published numbers in italics next to ours.
         parts.append(f"<h3>{safe(table.title)}</h3>")
         width = 2 * len(table.columns)
         over = "".join(f'<th colspan="{width}" scope="colgroup">{safe(scene)}</th>' for scene in table.scenes)

@@ -33,7 +33,7 @@ OTHERS = About(
 
 
 def about(rows: Sequence[Row]) -> About:
-    """What the figure shows, with the facts of the reference."""
+    """The caption of the figure, with the facts of the reference."""
     text = CAPTION
     known = next((row["converged"] for row in rows if row.get("converged")), None)
     if known:

@@ -215,7 +215,7 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
 def svg(draw: Callable[[Any], None], height: float, width: float = WIDTH) -> str:
     """A figure as an SVG element. draw: called with the figure. height, width: inches."""
     text = io.StringIO()
-    # Figures of two widths stand in one page, so their ids must differ.
+    # Figures of two widths are in one page, so their ids must differ.
     style = {"svg.hashsalt": f"halfspace {width:g}"}
     save(draw, (width, height), text, style, format="svg", metadata={"Date": None})
     found = text.getvalue()

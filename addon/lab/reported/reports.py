@@ -181,7 +181,7 @@ def libigl_box() -> Scene:
 
 
 def rays_around_point() -> Scene:
-    """Rays from a point beside a unit box to all directions of its plane y = 0.5 and of the sphere."""
+    """Rays from a point next to a unit box to all directions of its plane y = 0.5 and of the sphere."""
     angles = 2 * np.pi * np.arange(360) / 360
     ring = np.stack([np.cos(angles), np.zeros(360), np.sin(angles)], axis=1)
     tilted = ring @ meshes.rotation([1, 0, 0], 30).T
@@ -296,7 +296,7 @@ REPORTS = (
         libigl_box,
     ),
     Report("Open3D", f"{OPEN3D}/5777", "distances with an error of 3e-5", missing=CUT),
-    Report("Open3D", f"{OPEN3D}/6188", "rays around a point beside a box", rays_around_point),
+    Report("Open3D", f"{OPEN3D}/6188", "rays around a point next to a box", rays_around_point),
     Report("three-mesh-bvh", f"{THREE_BVH}/112", "a hit is lost far from the origin", missing=ATTACHED),
     Report("three-mesh-bvh", f"{THREE_BVH}/169", "a ray at a vertex misses", missing=CUT),
     Report("three-mesh-bvh", f"{THREE_BVH}/684", "the bottom edge is missed for some origins", slanted_bottom_edge),

@@ -34,7 +34,7 @@ def kinds(rows: Sequence[Row]) -> list[str]:
 
 
 def table(rows: Sequence[Row], kind: str) -> str:
-    """One ratio as aligned columns, configurations against cases; wrong answers stand beside it."""
+    """One ratio as aligned columns, configurations against cases; wrong answers are next to it."""
     cases = list(dict.fromkeys(row["case"] for row in rows))
     found = {(row["spec"], row["case"]): row for row in rows}
     specs = dict.fromkeys(row["spec"] for row in rows)

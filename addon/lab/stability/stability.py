@@ -3,7 +3,7 @@
 
 Each row of a case also has the processor time of its rays, and its ratio to that of brute force.
 
-A structure without error bounds (`robust=none`) is measured beside the others: its failures prove that the comparison
+A structure without error bounds (`robust=none`) is measured next to the others: its failures prove that the comparison
 can fail.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is measured: the trees of the thesis, in its scalar form, and the amount of a quick and of a full run."""
+"""Plan of measurements: the trees of the thesis, in its scalar form, and the amount of a quick and of a full run."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Effort:
 
     @property
     def of_row(self) -> tuple[int, ...]:
-        """What a row depends on; more seeds add rows and change none."""
+        """The options that a row depends on; more seeds add rows and change none."""
         return (*self.size, self.repeats, self.checked)
 
 

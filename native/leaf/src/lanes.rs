@@ -172,7 +172,7 @@ impl Free {
 /// with largest edge component `size` whose first vertex is at most `span` from the origin per axis.
 ///
 /// A hit is at most `span + size` away, on either side of the origin, and if the determinant has the wrong sign, the
-/// error of `t` is proportional to that distance. [`UNDERFLOW`] also stands in the factors of the offset, because an
+/// error of `t` is proportional to that distance. [`UNDERFLOW`] is also in the factors of the offset, because an
 /// offset multiplies what products of small edges lose by underflow.
 #[inline(always)]
 fn errors(span: f32, size: f32) -> [f32; 2] {
@@ -355,7 +355,7 @@ mod tests {
                     (free.candidates(simd, splat(framed.o), splat(framed.d), reach), sides)
                 });
                 prop_assert_eq!(mask, 0xff, "alone");
-                prop_assert_eq!(sides, 0, "beside its plane");
+                prop_assert_eq!(sides, 0, "next to its plane");
             }
         }
 

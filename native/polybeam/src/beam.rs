@@ -6,7 +6,7 @@ use crate::line::{Ahead, Line, Side};
 use crate::polygon::Polygon;
 
 /// Largest number of lines. Of the lines of two axes, two bound a beam; only those of planes behind the origin are kept
-/// beside them. The rays of a beam that has no place for another line go on singly.
+/// next to them. The rays of a beam that has no place for another line go on singly.
 const SIDES: usize = 16;
 
 /// Number of lines from which on those that no longer touch the polygon are looked for.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What the rays of a beam share: their origin, so that a beam is a pyramid, or their direction, so that it is a prism,
+//! Forms of beams: rays share their origin, so that a beam is a pyramid, or their direction, so that it is a prism,
 //! a pyramid with its apex at infinity.
 //!
 //! Both are one projective form. A ray of an octant has a place `r` and speeds `m >= 0`, and reaches plane `k` at the
@@ -20,7 +20,7 @@ use halfspace_ray::frame::Frame;
 /// scene's size, and leaves contain what is within 1e-6 of it.
 const TOLERANCE: f64 = 1e-11;
 
-/// What the rays of a beam share.
+/// Origin or direction that the rays of a beam share.
 pub trait Form: Copy {
     /// The terms of the triangle test that are computed once for all rays.
     type Triangle;

@@ -164,7 +164,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
             let i = eight.at + lane;
             let id = self.sorted.ids[i] as usize;
             let (ray, count) = (&self.slice.rays[id], &mut self.counters[id]);
-            // A ray beside the scene hits nothing, and ends too.
+            // A ray next to the scene hits nothing, and ends too.
             if let Some(frame) = &self.slice.frame.ray(ray) {
                 let ray = RayRef { ray, frame };
                 let mut best = Best::new(frame);

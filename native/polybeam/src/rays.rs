@@ -35,7 +35,7 @@ pub struct Sorted {
     pub own: Own,
 }
 
-/// What the nearest hits of parallel rays need; else empty.
+/// Data of each of the parallel rays that search for nearest hits; else empty.
 #[derive(Default)]
 pub struct Own {
     /// Origins in the frame.

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What many rays of a batch have in common: their origin, or their direction.
+//! Origin or direction that many rays of a batch have in common.
 
 use halfspace_ray::Ray;
 
 /// Number of rays that are compared.
 pub const SAMPLES: usize = 16;
 
-/// What rays have in common, bit for bit.
+/// Origin or direction that rays have in common, bit for bit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Source {
     /// The origin.

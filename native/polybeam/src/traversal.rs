@@ -45,7 +45,7 @@ const SPLITS: u8 = 8;
 
 /// A batch of rays through one tree.
 pub struct Traversal<'a, F: Form, Q, C> {
-    /// What rays search for: nearest hits, or any hits of reversed rays.
+    /// Kind of query: nearest hits, or any hits of reversed rays.
     pub query: PhantomData<Q>,
     pub tree: &'a Octree,
     /// Rays go on singly where fewer than this are left together.
@@ -80,7 +80,7 @@ impl<T> Default for Scratch<T> {
     }
 }
 
-/// What the rays of an octant share.
+/// Constants that the rays of an octant share.
 pub struct Octant<F> {
     pub grid: Grid,
     /// Their origin or direction.

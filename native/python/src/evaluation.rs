@@ -18,7 +18,7 @@ use pyo3::types::PyDict;
 /// request: a dictionary of "positions" and "normals" (unit vectors), (n, 3) float32; "program" and "result", as the
 /// program and an argument of a material of RenderScene; and, as for RenderScene, "images", "layers", (n, 3, 2 to
 /// 4), of which the first corner of entry i belongs to point i, "objects", "object_index", (n,), and "origin". There
-/// is no camera, and heights beside a point are those of the point.
+/// is no camera, and heights next to a point are those of the point.
 ///
 /// Raises ShapeError, NonFiniteError and SpecError as RenderScene does. Releases the GIL while it computes.
 #[pyfunction]

@@ -96,7 +96,7 @@ impl Counters for NoCountLate {
     const LATE: bool = true;
 }
 
-/// What a traversal does in addition to counting: it records its events, gathers all hits, or ignores hidden triangles.
+/// Tasks of a traversal in addition to counting: it records its events, gathers all hits, or ignores hidden triangles.
 /// A value and not a type parameter, so that all of these share one compiled traversal.
 pub enum Log<'a> {
     /// Nothing.

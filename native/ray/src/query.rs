@@ -21,7 +21,7 @@ pub enum LeafTest {
     Published,
 }
 
-/// What a traversal searches for: the nearest hit, or any hit.
+/// Kind of query: the nearest hit, or any hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
     /// Whether the first hit found, in any order, ends the traversal.
     const ANY: bool;

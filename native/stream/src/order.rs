@@ -53,7 +53,7 @@ impl Rule {
     fn by_contents(self, tree: &BoxTree<CHILDREN>, leaves: &Blocks) -> Vec<Listed> {
         let mut below = vec![Below::default(); tree.nodes.len()];
         let mut order = vec![Listed(0); tree.nodes.len()];
-        // Children stand behind their parents, so what is below them is known.
+        // Children are behind their parents, so what is below them is known.
         for (i, node) in tree.nodes.iter().enumerate().rev() {
             let own: [Below; CHILDREN] = std::array::from_fn(|child| {
                 let (link, count) = (node.link[child], node.count[child]);
@@ -76,7 +76,7 @@ impl Rule {
     }
 }
 
-/// What is below a child.
+/// Summary of the subtree below a child.
 #[derive(Clone, Copy, Default)]
 struct Below {
     /// Probability that a ray which meets the box is blocked in it.

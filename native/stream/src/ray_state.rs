@@ -10,8 +10,8 @@ use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{BoundedRay, FrameRay, Ray, RayRef};
 use prefetch_index::prefetch_index;
 
-/// What tests of axis planes need of a ray: one row of four numbers per axis, so that one load gets all that a plane
-/// needs, and the start of its interval.
+/// Constants of a ray for tests of axis planes: per axis one row of four numbers, so that one load gets all that
+/// a plane needs, and the start of its interval.
 #[derive(Clone, Copy)]
 pub struct Line {
     /// Per axis the coefficients, and a copy of the best hit's `reach`.

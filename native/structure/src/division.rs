@@ -53,7 +53,7 @@ pub struct Parts {
     pub growing: Option<Arc<Triangles>>,
     /// The part of each triangle of the scene: 0 for `main`, `i + 1` for `apart[i]`; empty if there is only one.
     pub part_of: Vec<u8>,
-    /// What was done differently than the configuration says, with reasons.
+    /// Deviations from the configuration, with reasons.
     pub remarks: Vec<String>,
 }
 

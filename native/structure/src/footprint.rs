@@ -4,7 +4,7 @@
 //! A tile of 64 rays descends once for all of them, which pays where many of its rays meet the same leaf. Where
 //! triangles are smaller than a few pixels, few do, and packets of 16 rays are faster. So a few rays of each batch are
 //! traced first, and the distance between neighbouring rays at their hits is compared with the mean triangle of the
-//! scene. The triangles hit would mislead: large ones are hit most, and small ones before and beside them cost the time.
+//! scene. The triangles hit would mislead: large ones are hit most, and small ones around them cost the time.
 //! The choice depends on the batch and the scene alone: neither on earlier batches nor on a clock.
 
 use halfspace_ray::query::Closest;

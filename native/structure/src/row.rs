@@ -24,7 +24,7 @@ pub struct StructureSpec {
     pub code: i32,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// What nodes divide.
+    /// Kind of division of its nodes.
     pub family: Family,
     /// One sentence.
     pub summary: &'static str,
@@ -49,7 +49,7 @@ pub struct StructureSpec {
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
 }
 
-/// What the nodes of a structure divide.
+/// Kind of division of the nodes of a structure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// Space.
@@ -147,7 +147,7 @@ pub trait Refit: Debug + Send + Sync {
     fn bytes(&self) -> usize;
 }
 
-/// What a build function returns.
+/// Result of a build function.
 #[derive(Debug)]
 pub struct Built {
     /// The frame of its coordinates.
@@ -199,7 +199,7 @@ pub struct ParamSpec {
     pub name: &'static str,
     /// Name in user interfaces.
     pub label: &'static str,
-    /// What it does, and what a larger value costs; see [`Self::full_doc`].
+    /// Effect, and cost of a larger value; see [`Self::full_doc`].
     pub doc: &'static str,
     /// Unit, empty for none.
     pub unit: &'static str,

@@ -18,7 +18,7 @@ use halfspace_scene::Triangles;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// What the motions of the triangles did to a structure.
+/// Effects of the motions of the triangles on a structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refitted {
     /// Number of times that it was fitted to moved triangles since it was built.

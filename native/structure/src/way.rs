@@ -40,7 +40,7 @@ impl Rays {
 /// One valid pair of nodes and traversal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Way {
-    /// What rays are tested against: planes, wide, boxes, intervals, octants, cells, or none.
+    /// Nodes that rays are tested against: planes, wide, boxes, intervals, octants, cells, or none.
     pub nodes: &'static str,
     /// Value of the parameter `traversal`; empty for a structure with only one.
     pub traversal: &'static str,

@@ -216,7 +216,7 @@ fn odd_batches() -> Vec<Odd> {
             [false; 2],
         ),
         (
-            "beside the scene",
+            "next to the scene",
             each(&|i| from(90.0 + i as f32, 1.0)),
             [false; 2],
         ),

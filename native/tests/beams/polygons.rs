@@ -219,7 +219,7 @@ fn beams_without_area_and_rays_without_beams_are_answered_singly() {
     }
 }
 
-/// Rays exactly along the walls of cells leave polygons without area beside them, and their parts without rays must end.
+/// Rays exactly along the walls of cells leave polygons without area next to them; their parts without rays must end.
 #[test]
 fn beams_without_rays_end() {
     let all = cases(Size::Small, 7);

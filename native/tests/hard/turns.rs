@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What each of many configurations is tested with; in turn where a machine is emulated.
+//! All of many variants, or one of them in turn where a machine is emulated.
 
 use crate::hard::share;
 

@@ -94,7 +94,7 @@ impl Bytes<'_> {
                     .to_owned(),
                 _ => continue,
             };
-            // Leave out what has no effect beside the others.
+            // Leave out what has no effect next to the others.
             let more = format!("{spec},{}={value}", param.name);
             if registry::parse(&more).is_ok() {
                 spec = more;

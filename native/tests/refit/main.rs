@@ -246,7 +246,7 @@ fn the_result_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn what_cannot_be_fitted_is_refused_with_its_reason() {
+fn rejects_motions_that_cannot_be_fitted_with_the_reason() {
     let scene = soup(grid(3, 0.3));
     for tree in TREES.iter() {
         let structure = build(&scene, tree.id);

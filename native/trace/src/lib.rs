@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What all kernels share: a kernel is one compiled way to answer a batch of rays over one tree.
+//! Parts that all kernels share: a kernel is one compiled way to answer a batch of rays over one tree.
 
 pub mod batch;
 pub mod blocker;

@@ -57,7 +57,7 @@ pub const OBJECTS: StructureSpec = StructureSpec {
     ..SPACE
 };
 
-/// What a plane halves.
+/// Halved quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Halves {
     /// The cell.

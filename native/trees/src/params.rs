@@ -246,7 +246,7 @@ pub fn least(config: &Config, param: &ParamSpec) -> u32 {
     u32::try_from(config.integer(param.name)).expect("in range")
 }
 
-/// What leaves keep of their triangles, from `leaves`.
+/// Triangle data in leaves, from `leaves`.
 ///
 /// # Panics
 /// When the structure's row lacks this parameter.

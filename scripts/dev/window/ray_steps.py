@@ -13,7 +13,7 @@ from mathutils import Vector
 from window_areas import area_of, within
 
 (EYE, TARGET), SIDE = stage.VIEW, (0.8, -9.4, 4.6)
-"""Where the ray is picked from and what is in the middle, and the place beside it from which its path is seen."""
+"""Where the ray is picked from and what is in the middle, and the place next to it from which its path is seen."""
 
 PATH = ((0.10, 0.20), (0.18, 0.30), (0.25, 0.42), (0.31, 0.50))
 """Places of the pointer, as shares of the 3D view; the last one is clicked."""
@@ -29,7 +29,7 @@ QUICK, SLOW = 300, 1400
 
 
 def steps() -> Iterator[Any]:
-    """Pick a ray, turn the view beside it, and follow its steps."""
+    """Pick a ray, turn the view next to it, and follow its steps."""
     film = stage.Film("ray")
     yield from stage.furnish({"HALFSPACE_PT_view_ray"}, {"HALFSPACE_PT_view_costs", "HALFSPACE_PT_view_statistics"})
     stage.look(EYE, TARGET)

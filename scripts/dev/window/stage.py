@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the steps of the animations share: the built-in scene in a large 3D view, with chosen panels in its sidebar.
+"""The stage of the animations: the built-in scene in a large 3D view, with chosen panels in its sidebar.
 
 A frame is a picture of the screen. `Film.write` lists the frames with their durations, and the part of the screen that
 the 3D view covers, as JSON for `scripts/dev/animations.py`.

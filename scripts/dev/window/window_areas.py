@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the steps in a real window share."""
+"""Windows and areas, for the steps in a real window."""
 
 from __future__ import annotations
 

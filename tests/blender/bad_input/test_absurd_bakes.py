@@ -31,7 +31,7 @@ def a_box(scene: Any) -> Any:
 
 
 def bake() -> Any:
-    """What Blender's operator returns. Raises RuntimeError with its message."""
+    """The result of Blender's operator. Raises RuntimeError with its message."""
     return bpy.ops.object.bake(type="COMBINED", margin=0)
 
 

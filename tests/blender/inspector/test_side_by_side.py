@@ -58,7 +58,7 @@ def test_the_worst_ray_is_counted_in_both_structures(seen: Any, name: str, key: 
     assert after(texts, "Tests") == [f"{costs.tests[index]:,}", f"{int(counted['tests'][0]):,}"]
     assert after(texts, "Steps") == [f"{costs.steps[index]:,}", f"{int(counted['visits'][0]):,}"]
     assert ("ns, 64 neighbours" in texts) == (key == "TIME")
-    # A time stands beside the errors of the same structure.
+    # A time is next to the errors of the same structure.
     assert ("Wrong" in texts) == (key == "TIME")
     # Another choice hides the numbers of the last one.
     seen.halfspace.second = "NONE"

@@ -29,14 +29,14 @@ OLD = {
     "blender/ui/panels.py": lambda text: text.replace('bl_label = "Sampling"', 'bl_label = "Old"') + PANEL_OF_THE_OLD,
     "blender/settings/quality.py": lambda text: text.replace("Camera rays per pixel;", "Old rays;"),
 }
-"""What differs in the old version, in the text of its files."""
+"""Differences of the old version, in the text of its files."""
 
 SEEN = {
     "old": {"engine": ["Halfspace 0.0.9"], "panel": "Old", "property": "Old rays;", "old_panel": True},
     "new": {"engine": ["Halfspace"], "panel": "Sampling", "property": "Camera rays per pixel;", "old_panel": False},
 }
 SEEN["rebuilt"] = SEEN["new"]
-"""What Blender shows of each; of the property, how its description begins."""
+"""Texts that Blender shows of each; of the property, how its description begins."""
 
 
 def zips(folder: Path) -> dict[str, str]:

@@ -10,7 +10,7 @@ from tests.blender.installing.builds import STEPS, check_look, check_new_session
 from tests.blender.user_session import INSIDE, session
 
 FOLDERS = pytest.mark.parametrize("folders", ["folders", "file"])
-"""What cannot be renamed: the folders of the locked file too, or nothing."""
+"""Things that cannot be renamed: the folders of the locked file too, or nothing."""
 
 
 @FOLDERS

@@ -59,7 +59,7 @@ def test_the_native_module_has_the_interface_of_the_repository() -> None:
     ("lacks", "named"),
     [("build", "build"), ("Monitor", "Monitor"), ("free_memory", "free_memory")],
 )
-def test_what_another_build_lacks_is_named(lacks: str, named: str) -> None:
+def test_names_what_another_build_lacks(lacks: str, named: str) -> None:
     names = [name for name in dir(halfspace_native) if name != lacks]
     other = SimpleNamespace(**{name: getattr(halfspace_native, name) for name in names})
     assert inside.differences(other) == [named]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes that are judged beside Cycles: understood to the last node, and the same for every kind of tree."""
+"""The scenes that are judged against Cycles: understood to the last node, and the same for every kind of tree."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -114,7 +114,7 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
 
 
 @pytest.mark.parametrize("name", ["compare", "choose"])
-def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, name: str) -> None:
+def test_says_that_something_else_than_the_picture_is_measured(seen: Any, name: str) -> None:
     seen.camera.data.type = "ORTHO"
     assert getattr(bpy.ops.halfspace, name)() == {"FINISHED"}
     said = "No perspective camera"
@@ -149,7 +149,7 @@ def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
     assert "The scene has changed since" not in draw_all(panel, scene=seen).log
 
 
-def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
+def test_says_which_structures_were_not_compared(seen: Any) -> None:
     line = choice.Line("kd", 1.0, 2.0)
     found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), ["kd"], comparing.COMPARE)
     assert any("3.00 s; answers not compared" in told for told in compare_files.words(found))

@@ -37,7 +37,7 @@ EXPORTERS = {
 
 @pytest.mark.parametrize("suffix", sorted(EXPORTERS))
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Blender's own importers, written in Python.
-def test_what_blender_exports_comes_back(cube: Any, tmp_path: Path, suffix: str) -> None:
+def test_files_exported_by_blender_come_back(cube: Any, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"cube{suffix}"
     EXPORTERS[suffix](str(path))
     found = workloads.load(path, SIZE)
@@ -90,7 +90,7 @@ def test_a_shifted_lens_is_said(cube: Any) -> None:
 @pytest.mark.parametrize("suffix", [".blend", ".obj", ".ply", ".stl", ".glb", ".usd"])
 @pytest.mark.parametrize("content", [b"", b"rubbish" * 99, b"glTF\x02\x00\x00\x00xx"])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_what_cannot_be_read_is_one_line(tmp_path: Path, suffix: str, content: bytes) -> None:
+def test_rejects_an_unreadable_file_in_one_line(tmp_path: Path, suffix: str, content: bytes) -> None:
     path = tmp_path / f"broken{suffix}"
     path.write_bytes(content)
     with pytest.raises(WorkloadError, match="broken") as caught:

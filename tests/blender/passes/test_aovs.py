@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes that materials write, beside those of Cycles."""
+"""Passes that materials write, compared with those of Cycles."""
 
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Baked pictures beside those of Cycles."""
+"""Baked pictures compared with those of Cycles."""
 
 from typing import Any
 
@@ -41,7 +41,7 @@ def bake(engine: str, wanted: str, active: Any, *others: Any, **options: Any) ->
 
 @pytest.fixture
 def stage(scene: Any) -> Any:
-    """A mirrored box with UVs beside a wall, in the light of a lamp, a coloured floor and a world. Returns the box."""
+    """A mirrored box with UVs next to a wall, in the light of a lamp, a coloured floor and a world. Returns the box."""
     atlas.with_cycles(scene)
     paint = material("Paint", Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.35, Transmission_Weight=0.2)
     shader = node(paint.node_tree, "ShaderNodeBsdfPrincipled")

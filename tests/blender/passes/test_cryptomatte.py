@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cryptomatte beside that of Cycles, and as Blender's own node reads it."""
+"""Cryptomatte compared with that of Cycles, and as Blender's own node reads it."""
 
 import json
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light groups beside those of Cycles: their parts of the light."""
+"""Light groups compared with those of Cycles: their parts of the light."""
 
 from pathlib import Path
 from typing import Any

@@ -74,7 +74,7 @@ def passes_of(picture: dict[str, Any]) -> dict[str, Any]:
 
 
 def total(found: dict[str, Any]) -> Any:
-    """What the passes add up to."""
+    """The sum of the passes."""
     scattered = sum((found[f"{kind} Direct"] + found[f"{kind} Indirect"]) * found[f"{kind} Color"] for kind in KINDS)
     return scattered + found["Emission"] + found["Environment"]
 

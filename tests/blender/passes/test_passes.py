@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes and the lens beside those of Cycles, which says what they mean in Blender."""
+"""Passes and the lens compared with those of Cycles, which says what they mean in Blender."""
 
 from pathlib import Path
 from typing import Any
@@ -109,7 +109,7 @@ LENSES = {
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_what_is_out_of_focus_is_blurred_as_in_cycles(scene: Any, tmp_path: Path, name: str) -> None:
+def test_objects_out_of_focus_are_blurred_as_in_cycles(scene: Any, tmp_path: Path, name: str) -> None:
     """A small bright plate before black shows the shape of the aperture."""
     bright = material("Bright", Base_Color=(0, 0, 0, 1), Emission_Strength=20.0, Emission_Color=(1, 1, 1, 1))
     turned = {"scale": (0.15, 0.1, 1), "location": (0.1, 0, -0.05), "rotation_euler": (np.pi / 2, 0, 0)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shadow catchers beside those of Cycles."""
+"""Shadow catchers compared with those of Cycles."""
 
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vector pass beside that of Cycles: a moving camera, and objects that move and deform."""
+"""The vector pass compared with that of Cycles: a moving camera, and objects that move and deform."""
 
 from pathlib import Path
 from typing import Any

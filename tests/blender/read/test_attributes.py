@@ -53,12 +53,12 @@ def test_numbers_of_every_type_are_read(box: Any, kind: str, domain: str) -> Non
 @pytest.mark.parametrize(
     ("kind", "domain", "reason"), [("QUATERNION", "POINT", "type quaternion"), ("FLOAT", "EDGE", "domain edge")]
 )
-def test_what_cannot_be_read_is_said(box: Any, kind: str, domain: str, reason: str) -> None:
+def test_notes_an_attribute_that_cannot_be_read(box: Any, kind: str, domain: str, reason: str) -> None:
     box.attributes.new("wear", kind, domain)
     assert read()[1] == [f"The attribute 'wear' is black, its {reason} is not supported yet: Box"]
 
 
-def test_what_no_mesh_has_is_said(box: Any, add: Any) -> None:
+def test_notes_an_attribute_that_no_mesh_has(box: Any, add: Any) -> None:
     assert read()[1] == ["No mesh has the attribute 'wear', it is 0 everywhere, in material: Paint"]
     other = cube("Other")
     other.attributes.new("wear", "FLOAT", "POINT")
@@ -66,7 +66,7 @@ def test_what_no_mesh_has_is_said(box: Any, add: Any) -> None:
     assert read()[1] == []
 
 
-def test_what_an_unused_material_reads_is_not_missed(scene: Any, add: Any) -> None:
+def test_does_not_miss_the_attributes_of_an_unused_material(scene: Any, add: Any) -> None:
     paint = material("Unused")
     place("Bare", cube(), paint)
     tree = paint.node_tree
@@ -97,7 +97,7 @@ def test_attributes_are_counted_over_all_places_only_if_these_are_flattened(
     other = cube("Other")
     other.attributes.new("wear", "FLOAT_COLOR", "CORNER")
     add("Other", other)
-    # Room for a mesh's own layer beside that of five cubes, each of 12 triangles.
+    # Room for a mesh's own layer next to that of five cubes, each of 12 triangles.
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 4 * 12 * (1 + 5))
     with pytest.raises(SceneError, match=r"132 triangles, .* do not fit"):
         read()

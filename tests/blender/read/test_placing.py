@@ -93,7 +93,7 @@ READ = {
 
 
 @pytest.mark.parametrize("what", READ)
-def test_what_materials_read_is_the_same_in_two_levels(forest: Any, tmp_path: Path, what: str) -> None:
+def test_inputs_of_materials_are_the_same_in_two_levels(forest: Any, tmp_path: Path, what: str) -> None:
     # Let every material show the value, with an attribute that only one mesh has.
     random = np.random.default_rng(1)
     mesh = forest.objects["Item 0"].data

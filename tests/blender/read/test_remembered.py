@@ -24,7 +24,7 @@ from tests.blender.shapes import cube, grid, material, node
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What was read of Blender and made of it since the last `clear`."""
+    """Things read from Blender and made of them since the last `clear`."""
     done: list[str] = []
 
     def count(module: Any, name: str) -> None:

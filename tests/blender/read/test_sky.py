@@ -184,7 +184,7 @@ def test_measuring_waits_for_the_sky(world: Any, scene: Any, monkeypatch: pytest
     only(world, scene).sun_elevation = 0.678
     made = sky.Sky(np.ones((4, 8, 4), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), 0.01)
     monkeypatch.setattr(sky, "_render", lambda *_: made)
-    monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun beside what is timed"))
+    monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun next to what is timed"))
     found = workloads.current("cube", (8, 8))
     assert found.notes == ()
     assert [light.kind for light in found.render_scene.lights] == ["sun"]

@@ -17,7 +17,7 @@ from tests.blender.shapes import material, node, with_nodes
 LEVELS = 30
 
 MOST_STEPS = 4096
-"""What the native module takes."""
+"""Largest number of steps of a program in the native module."""
 
 
 def doubled(tree: Any, kind: str, first: Any, levels: int = LEVELS) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Displaced and bumped surfaces, and lights with spread or as spheres, beside Cycles."""
+"""Displaced and bumped surfaces, and lights with spread or as spheres, compared with Cycles."""
 
 from __future__ import annotations
 

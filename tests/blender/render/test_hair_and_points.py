@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hair and point clouds beside Cycles."""
+"""Hair and point clouds compared with Cycles."""
 
 from typing import Any
 
@@ -47,7 +47,7 @@ def hairy(settings: dict[str, Any]) -> atlas.Maker:
 
 
 def strands(radius: float) -> Any:
-    """Hairs beside each other, which rise a little."""
+    """Hairs next to each other, which rise a little."""
     across = np.linspace(-0.35, 0.35, 6)[:, None]
     begin = np.stack([across, np.full_like(across, -0.5), np.zeros_like(across)], axis=2)
     return hair(begin + np.linspace(0, 1, 5)[None, :, None] * (0.0, 1.0, 0.3), radius)

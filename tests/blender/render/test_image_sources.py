@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images of all sources, formats, colour spaces and projections, beside Cycles."""
+"""Images of all sources, formats, colour spaces and projections, compared with Cycles."""
 
 from collections.abc import Callable, Iterator
 from itertools import product
@@ -87,7 +87,7 @@ def spaces(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
 
 
 def alphas(folder: Path) -> Iterator[tuple[str, atlas.Maker]]:
-    """What alpha does to colours, in files and in Blender's memory."""
+    """Effect of alpha on colours, in files and in Blender's memory."""
     for mode in ("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"):
         for suffix, kind in (("png", "uint8"), ("png", "uint16"), ("tga", "uint8"), ("exr", "half")):
             path = written(folder / f"{kind}.{suffix}", 4, kind, 4)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter Glossy, caustics and exposure beside Cycles with the same settings."""
+"""Filter Glossy, caustics and exposure compared with Cycles with the same settings."""
 
 from pathlib import Path
 from typing import Any

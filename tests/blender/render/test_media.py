@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volumes in whole scenes beside Cycles: behind surfaces, around the camera, in the world, and as textures."""
+"""Volumes in whole scenes compared with Cycles: behind surfaces, around the camera, in the world, and as textures."""
 
 from typing import Any
 
@@ -57,7 +57,7 @@ def check(scene: Any) -> None:
     assert not atlas.warnings(scene)
 
 
-def test_what_fog_scatters_last_comes_from_lights_alone(stage: Any) -> None:
+def test_light_scattered_last_by_fog_comes_from_lights_alone(stage: Any) -> None:
     # The bright floor would light the fog, too.
     shader = node_of(bpy.data.materials["Floor"].node_tree, "ShaderNodeBsdfPrincipled")
     shader.inputs["Base Color"].default_value = (0.9, 0.9, 0.9, 1)

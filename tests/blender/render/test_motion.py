@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion blur beside Cycles: a camera that moves and turns, and objects that move and change their shape."""
+"""Motion blur compared with Cycles: a camera that moves and turns, and objects that move and change their shape."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interpolated, custom and mapped normals beside Cycles, square by square."""
+"""Interpolated, custom and mapped normals compared with Cycles, square by square."""
 
 import math
 from collections.abc import Callable

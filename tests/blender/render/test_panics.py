@@ -54,7 +54,7 @@ STAGES = {
     "describe": (engine.Result, "describe"),
     "report": (reports, "keep"),
 }
-"""What is replaced by a panic, by the stage of a render."""
+"""Functions that are replaced by a panic, by the stage of a render."""
 
 
 @pytest.mark.parametrize("during", STAGES)
@@ -121,7 +121,7 @@ def test_a_panic_in_a_bake_is_reported(stage: Any, monkeypatch: pytest.MonkeyPat
 
 
 class View:
-    """What the viewport needs of `bpy.types.RenderEngine`, which cannot be made outside a window."""
+    """Stands in for `bpy.types.RenderEngine`, which cannot be made outside a window."""
 
     text = ""
 
@@ -175,7 +175,7 @@ OPERATORS = {
     "build_second": (second, "find"),
     "import_arrays": (arrays.workload, "load_npz"),
 }
-"""What is replaced by a panic, by the operator."""
+"""Functions that are replaced by a panic, by the operator."""
 
 
 @pytest.mark.parametrize("operator", OPERATORS)

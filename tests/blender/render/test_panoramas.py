@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panoramic cameras beside Cycles, in a scene of differently coloured walls."""
+"""Panoramic cameras compared with Cycles, in a scene of differently coloured walls."""
 
 import math
 from typing import Any

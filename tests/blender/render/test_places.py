@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Value nodes that read object, camera and path, beside Cycles."""
+"""Value nodes that read object, camera and path, compared with Cycles."""
 
 import math
 from collections.abc import Iterator
@@ -101,7 +101,7 @@ def bowl(output: str, kind: str, **settings: Any) -> atlas.Maker:
 
 
 def portal(color: tuple[float, ...], shift: tuple[float, ...], direction: tuple[float, ...]) -> atlas.Maker:
-    """A half transparent portal to a place beside the surface."""
+    """A half transparent portal to a place next to the surface."""
     elsewhere = made("VectorMath", made("NewGeometry", output="Position"), shift, operation="ADD")
     through = made("BsdfRayPortal", Color=(*color, 1.0), Direction=direction, Position=elsewhere)
     return made("MixShader", 0.7, made("BsdfDiffuse"), through)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes beside Cycles: balls in the light of a world and of two suns, one of them behind."""
+"""Shader nodes compared with Cycles: balls in the light of a world and of two suns, one of them behind."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stereo cameras beside Cycles, in one file with both eyes."""
+"""Stereo cameras compared with Cycles, in one file with both eyes."""
 
 from pathlib import Path
 from typing import Any

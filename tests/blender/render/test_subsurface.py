@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Subsurface scattering beside Cycles: closed balls in the light of a world and of a sun."""
+"""Subsurface scattering compared with Cycles: closed balls in the light of a world and of a sun."""
 
 from functools import partial
 from typing import Any

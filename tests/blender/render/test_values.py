@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes of numbers, vectors, colours, patterns and textures beside Cycles, tile by tile."""
+"""Nodes of numbers, vectors, colours, patterns and textures compared with Cycles, tile by tile."""
 
 import math
 from collections.abc import Iterator

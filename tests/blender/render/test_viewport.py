@@ -25,7 +25,7 @@ MOST_REDRAWS = 5000
 
 
 class Engine:
-    """What the viewport needs of `bpy.types.RenderEngine`, which cannot be made outside a window."""
+    """Stands in for `bpy.types.RenderEngine`, which cannot be made outside a window."""
 
     def __init__(self) -> None:
         self.redraws = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volume shader nodes beside Cycles: cubes in the light of a world, a sun and a lamp."""
+"""Volume shader nodes compared with Cycles: cubes in the light of a world, a sun and a lamp."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def made(way: str, material: Any) -> Any:
         shaded = linked(shaded, placed, "Instance")
         if way == "instances that are made real":
             shaded = linked(shaded, new("RealizeInstances"))
-    if way == "beside a mesh":
+    if way == "next to a mesh":
         moved = linked(first, new("Transform", Scale=(0.3, 0.3, 0.3), Translation=(0.0, 0.0, -0.3)))
         joined = linked(shaded, new("JoinGeometry"))
         tree.links.new(moved.outputs[0], joined.inputs["Geometry"])
@@ -233,7 +233,7 @@ def made(way: str, material: Any) -> Any:
     return tree
 
 
-WAYS = ("a cube", "from a mesh", "beside a mesh", "instances", "instances that are made real", "turned")
+WAYS = ("a cube", "from a mesh", "next to a mesh", "instances", "instances that are made real", "turned")
 """How nodes make volumes on mesh objects."""
 
 
@@ -264,7 +264,7 @@ def test_grids_have_a_limit_in_total(lit: Any, add: Any, fog: Path, monkeypatch:
         data = bpy.data.volumes.new(name)
         data.filepath = str(fog)
         add(name, data)
-    large = [line for line in read()[1] if "too large beside the scene's other grids" in line]
+    large = [line for line in read()[1] if "too large next to the scene's other grids" in line]
     assert large
     assert all("Second" in line and "First" not in line for line in large)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Halfspace beside Cycles through the command, on a scene file small enough for a test."""
+"""Halfspace compared with Cycles through the command, on a scene file small enough for a test."""
 
 import functools
 import re

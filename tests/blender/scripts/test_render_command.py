@@ -165,7 +165,7 @@ def test_whatever_goes_wrong_is_one_line(
 
 
 @pytest.mark.parametrize("where", ["find", "Session"])
-def test_what_goes_wrong_while_rendering_is_one_line(
+def test_reports_an_error_while_rendering_in_one_line(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], where: str
 ) -> None:
     def fail(*_: Any, **__: Any) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is kept of scenes, and for how long."""
+"""The state of scenes, and how long it is kept."""
 
 from typing import Any
 

@@ -30,7 +30,7 @@ def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
     assert scene.halfspace.structure == "kd"
 
 
-def test_what_is_compared_unless_the_user_says_otherwise_exists(scene: Any) -> None:
+def test_structures_compared_by_default_exist(scene: Any) -> None:
     items = scene.halfspace.bl_rna.properties["structure"].enum_items
     assert set(properties.TICKED) <= {item.identifier for item in items}
 
@@ -107,7 +107,7 @@ def shown_as(parameter: Parameter) -> str:
 
 
 def drawn_parameters(scene: Any) -> list[str]:
-    """What the panel draws between the choice of the structure and its source."""
+    """The items that the panel draws between the choice of the structure and its source."""
     chosen = properties.structure(scene.halfspace)
     every = {shown_as(parameter) for parameter in chosen.parameters}
     return [name for name in draw(panels.HALFSPACE_PT_structure, scene=scene) if name in every]
@@ -200,7 +200,7 @@ def choices(scene: Any, name: str) -> list[str]:
 
 
 LABEL, VALUE, WHOLE = 100, 88, 186
-"""Pixels of labels, of values beside the arrow of a menu, and of a whole row beside it, at the default width."""
+"""Pixels of labels, of values next to the arrow of a menu, and of a whole row next to it, at the default width."""
 
 
 def test_no_label_is_cut_at_the_default_width() -> None:

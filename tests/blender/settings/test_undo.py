@@ -35,7 +35,7 @@ def seen(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
         ("manual", {"section": "Structure"}, lambda: [t.name for t in bpy.data.texts if t.name == manual.TEXT]),
     ],
 )
-def test_what_an_operator_adds_to_the_file_is_a_step_of_its_own(
+def test_an_operator_that_adds_to_the_file_is_a_step_of_its_own(
     seen: Any, name: str, arguments: dict[str, Any], made: Any
 ) -> None:
     bpy.ops.ed.undo_push(message="start")

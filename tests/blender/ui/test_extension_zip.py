@@ -26,7 +26,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What the user's Blender found while it installed, rendered, disabled and enabled."""
+    """Findings of the user's Blender while it installed, rendered, disabled and enabled."""
     return session(tmp_path_factory.mktemp("user"), STEPS, "first_use", str(archive))
 
 

@@ -85,7 +85,7 @@ EXPECTED: dict[str, set[str]] = {
 
 
 VERSION = r"Halfspace 0\.1\.0 \(bl_ext\.user_default\.halfspace, halfspace_native_\w+\)"
-"""What scripts inside Blender print of the package that they use."""
+"""The line that scripts inside Blender print about the package that they use."""
 
 
 class Blender:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the manifest tells users of the extension, against what its modules do."""
+"""Promises of the manifest, against what the modules do."""
 
 import re
 import tomllib

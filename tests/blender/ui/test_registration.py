@@ -58,7 +58,7 @@ def footprint() -> dict[str, object]:
 
 
 def begin_a_view_and_a_sky() -> None:
-    """What a 3D view that still works, and a sky that has come, leave to be ended."""
+    """Threads and processes that a working 3D view and a finished sky leave to be ended."""
     view = viewport.Viewport()
     viewport._working.add(view)
     bpy.app.timers.register(viewport._tick, first_interval=3600)

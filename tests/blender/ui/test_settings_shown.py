@@ -60,7 +60,7 @@ READ = {
     "use_pass_cryptomatte_object use_pass_cryptomatte_material use_pass_cryptomatte_asset pass_cryptomatte_depth",
     "WorldMistSettings": "start depth falloff",
 }
-"""What the sources of the extension read, by type of Blender's data."""
+"""Properties that the sources of the extension read, by type of Blender's data."""
 
 CARRIED_OUT = {
     "BakeSettings": "use_pass_direct use_pass_indirect use_pass_color use_pass_diffuse use_pass_glossy "
@@ -79,7 +79,7 @@ CARRIED_OUT = {
     "SpotLight": "show_cone",
     "ViewLayer": "use use_pass_combined",
 }
-"""What takes effect through Blender: its projection matrix, its objects, its editor, its operators."""
+"""Properties that take effect through Blender: its projection matrix, its objects, its editor, its operators."""
 
 HIDDEN = {
     ("Camera", "dof"),

@@ -46,7 +46,7 @@ def the_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def opened(script: str, archive: Path, folder: Path, size: str) -> tuple[dict[str, Any] | list[str], list[Path]]:
-    """What the steps of a script found in a window of this size, and the pictures of the screen."""
+    """Findings of the steps of a script in a window of this size, and the pictures of the screen."""
     command = [*shlex.split(os.environ[COMMAND]), str(STEPS / f"{script}.py"), str(folder / "last.png"), str(archive)]
     done = subprocess.run(
         command,

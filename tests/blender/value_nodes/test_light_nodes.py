@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lights with node trees beside Cycles: as the camera sees them, and by what they shine on."""
+"""Lights with node trees compared with Cycles: as the camera sees them, and by what they shine on."""
 
 import math
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that trace rays, beside Cycles: boxes on floors, each below a plate of another object."""
+"""Nodes that trace rays, compared with Cycles: boxes on floors, each below a plate of another object."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values that instances have from their instancers, beside Cycles."""
+"""Values that instances have from their instancers, compared with Cycles."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -164,7 +164,7 @@ WAYS = {
     "nested collections": by_nested_collections,
     "geometry nodes in a collection": nodes_in_a_collection,
 }
-"""All ways to make instances of an object, beside that object itself."""
+"""All ways to make instances of an object, next to that object itself."""
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -31,7 +31,7 @@ NEEDED = {
     "phdthesis": {"school"},
     "unpublished": {"note"},
 }
-"""Fields by kind of entry, beside author, title and year."""
+"""Fields by kind of entry, besides author, title and year."""
 
 
 def read(text: str) -> list[Any]:
@@ -42,7 +42,7 @@ def read(text: str) -> list[Any]:
 
 
 def problems(text: str, structures: list[dict[str, Any]]) -> list[str]:
-    """What is wrong with the entries as sources of these structures."""
+    """Faults of the entries as sources of these structures."""
     entries, found = read(text), []
     ids = {row["id"] for row in structures}
     by_key = {entry.key: set(re.split(r",\s*", entry["keywords"])) for entry in entries}

@@ -46,7 +46,7 @@ class Parsed(BaseException):
 
 
 class Problem(Exception):
-    """What a document says is not so."""
+    """A statement of a document that is not true."""
 
 
 def prose(text: str) -> str:
@@ -226,7 +226,7 @@ def check_link(document: Path, target: str) -> None:
 
 
 def problems(document: Path, text: str) -> Iterator[str]:
-    """What is wrong with a document, each in a line."""
+    """Faults of a document, each in a line."""
 
     def found(what: str, check: Callable[[], None]) -> Iterator[str]:
         try:
@@ -243,7 +243,7 @@ def problems(document: Path, text: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_what_a_document_says_is_so(document: Path) -> None:
+def test_statements_of_a_document_are_true(document: Path) -> None:
     assert list(problems(document, document.read_text(encoding="utf-8"))) == []
 
 
@@ -277,7 +277,7 @@ def test_what_a_document_says_is_so(document: Path) -> None:
         ("See ![this](.pictures/no-such.jpg).", "does not exist"),
     ],
 )
-def test_what_is_not_so_is_found(text: str, words: str) -> None:
+def test_finds_untrue_statements(text: str, words: str) -> None:
     found = list(problems(ROOT / "README.md", text))
     assert len(found) == 1, found
     assert words in found[0]

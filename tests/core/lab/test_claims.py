@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The claims: every one is measured beside checked answers, and a wrong answer is told."""
+"""The claims: every one is measured next to checked answers, and a wrong answer is told."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def test_builds_are_medians_of_as_many_as_there_is_time_for(monkeypatch: pytest.
     assert (found.seconds, found.method) == ({"bih": 7.0, "kd": 70.0}, "one build each")
 
 
-def test_what_links_cost_of_the_build_is_told_of_the_measured_builds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_states_the_cost_of_links_for_the_measured_builds(monkeypatch: pytest.MonkeyPatch) -> None:
     seconds = iter((0.002, 0.001) * 10)
     monkeypatch.setattr(claims, "timed_build", lambda *_: (None, next(seconds)))
     lab = Lab(halfspace_native, quick=True, say=lambda _: None)
@@ -244,7 +244,7 @@ def test_a_shared_scene_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert read == [str(scene)], "to know whether it changed, and to be measured"
 
 
-def test_what_cannot_be_measured_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tries_a_failed_measurement_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = ["octrees-beat-boxes", "--quick", "--out", str(tmp_path)]
     with monkeypatch.context() as patch:
         patch.setattr(Lab, "lacks", lambda *_: "this build has no oak")
@@ -316,7 +316,7 @@ def test_a_wrong_answer_to_a_singular_ray_is_told(
     assert "0 of" not in best.partition("cell")[2].splitlines()[-2]
 
 
-def test_what_one_claim_found_wrong_is_wrong_for_the_next() -> None:
+def test_wrong_answers_of_one_claim_count_for_the_next() -> None:
     made = claims_scenes.scattered()
     lab = Lab(LyingNative("late"), quick=True, say=lambda _: None)
 
@@ -377,7 +377,7 @@ def test_the_rays_of_the_torus_hit_every_tessellation() -> None:
         assert all((structure.closest(some.origins, some.directions).triangle >= 0).all() for some in sets), count
 
 
-def test_what_grows_as_n_log_n_and_log_n_is_fitted_exactly() -> None:
+def test_fits_growth_as_n_log_n_and_log_n_exactly() -> None:
     counts = [1e4, 1e5, 1e6]
     constant, ratios = claims_growth.over_work([(n, 3e-9 * n * np.log2(n)) for n in counts])
     assert (constant, ratios) == (pytest.approx(3e-9), pytest.approx([1, 1, 1]))

@@ -119,7 +119,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def disturbed(farm: Farm, arguments: list[str], disturb: Callable[[], None]) -> int:
-    """Run a sweep on the farm, and `disturb` beside it. Returns the exit status of the sweep."""
+    """Run a sweep on the farm, and `disturb` next to it. Returns the exit status of the sweep."""
 
     def beside() -> None:
         try:

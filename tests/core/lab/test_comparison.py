@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparing noisy pictures: equal ones pass, different ones do not, however small the difference beside the noise."""
+"""Comparing noisy pictures: equal ones pass, different ones do not, however small the difference next to the noise."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_black_pictures_have_no_ratio() -> None:
         (lambda p: np.where(p == p.max(), np.nan, p), "1 values are not finite"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(change, message: str) -> None:
+def test_rejects_pictures_that_cannot_be_compared(change, message: str) -> None:
     with pytest.raises(ComparisonError, match=message):
         Runs("a", change(noisy(1)))
 

@@ -186,7 +186,7 @@ def test_unknown_formats_are_named(text: str) -> None:
         files.chosen(text)
 
 
-def test_what_a_format_lacks_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rejects_formats_whose_programs_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert files.chosen("pdf, latex,pdf") == ("pdf", "latex")
     monkeypatch.setattr(files.shutil, "which", lambda _: None)
     with pytest.raises(ValueError, match="pgf cannot be written: matplotlib measures its text with pdflatex, which is"):

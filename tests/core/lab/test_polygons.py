@@ -118,7 +118,7 @@ def test_polygons_of_all_sizes_keep_their_order() -> None:
     ],
     ids=["point", "line", "nan", "infinite", "bow tie", "pentagram"],
 )
-def test_what_is_no_polygon_becomes_triangles_all_the_same(points: Any) -> None:
+def test_degenerate_polygons_become_triangles_all_the_same(points: Any) -> None:
     found = polygons.triangles(np.array(points, float), np.arange(len(points)), np.array([len(points)]))
     assert found.shape == (len(points) - 2, 3)
     assert set(found.ravel()) <= set(range(len(points)))

@@ -187,11 +187,11 @@ def test_times_of_a_k_sweep_are_related_to_the_base_in_the_same_rounds() -> None
         for rates in one["rays"].values():
             if rates["rounds"]:
                 rates["anchor_rounds"] = list(base["rays"]["primary"]["rounds"])
-    # The machine was three times as slow when the last was measured, and so was the base beside it.
+    # The machine was three times as slow when the last was measured, and so was the base next to it.
     for key in ("rounds", "anchor_rounds"):
         rows[2]["rays"]["primary"][key] = [rate / 3 for rate in rows[2]["rays"]["primary"][key]]
     assert thesis.sweeps(rows)[1][0].median == pytest.approx((100.0, 100.0))
-    # What was timed beside something else cannot be related.
+    # What was timed next to something else cannot be related.
     rows[2]["anchor"] = "embree"
     assert thesis.percent(rows[2], base) is None
 
@@ -213,7 +213,7 @@ def test_times_of_different_machines_without_an_anchor_are_not_divided() -> None
     words = " ".join(report.findings([base, beside, elsewhere]))
     assert "kd-sah is the fastest, 2.00 times b" in words
     assert "The times of c are not comparable with theirs" in words
-    # Timed beside two different anchors.
+    # Timed next to two different anchors.
     one, other = row("one", 2.0), {**row("other", 8.0), "anchor": "kd", "round_id": "2"}
     assert thesis.percent(other, one) is None
     assert "is the fastest" not in " ".join(report.findings([one, other]))

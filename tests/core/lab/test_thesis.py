@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables of the thesis: every row is measured beside checked answers, kept, and judged by the published number."""
+"""The tables of the thesis: every row is measured next to checked answers, kept, and judged by the published number."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ NAMES = [f"x-1.2.3-cp311-abi3-{tag}.whl" for tag in ("linux_x86_64", "win_amd64"
 
 
 def made(path: Path, content: str = "N = 1\n") -> Path:
-    """A wheel with a package, the files of its distribution, and a module beside the package."""
+    """A wheel with a package, the files of its distribution, and a module next to the package."""
     path.parent.mkdir(exist_ok=True)
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("x/__init__.py", content)

@@ -157,7 +157,7 @@ def test_files_without_answers_do_not_agree() -> None:
         (["agree", "one", "two"], "", "[Errno 2] No such file or directory"),
     ],
 )
-def test_what_is_missing_is_one_line(
+def test_rejects_calls_that_cannot_work_in_one_line(
     ran: Ran,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,

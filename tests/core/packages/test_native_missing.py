@@ -49,7 +49,7 @@ FILES: dict[str, dict[str, str]] = {
     "other version": {"halfspace_native.py": '__version__ = "9.9.9"\n'},
     "old processor": {"halfspace_native.py": DEADLY, "sitecustomize.py": OLD},
 }
-"""What shadows the module in the search path, by the fault."""
+"""Files that shadow the module in the search path, by the fault."""
 
 SENTENCES = {
     "absent": "The native module of Halfspace is not installed: install the Python package halfspace-rt again",

@@ -200,7 +200,7 @@ def test_a_wheel_is_kept_with_its_fingerprint_beside_others(project: Path, monke
 @pytest.mark.parametrize(
     ("system", "portable", "prepared"), [("linux", True, True), ("linux", False, False), ("darwin", True, False)]
 )
-def test_what_is_asked_for_is_bundled_beside_what_is_given(
+def test_bundles_built_wheels_next_to_given_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str, portable: bool, prepared: bool
 ) -> None:
     ready: list[environment.Environment] = []
@@ -274,7 +274,7 @@ def test_unmodified_wheels_keep_their_bytes(tmp_path: Path) -> None:
         (["--portable"], "pip failed in .venv-portable"),
     ],
 )
-def test_what_cannot_be_packaged_is_one_line(
+def test_rejects_what_cannot_be_packaged_in_one_line(
     words: list[str], line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(_: environment.Environment) -> None:

@@ -108,7 +108,7 @@ def test_a_model_is_rendered_without_blender(home: Path) -> None:
         (["oak"], "halfspace: unknown command 'oak'; expected one of bench, choose"),
     ],
 )
-def test_what_cannot_be_done_is_one_line(home: Path, words: list[str], says: str) -> None:
+def test_rejects_wrong_command_lines_in_one_line(home: Path, words: list[str], says: str) -> None:
     (home / "scene.blend").touch()
     done = used(home, "halfspace", *words)
     assert done.returncode == 2

@@ -91,7 +91,7 @@ def test_every_number_leads_to_its_place_in_bench_json() -> None:
     assert all(target.startswith("bench.json#/rows/") for target in many.targets)
 
 
-def test_what_was_left_out_is_grouped() -> None:
+def test_groups_the_configurations_left_out() -> None:
     rows = [row(f"kd:leaf_size={n}") for n in range(12)]
     for number, one in enumerate(rows):
         one["left_out"] = [f"peak memory: needs {number + 1}.5 GB"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is said: a time never without its error, no ranking that noise cannot carry, and the answer in one sentence."""
+"""Texts of a report: no time without its error, no ranking that noise cannot carry, the answer in one sentence."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_csv_has_one_column_per_number() -> None:
     assert line["left_out"] == "oblique planes: <none>"
 
 
-def test_what_noise_cannot_separate_is_not_ranked() -> None:
+def test_does_not_rank_times_that_noise_cannot_separate() -> None:
     assert "a is the fastest, 2.00 times b" in said(row("a", 4.0), row("b", 2.0))
     # Faster in every round, but by less than the noise of the machine.
     close = row("a", 2.01), row("b", 2.0)

@@ -132,7 +132,7 @@ def test_a_row_measured_twice_must_differ_in_times_only(tmp_path: Path) -> None:
     assert merged.disagreements == ["s, a: measured twice, on here"]
 
 
-def test_what_disagrees_within_a_merged_folder_is_told_too(tmp_path: Path) -> None:
+def test_reports_disagreement_within_a_merged_folder_too(tmp_path: Path) -> None:
     for number, missed in ((1, 0), (2, 3)):
         part = results.Journal(tmp_path, f"{number}-of-2")
         part.add(entry("a", 0, errors={"false_miss": missed}), HERE)
@@ -165,7 +165,7 @@ REPORT = ("bench.json", "bench.csv", "report.html")
 
 
 def report(folder: Path, text: str) -> dict[Path, str]:
-    """What a report's files are to hold."""
+    """Contents of a report's files."""
     return dict.fromkeys((folder / name for name in REPORT), text)
 
 
@@ -309,7 +309,7 @@ def test_a_document_names_the_build_of_the_compiled_module(tmp_path: Path) -> No
     assert made[0] | {"native": ""} == made[1] | {"native": ""}
 
 
-def test_what_is_asked_again_is_not_looked_for_in_a_list():
+def test_finds_known_rows_without_searching_a_list():
     compared = []
 
     class Told(str):

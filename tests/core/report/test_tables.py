@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The printed tables: like with like, errors beside times, and reasons for what is missing."""
+"""The printed tables: like with like, errors next to times, and reasons for what is missing."""
 
 from __future__ import annotations
 

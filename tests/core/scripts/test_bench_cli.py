@@ -124,7 +124,7 @@ def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, ca
     assert sorted(p.name for p in out.iterdir()) == ["bench.csv", "bench.json", "report.html", "rows.jsonl"]
     printed = capsys.readouterr().out
     assert "m false misses" in printed
-    # A structure that is only named stands in both tables, in each as one of its own configurations.
+    # A structure that is only named is in both tables, in each as one of its own configurations.
     assert [row["table"] for row in ours] == ["single", *["fastest"] * (len(ours) - 1)]
     assert printed.index("One ray at a time") < printed.index("As fast as it goes")
 
@@ -203,7 +203,7 @@ def test_a_stopped_run_goes_on_where_it_was(
 
     monkeypatch.setattr(benchmark, "events", counted)
     assert bench.main([str(scene), *both, "--out", str(out)]) == 0
-    # Its anchor is measured again beside it.
+    # Its anchor is measured again next to it.
     own = [spec for spec in asked if spec != "embree"]
     assert own[-1].startswith("kd-sah")
     assert "kd" not in own or yardstick.problem() is not None
@@ -279,7 +279,7 @@ def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys:
         (["--preset", "thesis"], "none of its scenes"),
     ],
 )
-def test_what_cannot_be_measured_or_written_is_one_line(
+def test_rejects_arguments_that_cannot_be_measured_or_written(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, words: list[str], said: str
 ) -> None:
     monkeypatch.setattr(workload, "SCENES", tmp_path)

@@ -94,7 +94,7 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("stability", ["--leaks-only", "--structures", "kd:robust=none"], "nothing to compare with brute force"),
     ],
 )
-def test_what_cannot_be_done_is_one_line(
+def test_rejects_wrong_command_lines_in_one_line(
     name: str, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert words in told(COMMANDS[name], arguments, capsys)

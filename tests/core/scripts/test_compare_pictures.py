@@ -42,7 +42,7 @@ def test_pictures_for_displays_are_compared_in_linear_light(tmp_path: Path, caps
     assert compare.main([second, first, "--most", "0.003"]) == 0
 
 
-def test_what_cannot_be_compared_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rejects_pictures_that_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = saved(tmp_path / "a.exr", np.zeros((8, 16, 3))), saved(tmp_path / "b.exr", np.zeros((8, 8, 3)))
     assert told(compare, [first, second], capsys).endswith("expected pictures of one size, got 16 × 8 and 8 × 8\n")
     assert "there is no such file" in told(compare, [first, str(tmp_path / "c.exr")], capsys)

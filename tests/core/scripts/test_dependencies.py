@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the native module depends on: licences, origin and limited versions; `cargo deny` checks more where it is."""
+"""Dependencies of the native module: licences, origin and limited versions; `cargo deny` checks more where it is."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_ctrl_c_ends_the_tools_of_developers_alike(
 
 
 @pytest.mark.parametrize("name", ["bench", "claims", "stability"])
-def test_what_is_kept_is_told(
+def test_names_the_kept_results(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(native, "load", interrupt)
@@ -97,7 +97,7 @@ def test_a_long_run_that_is_interrupted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp437"])
-def test_what_an_encoding_lacks_is_escaped(encoding: str) -> None:
+def test_escapes_characters_that_an_encoding_lacks(encoding: str) -> None:
     environment = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
     run = started(MEASURED, stdout=subprocess.PIPE, encoding=encoding, environment=environment)
     told, said = run.communicate(timeout=300)
@@ -144,6 +144,6 @@ def test_no_standard_output_at_all_is_no_failure(monkeypatch: pytest.MonkeyPatch
         ),
     ],
 )
-def test_what_an_error_says_is_one_line(message: str, line: str, first: str) -> None:
+def test_shortens_an_error_to_one_line(message: str, line: str, first: str) -> None:
     assert native.in_one_line(RuntimeError(message)) == line
     assert native.first_line(RuntimeError(message)) == first

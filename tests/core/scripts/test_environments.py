@@ -63,7 +63,7 @@ def test_a_failure_is_one_line_with_the_last_words() -> None:
         environment.checked([sys.executable, "-c", code], "it failed")
 
 
-def test_what_pip_and_pyenv_know_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_passes_on_settings_of_pip_and_pyenv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("3.13.0", "3.11.7"):
         (tmp_path / "versions" / name).mkdir(parents=True)
     for name in ("UV_DEFAULT_INDEX", "SSL_CERT_FILE"):
@@ -106,7 +106,7 @@ def test_a_python_that_is_missing_is_told_from_other_failures(
 
 
 @pytest.mark.parametrize("where", environment.ALL, ids=lambda where: where.folder.name)
-def test_what_is_locked_is_what_the_project_file_wants(where: environment.Environment) -> None:
+def test_locked_versions_are_those_of_the_project_file(where: environment.Environment) -> None:
     import tomllib
 
     groups = tomllib.loads((environment.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What goes wrong around the work: cancels at any moment, renders at once, a full disk, changing input, long use."""
+"""Faults around the work: cancels at any moment, renders at once, a full disk, changing input, long use."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ anything = st.one_of(
     st.lists(st.integers(-2, 9), max_size=3),
     st.text(max_size=3),
 )
-"""What a caller might pass for an array."""
+"""Values that a caller might pass for an array."""
 
 few = st.one_of(st.integers(-8, 8).map(float), st.integers(-16, 16).map(lambda x: x / 8))
 wild = st.floats(width=32, allow_nan=False, allow_infinity=False)

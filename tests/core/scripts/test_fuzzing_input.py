@@ -42,7 +42,7 @@ PACKED = packed(np.savez_compressed)
 
 
 def outcome(work: Callable[[], Any], refusal: type[Exception]) -> tuple[Any, str]:
-    """What the work returned, or the words in which it was refused."""
+    """The result of the work, or the words in which it was refused."""
     try:
         return work(), ""
     except refusal as error:
@@ -121,7 +121,7 @@ FLAGS = {
     stability_command: "--structures --long --seconds --seed --leak-rays --size",
 }
 WRONG = {bench: "not-there.npz", stability_command: "--threads=-1"}
-"""What no command line is right with; all else is read first."""
+"""Options that make every command line wrong; all else is read first."""
 
 
 @pytest.mark.parametrize("command", FLAGS)

@@ -20,7 +20,7 @@ def test_every_fault_has_its_place() -> None:
 
 def test_a_fault_without_a_place_is_told() -> None:
     fault = Fault("gone", "native/x.rs", "a + b", "a - b", ("lib", "x"))
-    with pytest.raises(mutations.StaleError, match="stands 0 times"):
+    with pytest.raises(mutations.StaleError, match="occurs 0 times"):
         mutations.seeded("a * b", fault, 1)
     with pytest.raises(mutations.StaleError, match="2 times"):
         mutations.seeded("a + b; a + b", fault, 1)

@@ -24,7 +24,7 @@ SHOW = {
 
 
 def shown(pixels, *, material=SHOW, camera_changes=None, **parts):
-    """What a camera straight above sees of the floor, (4, 8, 3)."""
+    """The floor as a camera straight above sees it, (4, 8, 3)."""
     images = [{"name": "image", "pixels": np.asarray(pixels, np.float32)}]
     parts = {"lights": [], "images": images, "layers": [np.ascontiguousarray(UV)]} | parts
     made = scene(materials=[material], **parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a structure reports as left out: true, never of what it cannot have, and without contradictions."""
+"""Reports of a structure on what it leaves out: true, never of what it cannot have, and without contradictions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SUBJECTS = {
     "lazy",
     *(f"walls across {axes}" for axes in ("x", "y", "z", "x and y", "x and z", "y and z", "x and y and z")),
 }
-"""What lines can be about."""
+"""Subjects of such lines."""
 
 
 def corners(*triangles: Any) -> tuple[Any, Any]:

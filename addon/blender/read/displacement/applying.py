@@ -30,7 +30,7 @@ FLAT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a displacement is computed from, besides the mesh.
+    """Inputs of a displacement apart from the mesh.
 
     matrix: (4, 4), the object to the world. values: other values of the object, see `object_values`. layers: the keys
     of all layers by number. images: by number.

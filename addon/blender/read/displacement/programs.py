@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Displacement:
-    """What moves the vertices of a mesh. result: the operand of `program` with the vector in the world. images: numbers
-    of the images that it reads.
+    """A program that moves the vertices of a mesh. result: the operand of `program` with the vector in the world.
+    images: numbers of the images that it reads.
     """
 
     program: tuple[Step, ...]
@@ -48,7 +48,7 @@ def bumped(closures: list[Closure], output: Any, values: Values) -> list[Closure
     place = Place(socket)
     if not socket.is_linked or not place.source().socket.is_output:
         return closures
-    # The height is the part of the displacement along the normal, at the point and a part of a pixel beside it.
+    # The height is the part of the displacement along the normal, at the point and a part of a pixel next to it.
     normal = values.coordinate("normal")
     heights: list[Operand] = []
     for axis in ("", "X", "Y"):

@@ -48,7 +48,7 @@ class Instancing:
         return self._attribute(instance, name) if value is None else value
 
     def _particle(self, instance: Any, name: str) -> Value | None:
-        """A value of the particle at whose place the instance stands; None for those of child particles."""
+        """A value of the particle at whose place the instance is; None for those of child particles."""
         system, number = instance.particle_system, instance.persistent_id[0]
         if system is None or not 0 <= number < len(system.particles):
             return None
@@ -138,7 +138,7 @@ class _Level:
 
 
 def _place(instance: Any, name: str) -> Value | None:
-    """Where on its instancer an instance stands, as texture coordinates."""
+    """The place of an instance on its instancer, as texture coordinates."""
     if name == "UV":
         return as_value((*instance.uv, 0.0))
     return as_value(tuple(0.5 * x - 0.5 for x in instance.orco))

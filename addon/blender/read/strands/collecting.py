@@ -55,7 +55,7 @@ class _Round:
     last: dict[str, tuple[Hashable, Any]] = field(default_factory=dict)
 
     def made(self, what: str, of: Hashable, make: Callable[[], T]) -> T:
-        """What `make` returns, or what it returned last if that depends on the same."""
+        """The result of `make`, or its last one if that depends on the same."""
         if what not in self.last or self.last[what][0] != of:
             self.last[what] = of, make()
         return self.last[what][1]  # type: ignore[no-any-return]

@@ -42,7 +42,7 @@ def _bump(values: Values, node: Place) -> Operand:
     if values.background:
         raise Unsupported("Bump of a world")
     if values.shifted:
-        # As in Cycles, a bump within the height of another is the same beside the point.
+        # As in Cycles, a bump within the height of another is the same next to the point.
         with values.here():
             return values.output(node)
     normal, height = node.input("Normal"), node.input("Height")
@@ -50,7 +50,7 @@ def _bump(values: Values, node: Place) -> Operand:
     base = values.value(normal) if linked and normal is not None else values.coordinate("normal")
     if height is None or not height.source().socket.is_output:
         return base
-    # The heights at the point, and a small part of a pixel beside it.
+    # The heights at the point, and a small part of a pixel next to it.
     width = values.input(node, "Filter Width", FILTER_WIDTH)
     width = width if isinstance(width, float) and width > 0.0 else FILTER_WIDTH
     heights = [values.value(height)]

@@ -27,7 +27,7 @@ DEEPEST = 32
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a picture needs of a scene. mattes: the names for Cryptomatte. outputs: the passes that materials write.
+    """Needs of a picture. mattes: the names for Cryptomatte. outputs: the passes that materials write.
     groups: the number of each light group, from 1, by name. standing: what stays as it is at the frame, if the picture
     shows several times. remembered: what a 3D view has read before.
     """

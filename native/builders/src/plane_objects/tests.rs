@@ -55,7 +55,7 @@ fn cut_at(x: f32, [min, max]: [[f32; 3]; 2]) -> (Object, [Aabb; 2]) {
 }
 
 #[test]
-fn what_reaches_little_over_a_plane_stays_whole_and_what_reaches_far_is_cut() {
+fn objects_little_over_a_plane_stay_whole_and_those_far_over_it_are_cut() {
     let row = |from: f32| {
         (0..9_u8).map(move |i| {
             let min = [from + f32::from(i), 0.0, 0.0];

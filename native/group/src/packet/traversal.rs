@@ -21,7 +21,7 @@ pub trait PacketTree: Sync {
     where
         Self: 'a;
 
-    /// Whether all leaves stand in one store, so that a leaf can be named apart from its node.
+    /// Whether all leaves are in one store, so that a leaf can be named apart from its node.
     const ONE_STORE: bool = true;
 
     /// Returns the single-ray traversal.

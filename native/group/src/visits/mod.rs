@@ -149,7 +149,7 @@ pub trait Cut<S: Simd, const N: usize> {
 
 /// One ray in a node: the rows whose columns are those of [`Lanes`].
 pub struct OneRay<'a> {
-    /// What planes across each axis need, see [`Lanes::axis`].
+    /// Terms of planes across each axis, see [`Lanes::axis`].
     pub axes: &'a [[f32; 4]; 3],
     /// The origin, and the error bound of its height over oblique planes.
     pub origin: [f32; 4],

@@ -54,7 +54,7 @@ fn grazing(size: Size, random: &mut Random) -> Draft {
         let [a, b, c] = [corners[at], corners[at + 1], corners[at + 2]];
         let lift = 2.0_f32.powi(-i32::try_from(10 + random.below(31)).expect("small"));
         let (s, t) = (random.unit(), random.unit());
-        // Start beside the triangle in its plane, and aim across it, slightly out of the plane.
+        // Start next to the triangle in its plane, and aim across it, slightly out of the plane.
         let o = std::array::from_fn(|k| 2.0 * a[k] - b[k] + 0.3 * s * (c[k] - a[k]));
         let target: [f32; 3] =
             std::array::from_fn(|k| a[k] + t * (b[k] - a[k]) + s * (c[k] - a[k]));

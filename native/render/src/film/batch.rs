@@ -21,7 +21,7 @@ pub struct Batch {
     pub groups: Vec<[f32; 3]>,
     /// The motion of each sample's first surface, and 1 where there is one.
     pub motion: Vec<[f32; 5]>,
-    /// What each sample's shadow catcher shows.
+    /// Values of each sample's shadow catcher.
     pub caught: Vec<Caught>,
 }
 

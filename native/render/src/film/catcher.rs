@@ -71,7 +71,7 @@ impl Caught {
 pub struct Means {
     /// Light and alpha, shadow catchers included.
     pub combined: [f64; 4],
-    /// What catchers show.
+    /// Sums over the shadow catchers.
     pub caught: [f64; SUMS],
 }
 

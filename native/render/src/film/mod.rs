@@ -47,7 +47,7 @@ struct Sums {
     values: Vec<f64>,
 }
 
-/// What a copy writes to pixels without samples.
+/// Value that a copy writes to pixels without samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unsampled {
     /// Zero.

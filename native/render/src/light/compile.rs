@@ -10,7 +10,7 @@ use crate::light::programs::Shader;
 use crate::light::shapes::{Area, Cone, Disc, Sun};
 use crate::math::vector::{Vec3, matrix_column};
 
-/// What a kind of light adds to the parameters that all share.
+/// Parameters of a kind of light in addition to those that all share.
 struct Emission {
     shape: Shape,
     /// Radiance of a light with a size; intensity or irradiance of one without.

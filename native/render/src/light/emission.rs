@@ -45,7 +45,7 @@ impl Emission {
 
     fn new(axis: Vec3, spread: f32, reach: f32) -> Self {
         let (sine, cosine) = spread.sin_cos();
-        // At a right angle light still arrives from points beside the middle; rounding must not make the bound tighter.
+        // At a right angle light arrives from points next to the middle; rounding must not make the bound tighter.
         let edge = if reach < FRAC_PI_2 { reach.cos() } else { 0.0 };
         let wide = (spread + reach).min(PI);
         let core = 2.0 * PI * (1.0 - cosine);

@@ -22,7 +22,7 @@ const PROBES: u8 = 64;
 /// Share of the brightness that a lamp keeps for the choice of lights, however dark its program is where it is probed.
 const DARKEST: f32 = 1e-3;
 
-/// What the programs of lamps read, and their scratch memory.
+/// Inputs of the programs of lamps, and their scratch memory.
 pub struct Lit<'a> {
     /// The images of the scene.
     pub images: &'a [Image],

@@ -328,7 +328,7 @@ mod tests {
         }
     }
 
-    /// What arrives at a point of a segment by one sample of the only light.
+    /// Light that arrives at a point of a segment by one sample of the only light.
     fn arriving(lights: &Lights, segment: &Segment, t: f32, u: [f32; 2]) -> f32 {
         let receiver = Receiver {
             point: segment.origin + segment.direction * t,

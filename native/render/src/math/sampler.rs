@@ -6,7 +6,7 @@
 //! the order and Owen scramble of the values, both computed by hashing. So a number depends only on (pixel, seed,
 //! pair of dimensions, sample), and any 2^k consecutive aligned samples of a pair are a (0, k, 2)-net.
 
-/// What the seeds of the shuffle of a pair differ by from that of the pair, and of the scrambles of its two numbers.
+/// Difference of the seed of the shuffle of a pair from that of the pair, and of the scrambles of its two numbers.
 const SHUFFLE: u32 = 0xf8ad_e99a;
 const SCRAMBLES: [u32; 2] = [0xe0aa_af76, 0x9496_4d4e];
 

@@ -29,7 +29,7 @@ struct Light {
     passed: u16,
     /// Number of surfaces passed that are invisible to shadow rays.
     invisible: u16,
-    /// What stops the ray, and what it goes to.
+    /// Blockers and target of the ray.
     aim: Aim,
     /// The triangle that the ray has left, or [`Hit::NONE`].
     left: u32,
@@ -37,7 +37,7 @@ struct Light {
     catchers_alone: bool,
 }
 
-/// What stops a shadow ray, and what it goes to.
+/// Blockers and target of a shadow ray.
 #[derive(Clone, Copy)]
 pub struct Aim {
     /// The set of the objects that stop it.
@@ -76,7 +76,7 @@ pub struct Samples<'a> {
     pub groups: &'a mut [[f32; 3]],
     /// Number of light groups.
     pub group_count: usize,
-    /// What their shadow catchers show; empty without shadow catchers.
+    /// Values of their shadow catchers; empty without shadow catchers.
     pub caught: &'a mut [Caught],
 }
 
@@ -114,7 +114,7 @@ pub fn add_to_group(groups: &mut [[f32; 3]], group: u8, light: Vec3) {
     }
 }
 
-/// What light passes, light groups and shadow catchers need of the light of a shadow ray.
+/// Shares of the light of a shadow ray for light passes, light groups and shadow catchers.
 #[derive(Clone, Copy)]
 pub struct Scattered {
     /// Shares of the lobes of the first surface.

@@ -19,7 +19,7 @@ pub struct Moved {
 /// An instance in another picture.
 #[derive(Debug, Clone, Copy)]
 pub struct MovedPlace {
-    /// What is added to a row's index to find its corners, see [`Row`].
+    /// Offset from a row's index to its corners, see [`Row`].
     pub shift: i64,
     /// Transform to the frame of the scene, rows.
     pub to_scene: [[f64; 4]; 3],

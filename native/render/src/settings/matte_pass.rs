@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The passes of Cryptomatte: the surfaces in each pixel, with the share that each covers.
 
-/// What the mattes distinguish.
+/// Kind of things that Cryptomatte distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MatteKind {
     /// Objects.
@@ -22,7 +22,7 @@ impl MatteKind {
 /// mattes with support for motion blur and transparency").
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MattePass {
-    /// What it distinguishes.
+    /// Kind of things that it distinguishes.
     pub kind: MatteKind,
     /// Number of ranks above it, halved; less than [`Self::LEVELS`].
     pub level: u8,

@@ -22,7 +22,7 @@ fn node(kind: ClosureKind, roughness: f32) -> MaterialParams {
     }
 }
 
-/// A matte floor below a mirror that stands upright beside it, lit by a lamp.
+/// A matte floor below a mirror that stands upright next to it, lit by a lamp.
 fn mirror_beside_floor() -> Arc<RenderScene> {
     let mut mesh = Mesh::default();
     mesh.floor(4.0, 0.0, 0);
@@ -86,8 +86,8 @@ fn a_small_filter_changes_nothing_of_probable_bounces() {
 }
 
 #[test]
-fn what_the_camera_sees_in_a_mirror_is_never_blurred() {
-    // A mirror seen directly, over which the lamp stands.
+fn mirror_images_that_the_camera_sees_are_never_blurred() {
+    // A mirror seen directly, over which the lamp is.
     let mut mesh = Mesh::default();
     mesh.floor(4.0, 0.0, 0);
     let scene = mesh.scene(SceneParams {

@@ -247,7 +247,7 @@ fn a_lamp_alone_in_a_fog_is_the_whole_picture() {
 }
 
 #[test]
-fn what_a_mirror_shows_is_glossy_light() {
+fn light_from_a_mirror_is_glossy() {
     let mut mesh = Mesh::default();
     mesh.floor(4.0, 0.0, 0);
     mesh.floor(9.0, 9.0, 1);

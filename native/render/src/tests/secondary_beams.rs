@@ -137,7 +137,7 @@ fn refraction_is_approximate_by_the_ratio_of_tangents() {
 }
 
 #[test]
-fn what_is_no_beam_goes_singly_and_is_equal_to_the_bit() {
+fn rays_outside_of_beams_go_singly_and_are_equal_to_the_bit() {
     // A lens has no common origin, and rough mirrors scatter.
     let mirror = scene(smooth(ClosureKind::Glossy, 1.5), WALL);
     let lens = CameraParams {

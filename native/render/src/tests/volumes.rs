@@ -254,7 +254,7 @@ fn shadows_are_dimmed_by_the_media_on_the_way() {
 
 #[test]
 fn a_camera_inside_of_a_volume_and_a_world_of_fog() {
-    // The camera stands 8 units above the origin; a cube of half size 9 contains it.
+    // The camera is 8 units above the origin; a cube of half size 9 contains it.
     let fog = || volume([0.0; 3], [0.1; 3], 0.0, 0.0);
     let mut mesh = Mesh::default();
     mesh.cube(9.0, 0);

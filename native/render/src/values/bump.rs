@@ -46,7 +46,7 @@ impl ShadingPoint<'_> {
     }
 
     /// Returns the normal of the surface displaced along `normal` by heights, which are given at the point and
-    /// beside it along both axes. `strength`: share of the displaced normal; `distance`: factor on the heights.
+    /// next to it along both axes. `strength`: share of the displaced normal; `distance`: factor on the heights.
     ///
     /// The gradient on the surface follows from the differences as in Mikkelsen 2010, "Bump Mapping Unparametrized
     /// Surfaces on the GPU", with unit vectors in place of the screen's derivatives.

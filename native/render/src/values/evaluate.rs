@@ -29,7 +29,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Returns the result at each point, as a camera that looks along the normal sees it. Heights beside a point, which
+    /// Returns the result at each point, as seen by a camera along the normal. Heights next to a point, which
     /// bump needs, are those of the point.
     ///
     /// # Errors

@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn directions_have_the_values_of_their_angles() {
         let ies = table(vec![1.0, 2.0, 3.0, 5.0, 1.0, 2.0]).unwrap();
-        // Straight down, beside, and above the last angle.
+        // Straight down, to the side, and above the last angle.
         assert!((ies.at(vec3(0.0, 1e-6, -3.0)) - 3.0).abs() < 1e-4);
         assert!((ies.at(vec3(0.0, 1.0, -1e-6)) - 5.0).abs() < 1e-4);
         assert_eq!(ies.at(vec3(0.3, 0.0, 1.0)), 0.0);

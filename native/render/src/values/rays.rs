@@ -25,7 +25,7 @@ pub trait Surroundings {
     fn is_sharp(&self) -> bool;
 }
 
-/// What random numbers are for.
+/// Purpose of random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// Directions of ambient occlusion.

@@ -41,7 +41,7 @@ pub struct ShadingPoint<'a> {
     pub history: History,
     /// The number of probes along each axis of the object, where voxels return their largest value nearby; 0 = none.
     pub probes: u8,
-    /// What lies around the point; `None` where no rays are traced.
+    /// Geometry around the point; `None` where no rays are traced.
     pub around: Option<&'a dyn Surroundings>,
     /// The light that is shaded, instead of an object.
     pub lamp: Option<&'a ObjectFrame>,
@@ -81,7 +81,7 @@ impl<'a> ShadingPoint<'a> {
         self.attribute_at(layer, Shift::None)
     }
 
-    /// Returns a layer's value at the point or beside it, where it continues linearly.
+    /// Returns a layer's value at the point or next to it, where it continues linearly.
     pub fn attribute_at(&self, layer: u16, shift: Shift) -> Value {
         let weights = self.weights_at(shift);
         let mut out = [0.0, 0.0, 0.0, 1.0];
@@ -147,7 +147,7 @@ impl<'a> ShadingPoint<'a> {
         self.row.index == usize::MAX && self.lamp.is_none()
     }
 
-    /// Returns a coordinate of the point or beside it, see [`Coordinate`]; the fourth component is 1.
+    /// Returns a coordinate of the point or next to it, see [`Coordinate`]; the fourth component is 1.
     pub fn coordinate(&self, which: Coordinate, shift: Shift) -> Value {
         let truth = |yes: bool| Vec3::splat(f32::from(u8::from(yes)));
         // On the background, positions are the direction itself.
@@ -186,7 +186,7 @@ impl<'a> ShadingPoint<'a> {
         [v.x, v.y, v.z, 1.0]
     }
 
-    /// The position of the point or beside it within the object's box, from 0 to 1.
+    /// The position of the point or next to it within the object's box, from 0 to 1.
     pub(super) fn generated(&self, shift: Shift) -> Vec3 {
         // Without an object, generated coordinates equal those of object space.
         let [add, scale] = self
@@ -196,7 +196,7 @@ impl<'a> ShadingPoint<'a> {
         (self.in_object(shift) + add) * scale
     }
 
-    /// The position of the point or beside it, in object space.
+    /// The position of the point or next to it, in object space.
     pub(super) fn in_object(&self, shift: Shift) -> Vec3 {
         let p = self.position_at(shift);
         let Some(object) = self.object() else {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What programs know of camera and path, and transformations between the spaces of world, object and camera.
+//! Values of camera and path for programs, and transformations between the spaces of world, object and camera.
 
 use crate::math::vector::{Vec3, vec3};
 use crate::values::program::{Coordinate, Shift, Space, Value, VectorKind};

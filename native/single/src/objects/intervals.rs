@@ -12,7 +12,7 @@ use halfspace_trace::stack::{self, NodeEntry};
 /// The stack of one ray.
 pub type Stack<'s> = stack::Stack<'s, NodeEntry>;
 
-/// What a ray does after a node.
+/// Next step of a ray after a node.
 pub enum Next<N> {
     /// It visits this child, in this interval.
     Child(N, Interval),
@@ -28,7 +28,7 @@ pub trait IntervalTree: Sync {
     type Node<'a>: Copy
     where
         Self: 'a;
-    /// What steps need of a ray, computed once.
+    /// Constants of a ray.
     type Ray<'r>;
     /// Memory of the stack.
     type Entries: AsMut<[NodeEntry]>;

@@ -7,7 +7,7 @@ use halfspace_base::error::{Error, Result};
 use halfspace_geom::Transform;
 use std::sync::Arc;
 
-/// What an instance places.
+/// Content of an instance.
 #[derive(Debug, Clone)]
 pub enum Part {
     /// A mesh.

@@ -54,7 +54,7 @@ struct RayState<'a> {
     frame: FrameRay<'static>,
     slabs: Slabs,
     best: Best,
-    /// What is recorded or hidden; if anything, the ray goes through the meshes alone.
+    /// Recorded events or hidden triangles; if there are any, the ray goes through the meshes alone.
     log: Log<'a>,
 }
 

@@ -14,7 +14,7 @@ const ROUNDS: usize = 500;
 /// Rounds end when no centre moves by more than this squared distance: that of the thesis.
 const STILL: f64 = 1e-6;
 
-/// What happens when a cluster is empty.
+/// Treatment of an empty cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Empty {
     /// Its centre becomes the normal of a random triangle, as in the thesis's text. Nodes with at most K distinct

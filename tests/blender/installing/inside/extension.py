@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does with the extension zip."""
+"""Steps of a user with the extension zip."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ def first_use(archive: str) -> dict[str, Any]:
 
 
 def read_only(archive: str, picture: str) -> dict[str, Any]:
-    """What works and what is refused where nothing can be written but the picture; the extension is installed."""
+    """Steps that work or are refused where nothing can be written but the picture; the extension is installed."""
     try:
         (user_folder() / "probe").touch()
         return {"writable": True}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does in a Blender of its own."""
+"""Actions of a user in a Blender of its own."""
 
 import importlib
 import os
@@ -113,7 +113,7 @@ def traces() -> dict[str, list[str]]:
 
 
 def unpacked() -> list[str]:
-    """What Blender has unpacked of the extension's wheels and not removed, and what it could not remove."""
+    """Files of the extension's wheels that Blender has unpacked and not removed, or could not remove."""
     return sorted(path.name for path in user_folder().glob("extensions/.local/lib/python*/site-packages/*"))
 
 

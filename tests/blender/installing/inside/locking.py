@@ -34,7 +34,7 @@ def _patch(folders_too: bool) -> None:
     remove, rename, opened = os.unlink, os.rename, builtins.open
 
     def removed(path: Any, *arguments: Any, dir_fd: int | None = None, **named: Any) -> None:
-        # With the number of a folder the name stands alone.
+        # With the number of a folder the name is alone.
         place = f"/proc/self/fd/{dir_fd}/{path}" if dir_fd is not None else path
         _refuse_if(os.path.realpath(place) in _locked, path)
         remove(path, *arguments, dir_fd=dir_fd, **named)

@@ -67,7 +67,7 @@ def shown(package: str) -> list[str]:
 
 
 def both(first: str, second: str) -> dict[str, Any]:
-    """Two builds in two repositories; the second one is enabled beside the first, then alone."""
+    """Two builds in two repositories; the second one is enabled next to the first, then alone."""
     repositories = bpy.context.preferences.extensions.repos
     folder = in_session.user_folder() / "second repository"
     folder.mkdir()

@@ -19,7 +19,7 @@ SAMPLES = 3
 
 
 def look() -> dict[str, Any]:
-    """What a user sees of the enabled version, and which build of the native module it uses."""
+    """Texts of the enabled version that a user sees, and which build of the native module it uses."""
     kinds = [kind for kind in bpy.types.RenderEngine.__subclasses__() if kind.is_registered]
     return {
         "enabled": addon_utils.check(NAME),
@@ -210,7 +210,7 @@ def locked(folders: str, *zips: str) -> dict[str, Any]:
             set_up()
         found["looks"].append(look())
         found["pictures"].append(render())
-        # The compiled file lies beside the one that Python names.
+        # The compiled file lies next to the one that Python names.
         for file in Path(native().__file__).parent.glob("halfspace_native.*"):
             if file.suffix in {".so", ".pyd"}:
                 locking.lock(str(file), folders == "folders")

@@ -171,7 +171,7 @@ mod tests {
             ([a, b, c], far),
             ([a, a, c], Vec3::ZERO),
             ([a, b, c], a),
-            // In the plane of the triangle, beside it and on it.
+            // In the plane of the triangle, next to it and on it.
             ([a, b, c], b + (b - a)),
             ([a, b, c], (a + b + c) * (1.0 / 3.0)),
         ] {

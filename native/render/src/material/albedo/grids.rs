@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::material::albedo::{Axis, Grid, Lobe};
 
-/// What a grid depends on: the lobe, and the ranges of roughness and index.
+/// Key of a grid: the lobe, and the ranges of roughness and index.
 type Key = (Lobe, [u32; 3], [u32; 3]);
 
 /// The grids of the last scene.

@@ -57,7 +57,7 @@ impl Reflectance {
     }
 }
 
-/// What a lobe does with light, in its own frame.
+/// Scattering of a lobe, in its own frame.
 #[derive(Debug, Clone, Copy)]
 pub enum Shape {
     /// Reflecting facets.
@@ -141,7 +141,7 @@ pub struct Lobe {
     pub frame: Frame,
     /// The viewer in the lobe's frame.
     pub wi: Vec3,
-    /// What it does.
+    /// Its scattering.
     pub shape: Shape,
     /// Factor on its BSDF.
     pub scale: Vec3,

@@ -54,7 +54,7 @@ impl Normals {
     }
 }
 
-/// What a render's settings change about the lobes that a path meets, to reduce noise. Bias on purpose.
+/// Changes of the lobes that a path meets, from a render's settings, to reduce noise. Bias on purpose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LobeFilter {
     /// Least width (roughness²) of lobes that reflect or refract. Narrower ones are widened without a change of

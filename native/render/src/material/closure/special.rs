@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What closures have that only lobes with frames or shapes of their own can render: computed only in scenes where a
+//! Parts of closures that only lobes with frames or shapes of their own can render: computed only in scenes where a
 //! material needs such lobes.
 
 use crate::material::closure::{Closure, ClosureKind, Input, Subsurface, optical, positive};

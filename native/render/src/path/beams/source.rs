@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What the rays of a beam share, and how a plane changes it.
+//! Origin or direction that the rays of a beam share, and how a plane changes it.
 
 use crate::math::vector::Vec3;
 use crate::path::beams::polygons::Plane;
@@ -7,7 +7,7 @@ use crate::scene::surface::Surface;
 use halfspace_geom::vec3::{add_scaled, dot, length, map, widen};
 use halfspace_ray::Ray;
 
-/// What the rays of a beam share.
+/// Origin or direction that the rays of a beam share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Source {
     /// Nothing: the ray is in no beam.
@@ -18,7 +18,7 @@ pub enum Source {
     Direction(Vec3),
 }
 
-/// What happens to a beam at a plane.
+/// Event of a beam at a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
     /// It is mirrored.

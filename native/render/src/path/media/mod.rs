@@ -45,7 +45,7 @@ pub struct Through<'a> {
     pub ray: MediumRay<'a>,
 }
 
-/// What a path meets on a ray through media.
+/// Passage of a path along a ray through media.
 pub struct Passage {
     /// The next event.
     pub event: Event,

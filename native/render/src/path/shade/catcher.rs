@@ -22,7 +22,7 @@ pub(super) struct Split {
     walk: Option<Option<RandomWalk>>,
 }
 
-/// What the wavefront keeps of a path, where it does.
+/// Values that the wavefront keeps for a path, where it does.
 type Beside<'a> = (
     Option<&'a Source>,
     Option<&'a Stack>,

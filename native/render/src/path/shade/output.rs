@@ -19,7 +19,7 @@ use halfspace_ray::{Hit, Ray};
 /// The outputs of shading.
 pub(super) struct Output<'a, const EXTRA: bool> {
     pub(super) sample: &'a mut PixelSample,
-    /// What passes that are rarely filled need, if any is.
+    /// Data of passes that are rarely filled, if any is.
     pub(super) extra: Option<Extra<'a>>,
     pub(super) shadows: &'a mut ShadowRays,
     /// Registers of a material's program, reused from point to point.
@@ -107,7 +107,7 @@ pub(super) struct Extra<'a> {
     pub(super) motion: Option<&'a mut [f32; 5]>,
     /// The outputs of the first surface's material.
     pub(super) outputs: &'a mut [[f32; 4]],
-    /// What the sample's shadow catcher shows, if the scene has any.
+    /// Values of the sample's shadow catcher, if the scene has any.
     caught: Option<&'a mut Caught>,
 }
 

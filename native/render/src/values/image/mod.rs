@@ -32,7 +32,7 @@ pub enum Extension {
     Mirror,
 }
 
-/// What a missing image shows: Blender's pink.
+/// Colour of a missing image: Blender's pink.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
 /// An image; rows from the bottom up. Or the tiles of one, each over a unit square.

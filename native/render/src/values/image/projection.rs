@@ -106,7 +106,7 @@ fn on_mirror_ball(d: Vec3) -> [f32; 2] {
     [0.5 * (normal.x + 1.0), 0.5 * (normal.z + 1.0)]
 }
 
-/// What the sides of a box show, blended by the normal.
+/// Colour of the sides of a box, blended by the normal.
 fn in_box(p: Vec3, normal: Vec3, blend: f32, at: impl Fn([f32; 2]) -> [f32; 4]) -> [f32; 4] {
     let [x, y, z] = shares(normal, blend.clamp(0.0, 1.0));
     // Turn the sides that would be mirrored.
@@ -144,7 +144,7 @@ fn shares(normal: Vec3, blend: f32) -> [f32; 3] {
     if blend <= 0.0 {
         return [1.0, 0.0, 0.0];
     }
-    // Two sides, where the third is small beside both.
+    // Two sides, where the third is small next to both.
     for (first, second, third) in [(0, 1, 2), (1, 2, 0), (0, 2, 1)] {
         if n[third] < (1.0 - limit) * (n[first] + n[second]) {
             let share = n[first] / (n[first] + n[second]);

@@ -90,7 +90,7 @@ pub enum Coordinate {
     Window,
 }
 
-/// Where a value is computed: at the shaded point, or beside it for the differences of heights.
+/// Where a value is computed: at the shaded point, or next to it for the differences of heights.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Shift {
     /// At the point.
@@ -203,13 +203,13 @@ named! {
 pub struct Cells {
     /// 1 to 4.
     pub dimensions: u8,
-    /// What is measured.
+    /// Measured quantity.
     pub feature: Feature,
     /// How distances are measured.
     pub metric: Metric,
     /// Whether distances and colours are scaled to 0..1.
     pub normalize: bool,
-    /// What is returned.
+    /// Returned quantity.
     pub output: CellOutput,
     /// Whether points and colours are those of Blender before 5.0.
     pub earlier: bool,
@@ -231,9 +231,9 @@ pub enum Op {
         /// How the vector becomes a place on the image.
         projection: Projection,
     },
-    /// Attribute of the corners: a UV map or a colour; at the point, or beside it.
+    /// Attribute of the corners: a UV map or a colour; at the point, or next to it.
     Attribute(u16, Shift),
-    /// Coordinate of the point, see [`Coordinate`], or of one beside it.
+    /// Coordinate of the point, see [`Coordinate`], or of one next to it.
     Coordinate(Coordinate, Shift),
     /// Fourth component of the argument.
     Alpha,
@@ -325,13 +325,13 @@ pub enum Op {
     NormalMap(u16),
     /// Normal map in object space (`true`) or world space: colour and strength.
     NormalMapSpace(bool),
-    /// Bump of the heights at the point, and beside it along both axes; strength, distance, and normal.
+    /// Bump of the heights at the point, and next to it along both axes; strength, distance, and normal.
     Bump(Bump),
     /// Share of directions without anything near: distance, and normal; 0 = that of the point.
     Occlusion(Occlusion),
     /// Mean normal within a radius, from this number of rays.
     Bevel(u8),
-    /// What a ray meets: position, direction, length.
+    /// Hit of a ray: position, direction, length.
     Raycast(Raycast),
 }
 

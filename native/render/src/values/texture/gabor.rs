@@ -27,7 +27,7 @@ pub struct Gabor {
     pub frequency: f32,
     /// Share of a half turn by which directions differ, 0 to 1.
     pub isotropy: f32,
-    /// What is returned.
+    /// Returned quantity.
     pub output: GaborOutput,
 }
 

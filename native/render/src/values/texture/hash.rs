@@ -10,7 +10,7 @@ pub(super) const LOOKUP3_FOURTH: [(u32, u32, u32); 2] = [(4, 6, 8), (16, 19, 4)]
 /// Rotations of the final mix of lookup3 but for its last step.
 pub(super) const LOOKUP3_FINAL: [(u32, u32, u32); 2] = [(14, 11, 25), (16, 4, 14)];
 
-/// What all three words of lookup3 start with for a key of this many words.
+/// Initial value of all three words of lookup3 for a key of this many words.
 pub(super) const fn lookup3_start(words: usize) -> u32 {
     0xdead_beef_u32.wrapping_add(((words as u32) << 2) + 13)
 }

@@ -8,7 +8,7 @@ use crate::values::math_nodes::named;
 use crate::values::texture::fractal::{Fractal, NoiseKind};
 
 named! {
-    /// What the phase of a wave grows along.
+    /// Shape and direction of a wave.
     WaveShape {
         BandsX = "BANDS X", BandsY = "BANDS Y", BandsZ = "BANDS Z", Diagonal = "BANDS DIAGONAL",
         RingsX = "RINGS X", RingsY = "RINGS Y", RingsZ = "RINGS Z", Spherical = "RINGS SPHERICAL",

@@ -161,7 +161,7 @@ impl Tiling {
         self.found(half, parts, half.width(), half.angle)
     }
 
-    /// A point in or beside the last segment, which is smaller. `sides`: not whole.
+    /// A point in or next to the last segment, which is smaller. `sides`: not whole.
     fn irregular(&self, sides: f32) -> Found {
         let half = self.half;
         let angle = PI - sides.floor() * half.angle;

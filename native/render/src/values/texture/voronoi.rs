@@ -7,7 +7,7 @@ use crate::values::math_nodes::named;
 use crate::values::texture::hash::{cell_color, cell_point, color, earlier_cell_point};
 
 named! {
-    /// What the texture measures.
+    /// Quantity that the texture measures.
     Feature {
         Nearest = "F1", Second = "F2", Smooth = "SMOOTH_F1", Edge = "DISTANCE_TO_EDGE",
         Radius = "N_SPHERE_RADIUS",
@@ -25,7 +25,7 @@ named! {
 /// Parameters of the texture.
 #[derive(Debug, Clone, Copy)]
 pub struct Voronoi {
-    /// What the texture measures.
+    /// Quantity that the texture measures.
     pub feature: Feature,
     /// How distances to points are measured.
     pub metric: Metric,

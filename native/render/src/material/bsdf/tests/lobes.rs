@@ -229,7 +229,7 @@ fn a_closure_with_a_normal_of_its_own_is_lit_from_there() {
         flat.inputs[Input::Color as usize] = Operand::number(1.0);
         flat.normal = own.map(|n| Operand::color(n.array()));
         let material = both(vec![leaning.clone(), flat]);
-        // The shading frame stands on the leaning normal.
+        // The shading frame is on the leaning normal.
         let frame = Frame::around(lean);
         let above = frame.to_local(up);
         let normals = Normals {

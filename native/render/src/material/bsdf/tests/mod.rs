@@ -198,7 +198,7 @@ fn white_furnace_of_every_shader_node() {
 }
 
 #[test]
-fn what_hardly_refracts_loses_and_gains_nothing() {
+fn weak_refraction_loses_and_gains_nothing() {
     for roughness in [0.0, 0.5, 1.0] {
         let glass = node(ClosureKind::Glass, roughness, &[(Input::Ior, 1.0)]);
         let pane = [(Input::Transmission, 1.0), (Input::Ior, 1.0)];
