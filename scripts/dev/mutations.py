@@ -80,17 +80,18 @@ def check() -> None:
         seeded((ROOT / fault.file).read_text(encoding="utf-8"), fault, number)
 
 
-def build(copy: Path) -> dict[str, list[Path]]:
-    """Build the tests of the copy: program name to its file. "lib" names the unit tests of all crates.
+def build(copy: Path, faults: Sequence[Fault]) -> dict[str, list[Path]]:
+    """Build the tests that `faults` name: program name to its files. "lib" names the unit tests of the faults' crates.
 
     Raises CalledProcessError.
     """
-    programs = sorted({fault.test[0] for fault in FAULTS})
+    crates = sorted({f"halfspace_{Path(fault.file).parts[1]}" for fault in faults if fault.test[0] == "lib"})
+    programs = sorted({fault.test[0] for fault in faults})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
     command = [
         "cargo",
         "test",
-        "--workspace",
+        *(part for crate in ("halfspace", *crates) for part in ("--package", crate)),
         "--release",
         "--no-run",
         "--message-format=json-render-diagnostics",
@@ -157,7 +158,7 @@ def work(asked: argparse.Namespace) -> int:
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
     """Try the faults in turn. Returns the numbers of those that survived, 0 for each test that fails without one."""
     seed(copy)
-    programs = build(copy)
+    programs = build(copy, [fault for _, fault in chosen])
     survived = []
     for test in sorted({fault.test for _, fault in chosen}):
         if not passes(programs, test, copy / "native", 0):
