@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import importlib.util
 import os
 import signal
 import sys
@@ -30,6 +31,17 @@ os.environ["BLENDER_USER_RESOURCES"] = resources.name
 settings.register_profile("halfspace", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, derandomize=False)
 settings.load_profile("halfspace")
+
+
+BLENDER = Path(__file__).parent / "blender"
+
+
+def pytest_pycollect_makemodule(module_path: Path) -> None:
+    """Import Blender before the first file of its tests; skip them where it is not installed."""
+    if module_path.is_relative_to(BLENDER):
+        bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed in this environment")
+        if importlib.util.find_spec("OpenImageIO") is None:
+            bpy.utils.expose_bundled_modules()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
