@@ -33,7 +33,7 @@ DEBIAN = "libx11-6 libxrender1 libxfixes3 libxi6 libxext6 libxxf86vm1 libxkbcomm
 """The packages with all libraries of the system that Blender's module loads, in Debian 12 and Ubuntu 22.04 or later."""
 
 
-NOT_IN_THE_WHEEL = {"target", "tests", "benches", "examples", "fuzz", "__pycache__"}
+NOT_IN_THE_WHEEL = {"target", "tests", "benches", "examples", "fuzz", "peers", "__pycache__"}
 """Names of folders, in every crate of the workspace, whose changes do not change the wheel."""
 
 

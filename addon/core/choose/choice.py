@@ -195,7 +195,7 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
     """Order the rows of a benchmark by the predicted time of a planned picture."""
     lines = []
     for row in rows:
-        if row["spec"] == yardstick.SPEC:
+        if yardstick.is_foreign(row["spec"]):
             continue
         if row["error"] is not None:
             lines.append(Line(row["spec"], problem=row["error"]))

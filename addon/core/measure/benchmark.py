@@ -113,10 +113,10 @@ def events(
     """Measure configurations on one scene, a bounded step at a time; yields the text of the next step and each finished
     row.
 
-    chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built yields a row with
-    the reason in `error`. shared: the result of `prepare` for the same scene and options, if several calls share it.
-    anchor: the configuration of `chosen` that is timed with all others, if these are only a part of a sweep; found if
-    None.
+    chosen: valid configurations, or those of `yardstick.MAKERS`; `embree` names the yardstick. A configuration that
+    cannot be built yields a row with the reason in `error`. shared: the result of `prepare` for the same scene and
+    options, if several calls share it. anchor: the configuration of `chosen` that is timed with all others, if these
+    are only a part of a sweep; found if None.
 
     Between two items exactly the step that the last Progress announced runs: one build, one comparison, one timed pass
     or one picture. A caller can therefore show the text and continue on any thread; only the arrays of `workload` are
@@ -215,9 +215,9 @@ class _Run:
     def _build(self, spec: str) -> tuple[Traced, float]:
         """A structure and its build time in seconds: processor time on one thread, else wall-clock time."""
         vertices, triangles = self._workload.vertices, self._workload.triangles
-        if spec == yardstick.SPEC:
-            # Embree builds on a number of threads of its own choice.
-            found = yardstick.EmbreeStructure(vertices, triangles)
+        if yardstick.is_foreign(spec):
+            # Foreign tracers build on a number of threads of their own choice.
+            found = yardstick.MAKERS[spec](vertices, triangles)
             return found, float(found.statistics["build_seconds"])
         options = self._options
         clock = timing.clock(options.threads)
@@ -254,7 +254,7 @@ class _Run:
             yield from map(self._step, steps)
         yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
         yield from self._first_pictures(sound)
-        ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
+        ours = [candidate for candidate in sound if not yardstick.is_foreign(candidate.spec)]
         yield from self._extras(ours)
         yield from self._errors_against_time(sound)
         yield from self._draw(ours)
@@ -313,12 +313,12 @@ class _Run:
             candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
             hits = float(answers.hit.mean()) if len(some) else 0.0
             candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, options.threads)}
-            if candidate.spec != yardstick.SPEC and len(some):
+            if not yardstick.is_foreign(candidate.spec) and len(some):
                 counters = counting.counters(candidate.native, some, options.threads)
                 candidate.work[whole.name] = field.work(counters, answers.hit)
         # Copy the statistics now: each further pass over a lazily built tree adds nodes.
         candidate.statistics = dict(structure.statistics)
-        if options.shapes and not isinstance(structure, (yardstick.EmbreeStructure, TwoLevel)):
+        if options.shapes and not isinstance(structure, (yardstick.Foreign, TwoLevel)):
             candidate.shape = field.shape(structure)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
@@ -373,7 +373,7 @@ class _Run:
         for candidate in candidates:
             yield self._step(f"{candidate.spec}: what each pixel costs")
             if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
-                assert not isinstance(candidate.structure, (yardstick.EmbreeStructure, TwoLevel)), "see `Options`"
+                assert not isinstance(candidate.structure, (yardstick.Foreign, TwoLevel)), "see `Options`"
                 candidate.cost_map = costmap.packed(costmap.work(candidate.structure, view, size))
 
     def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
@@ -419,7 +419,7 @@ class _Run:
         }
         if isinstance(candidate.structure, TwoLevel):
             row["layout"] = f"two levels, the upper one by {options.top}"
-        if candidate.spec != yardstick.SPEC:
+        if not yardstick.is_foreign(candidate.spec):
             counting.mark(row["rays"], self._prepared.ray_sets, candidate.native)
             rows.add_ways(row, counting.ways(candidate.native, self._prepared.ray_sets))
         # Add errors: in total, per ray set, and in pictures.
@@ -451,6 +451,6 @@ class _Run:
             row["image_s"] = picture_times.picture_seconds(pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in self._options.curve if n not in {point["spp"] for point in candidate.curve}]
-        if left and candidate.spec != yardstick.SPEC:
+        if left and not yardstick.is_foreign(candidate.spec):
             samples = ", ".join(map(str, left))
             row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")

@@ -34,7 +34,7 @@ def rounds(
     build: returns a structure for a configuration and the seconds its build took. Appends to `first_seconds`, and adds
     the rays whose answers differ from those of the first configuration to `differing_pixels`.
     """
-    ours = [c for c in group if c.spec != yardstick.SPEC and c.seconds.get(view.name)]
+    ours = [c for c in group if not yardstick.is_foreign(c.spec) and c.seconds.get(view.name)]
     able = [c for c in ours if len(view) <= float(np.median(c.mrays(view.name))) * 1e6 * SECONDS]
     if not any(is_lazy(candidate.spec) for candidate in able):
         return

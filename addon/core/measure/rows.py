@@ -165,7 +165,8 @@ def blank() -> Row:
 def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
     """A row with every key; unknown values are None."""
     structures = native.structures()
-    known = {} if spec == yardstick.SPEC else specs.values(spec, structures)
+    foreign = yardstick.is_foreign(spec)
+    known = {} if foreign else specs.values(spec, structures)
     structure = catalogue.of(structures).get(specs.structure_of(spec))
     shown = list(tables(native, spec))
     return {
@@ -181,18 +182,18 @@ def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
         "k": known.get("k"),
         "alpha": known.get("alpha"),
         "seed": known.get("seed"),
-        "threads": 1 if spec == yardstick.SPEC else threads,
+        "threads": 1 if foreign else threads,
     }
 
 
-YARDSTICK_TABLES = ("single", "fastest", "chosen")
-"""Embree is the unit of all tables; its own rays go singly."""
+FOREIGN_TABLES = ("single", "fastest", "chosen")
+"""Embree is the unit of all tables, and peers are compared with all; their names say where rays go in packets."""
 
 
 def tables(native: Native, spec: str) -> tuple[str, ...]:
     """The tables that show a configuration; the last one if the native module refuses it."""
-    if spec == yardstick.SPEC:
-        return YARDSTICK_TABLES
+    if yardstick.is_foreign(spec):
+        return FOREIGN_TABLES
     structure = catalogue.of(native.structures()).get(specs.structure_of(spec))
     try:
         return ("chosen",) if structure is None else ways.tables(structure, specs.canonical(native, spec))

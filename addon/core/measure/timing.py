@@ -83,8 +83,8 @@ class Candidate:
 
     @property
     def native(self) -> AnyLayout:
-        """The structure of a configuration that is not the yardstick."""
-        assert not isinstance(self.structure, yardstick.EmbreeStructure)
+        """The structure of a configuration of the native module."""
+        assert not isinstance(self.structure, yardstick.Foreign)
         return self.structure
 
     def again(self) -> Candidate:
@@ -118,9 +118,10 @@ def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
     """Seconds of one pass over these rays."""
     now = clock(threads)
     structure, options = candidate.structure, some.options(threads)
-    if isinstance(structure, yardstick.EmbreeStructure) and not some.any_hit:
+    if isinstance(structure, yardstick.Foreign):
+        trace = structure.timed(some)
         start = now()
-        structure.closest_ids(some.origins, some.directions, t_max=some.t_max)
+        trace()
         return now() - start
     ask = structure.occluded if some.any_hit else structure.closest
     start = now()
@@ -139,7 +140,7 @@ def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: in
     """Time every configuration on one set; yields the text of each step, one pass per step. The first round is a
     warm-up.
     """
-    ours = [c for c in candidates if c.spec != yardstick.SPEC and len(c.timed[name])]
+    ours = [c for c in candidates if not yardstick.is_foreign(c.spec) and len(c.timed[name])]
     control = max(ours, key=lambda c: c.checked[name], default=None)
     for number in range(repeats + 1):
         for candidate in candidates:
@@ -174,9 +175,9 @@ def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: i
 
 
 def count(candidate: Candidate, some: RaySet, threads: int) -> dict[str, float]:
-    """Mean steps and triangle tests per ray; nothing for the yardstick, or where there are no rays."""
+    """Mean steps and triangle tests per ray; nothing for foreign tracers, or where there are no rays."""
     structure = candidate.structure
-    if isinstance(structure, yardstick.EmbreeStructure) or not len(some):
+    if isinstance(structure, yardstick.Foreign) or not len(some):
         return {}
     counters = counting.counters(structure, some, threads)
     names = [name for name in counters if name in COUNTERS or name.startswith(CASE)]

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Embree, through the package embreex, with the interface of a native structure: yardstick and second opinion.
+"""Other people's ray tracers with the interface of a native structure: Embree as yardstick and second opinion, and
+peers as further rows.
 
-It uses Embree's robust mode unless `robust` is False, and runs on the calling thread whatever `threads` is.
+They run on the calling thread whatever `threads` is.
 """
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +19,13 @@ from ..base import native
 from .accuracy import Answers
 
 if TYPE_CHECKING:
+    from ..scene.rays import RaySet
     from .two_level import AnyLayout
 
 SPEC = "embree"
+
+PEER = "peer-"
+"""Prefix of the configurations of all other foreign tracers."""
 
 MODES = {SPEC: True, "embree:robust=none": False}
 """Whether each configuration uses Embree's robust mode; Embree's own default is False."""
@@ -46,8 +53,35 @@ def problem() -> str | None:
     return None
 
 
-class EmbreeStructure:
-    """A committed Embree scene."""
+def is_foreign(spec: str) -> bool:
+    """Whether a configuration is not one of the native module: its arithmetic differs, and it counts nothing."""
+    return spec == SPEC or spec.startswith(PEER)
+
+
+class Foreign(ABC):
+    """A built structure of another ray tracer. statistics: build_seconds, and what else it reports."""
+
+    statistics: dict[str, Any]
+
+    @abstractmethod
+    def closest(self, origins: Any, directions: Any, *, t_max: Any = np.inf, **_: Any) -> Answers:
+        """Nearest hits, with distances and barycentric coordinates."""
+
+    @abstractmethod
+    def occluded(self, origins: Any, directions: Any, *, t_max: Any = np.inf, **_: Any) -> NDArray[np.bool_]:
+        """(n,) bool: rays that hit anything."""
+
+    @abstractmethod
+    def timed(self, some: RaySet) -> Callable[[], Any]:
+        """What is timed for these rays: their nearest hits, or whether they hit, as its users call it."""
+
+
+Maker = Callable[[NDArray[np.float32], NDArray[np.int32]], Foreign]
+"""Builds a structure over (n, 3) vertices and (m, 3) triangles."""
+
+
+class EmbreeStructure(Foreign):
+    """A committed Embree scene, in Embree's robust mode unless `robust` is False."""
 
     def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32], *, robust: bool = True) -> None:
         from embreex.mesh_construction import TriangleMesh
@@ -68,9 +102,10 @@ class EmbreeStructure:
         t = np.where(hit, found["tfar"], np.float32(np.inf)).astype(np.float32)
         return Answers(t, triangle, found["u"].astype(np.float32), found["v"].astype(np.float32))
 
-    def closest_ids(self, origins: Any, directions: Any, t_max: Any = np.inf) -> Any:
-        """The ids of the nearest triangles only: the fastest query of the package."""
-        return self._run(origins, directions, t_max, "INTERSECT")
+    def timed(self, some: RaySet) -> Callable[[], Any]:
+        """The ids of the triangles only: the fastest query of the package."""
+        query = "OCCLUDED" if some.any_hit else "INTERSECT"
+        return lambda: self._run(some.origins, some.directions, some.t_max, query)
 
     def occluded(self, origins: Any, directions: Any, *, t_max: Any = np.inf, **_: Any) -> NDArray[np.bool_]:
         """(n,) bool: rays that hit anything."""
@@ -83,6 +118,9 @@ class EmbreeStructure:
         return self._scene.run(origins, directions, dists=ends, query=query, **options)
 
 
+MAKERS: dict[str, Maker] = {SPEC: EmbreeStructure}
+"""The foreign tracers that can be measured, by their configuration; others are added to it."""
+
 if TYPE_CHECKING:
-    Traced = AnyLayout | EmbreeStructure
-    """A measured structure: native, or the yardstick."""
+    Traced = AnyLayout | Foreign
+    """A measured structure: native, or foreign."""

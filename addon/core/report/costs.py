@@ -153,7 +153,7 @@ def correlation(rows: Sequence[Row]) -> Correlation | None:
     found = [
         (row["spec"], cost, time)
         for row in rows
-        if row["spec"] != yardstick.SPEC
+        if not yardstick.is_foreign(row["spec"])
         and agrees(row)
         and (cost := expected_cost(row)) is not None
         and (time := nanoseconds(row)) > 0

@@ -84,7 +84,7 @@ def as_html(
         introduction = ""  # once, below the first answer
         parts.append(f'<ul class="findings">{_items(report.findings(own))}</ul>')
         for table, like in ranking.by_table(own).items():
-            if any(row["errors"] and row["spec"] != yardstick.SPEC for row in like):
+            if any(row["errors"] and not yardstick.is_foreign(row["spec"]) for row in like):
                 parts.append(f"<h3>{safe(tables.TITLES[table])}</h3>")
                 sets = set_names(like)
                 best = {(row, f"rays/{name}/mrays_s/med") for row, name in tables.best(like, sets)}
@@ -198,7 +198,7 @@ def _table(
     # Write one line per row, with a link to it.
     body = []
     for row in rows:
-        kind = "yardstick" if row["spec"] == yardstick.SPEC else "" if agrees(row) else "wrong"
+        kind = "yardstick" if yardstick.is_foreign(row["spec"]) else "" if agrees(row) else "wrong"
         link = f'<a href="{target(row, "spec")}">{safe(row["spec"] or row["scene"])}</a>'
         way = f" <small>{safe(row['nodes'])}, {safe(tables.rays_text(row))}</small>" if row["nodes"] else ""
         cells = "".join(_cell(column, row, target, is_best=(id(row), column.at) in best) for column in columns)

@@ -71,7 +71,7 @@ QUANTITIES = {
 def answer(rows: Sequence[Row]) -> str:
     """The quickest structure of a scene's rows, and the errors of all; "" without two comparable rows."""
     found = winner(rows)
-    compared = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
+    compared = [row for row in rows if row["errors"] and not yardstick.is_foreign(row["spec"])]
     if not found or not compared:
         return found
     wrong = [row for row in compared if not agrees(row)]
@@ -82,7 +82,9 @@ def answer(rows: Sequence[Row]) -> str:
 
 def winner(rows: Sequence[Row]) -> str:
     """The quickest structure of a scene's rows in one sentence; "" without two comparable rows."""
-    by_table = ranking.by_table([row for row in rows if row["spec"] != yardstick.SPEC and row["rays"] and agrees(row)])
+    by_table = ranking.by_table(
+        [row for row in rows if not yardstick.is_foreign(row["spec"]) and row["rays"] and agrees(row)]
+    )
     # The best of all is that which goes as fast as it can.
     own = next((by_table[name] for name in ("fastest", "", "chosen", "single") if name in by_table), [])
     return next((told for name in QUANTITIES for told in _about_quantity(own, name)), "")
@@ -116,7 +118,7 @@ def _about_quantity(rows: Sequence[Row], name: str) -> Iterator[str]:
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """The findings of one scene's rows, as sentences."""
-    measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
+    measured = [row for row in rows if row["errors"] and not yardstick.is_foreign(row["spec"])]
     sentences = [*_about_errors(measured), *_about_moved(measured)]
     right = [row for row in measured if agrees(row)]
     # Compare like with like: rows of two tables trace their rays in different ways.

@@ -57,7 +57,7 @@ def _of_scene(scene: str, rows: Sequence[Row]) -> Iterator[str]:
     # Failed rows have only a reason, whatever their table.
     done = [row for row in rows if not row["error"]]
     for table, own in ranking.by_table(done).items():
-        if any(row["spec"] != yardstick.SPEC for row in own):
+        if any(not yardstick.is_foreign(row["spec"]) for row in own):
             yield "\n".join(_table(table, own))
     failed = (f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])
     reasons = [*about_yardstick(done), *_gaps(done), *failed]
@@ -76,7 +76,7 @@ def measured(scene: str, rows: Sequence[Row]) -> tuple[str, str, str]:
     """The head of the tables of a scene: scene and units in two lines, and the reference of the answers."""
     checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
     reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
-    ours = sorted({row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]} or {1})
+    ours = sorted({row["threads"] for row in rows if not yardstick.is_foreign(row["spec"]) and row["threads"]} or {1})
     threads = f"{' and '.join(map(str, ours))} {'thread' if ours == [1] else 'threads'}"
     if ours != [1] and any(row["spec"] == yardstick.SPEC for row in rows):
         threads += " (Embree: 1)"
@@ -135,7 +135,7 @@ def best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
     No row is marked if a faster one is not: where noise separates a faster row but not this one, neither is. rows: of
     one table, in which a row that is in several tables is compared with the others of this one only.
     """
-    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
+    ours = [row for row in rows if not yardstick.is_foreign(row["spec"])]
     found: set[tuple[int, str]] = set()
     for name, ranked in rankings(rows, sets)[0].items():
         if not ranked.ranked:
@@ -156,9 +156,9 @@ def _speed(row: Row, name: str) -> float | None:
 
 
 def cells(row: Row, sets: Sequence[str]) -> list[str]:
-    """The texts of one line; missing numbers are dashes. Embree's errors are long and have a line of their own."""
+    """The texts of one line; missing numbers are dashes. Foreign tracers' errors have lines of their own."""
     build, size = row["build_s"], row["bytes"]
-    errors = None if row["spec"] == yardstick.SPEC else row["errors"]
+    errors = None if yardstick.is_foreign(row["spec"]) else row["errors"]
     return [
         row["label"],
         row["nodes"] or DASH,
@@ -197,7 +197,7 @@ def _legend(rows: Sequence[Row]) -> Iterator[str]:
 
 def rankings(rows: Sequence[Row], sets: Sequence[str]) -> tuple[dict[str, ranking.Ranking], str]:
     """The rankings of one table's rows by ray set, and a sentence on those of too few rounds; "" without any."""
-    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
+    ours = [row for row in rows if not yardstick.is_foreign(row["spec"])]
     found = {name: one for name in sets if (one := ranking.rank(ours, name)) is not None}
     unsure = {name: one for name, one in found.items() if not one.ranked}
     if not unsure:
@@ -222,11 +222,12 @@ def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
 
 
 def about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
-    """The errors of Embree, whose arithmetic differs."""
+    """The errors of foreign tracers, whose arithmetic differs."""
     for row in rows:
-        if row["spec"] == yardstick.SPEC and row["errors"]:
+        if yardstick.is_foreign(row["spec"]) and row["errors"]:
             told = ", ".join(f"{row['errors'][key]:,} {meaning}" for key, (_, meaning) in ERRORS.items() if key != ULPS)
-            yield f"Embree, whose arithmetic differs: {told}, t up to {row['errors'][ULPS]:,} ulps apart."
+            name = "Embree" if row["spec"] == yardstick.SPEC else row["spec"]
+            yield f"{name}, whose arithmetic differs: {told}, t up to {row['errors'][ULPS]:,} ulps apart."
 
 
 def _gaps(rows: Sequence[Row]) -> Iterator[str]:

@@ -27,7 +27,7 @@ from ...core.scene import rays, workload
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
-from ..bench import cluster, inspecting, merging, scenes, sweep
+from ..bench import cluster, inspecting, merging, peers, scenes, sweep
 from ..bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from ..export import files
 from ..motion import animations, motion
@@ -68,6 +68,12 @@ def parser() -> argparse.ArgumentParser:
         help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
     )
     add("--structures", metavar="SPEC[,SPEC...]", help="specs, families or all (default: one a family); k=2..10 works")
+    add(
+        "--peers",
+        metavar="NAME[,NAME...]",
+        help=f"other ray tracers as further rows: {', '.join(peers.GROUPS)}, all (needs cargo, and minutes the first "
+        "time), or a Python file, see docs/benchmark.md",
+    )
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
     add("--alpha", metavar="RANGE", help="values of alpha, e.g. 0.1,0.5,1")
     add("--seeds", metavar="RANGE", help="seeds of the structures, e.g. 1-7")
@@ -153,11 +159,7 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure scene by scene. Raises one of the errors that `main` turns into a line."""
     module = levels.load_module(asked.level)
-    chosen = read_structures(asked, module)
-    if yardstick.problem() is None:
-        chosen = [yardstick.SPEC, *chosen]
-    else:
-        say(f"Embree is left out: {yardstick.problem()}")
+    chosen = [*foreign(asked), *read_structures(asked, module)]
     options = read_options(asked, len(chosen))
     if options.brief:
         say(
@@ -214,6 +216,19 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines) | pages.links(), published, formats)
     return status(rows)
+
+
+def foreign(asked: argparse.Namespace) -> list[str]:
+    """The configurations of other ray tracers, Embree first. Raises UsageError."""
+    chosen = []
+    if (reason := yardstick.problem()) is None:
+        chosen.append(yardstick.SPEC)
+    else:
+        say(f"Embree is left out: {reason}")
+    for name, told in (peers.register(asked.peers, say) if asked.peers else {}).items():
+        say(f"{name}: {told}")
+        chosen.append(name)
+    return chosen
 
 
 def notes(loaded: workload.Workload, options: benchmark.Options) -> list[str]:
@@ -283,7 +298,7 @@ def dropped(rows: Sequence[benchmark.Row]) -> int:
 
 def status(rows: Sequence[benchmark.Row]) -> int:
     """The exit status for these rows. The yardstick has no influence on it."""
-    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
+    ours = [row for row in rows if not yardstick.is_foreign(row["spec"])]
     compared = [row for row in ours if row["errors"] is not None]
     # Traversals without error bounds are measured for their wrong answers far from the origin.
     moved = [row for row in compared if not offsets.is_unguarded(row["spec"])]

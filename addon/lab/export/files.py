@@ -112,7 +112,7 @@ def _tables(scene: str, rows: Sequence[Row], found: dict[Path, str | bytes]) -> 
     """Add the tables of a scene to `found`. Yields the lines of the overview."""
     caption = escape(" ".join(tables.measured(rows[0]["scene"], rows)) + WRONG)
     for table, own in ranking.by_table([row for row in rows if not row["error"]]).items():
-        if any(row["spec"] != yardstick.SPEC for row in own):
+        if any(not yardstick.is_foreign(row["spec"]) for row in own):
             name = f"{scene}-table-{table}"
             found[Path(FOLDER, f"{name}.tex")] = f"% {caption}\n{tabular(own, table)}"
             yield from (

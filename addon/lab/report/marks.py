@@ -82,7 +82,8 @@ def marks(rows: Sequence[Row], seconds: Sequence[float]) -> dict[str, Mark]:
     """
     best: dict[tuple[str, bool], tuple[float, str]] = {}
     for row, taken in zip(rows, seconds, strict=True):
-        if row["spec"] in (yardstick.SPEC, "brute") or not taken or not agrees(row):
+        right = yardstick.is_foreign(row["spec"]) or agrees(row)
+        if row["spec"] in (yardstick.SPEC, "brute") or not taken or not right:
             continue
         family = _family(row["spec"]), is_unguarded(row["spec"])
         best[family] = min(best.get(family, (taken, row["spec"])), (taken, row["spec"]))
@@ -98,6 +99,8 @@ def marks(rows: Sequence[Row], seconds: Sequence[float]) -> dict[str, Mark]:
 
 
 def _family(spec: str) -> str:
+    if yardstick.is_foreign(spec):
+        return spec
     return structure_of(spec).partition("-")[0].rstrip("0123456789")
 
 

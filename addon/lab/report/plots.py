@@ -103,18 +103,18 @@ def scene_figures(rows: Sequence[Row], published: thesis.Published | None = None
     # Select the rows of each figure.
     measured = _drawable(everything)
     marks = _marks(measured)
-    ours = [row for row in measured if row["spec"] != yardstick.SPEC]
+    ours = [row for row in measured if not yardstick.is_foreign(row["spec"])]
     close, far = _without_outliers(measured)
     remark = f" Too slow to be drawn in scale: {few(far)}." if far else ""
     if len(measured) < len(everything):
         remark += " Of each structure its fastest configuration is drawn."
     # Only *Speed* marks wrong answers; in other figures their times would look valid.
-    right = [row for row in close if row["spec"] != yardstick.SPEC and agrees(row)]
+    right = [row for row in close if not yardstick.is_foreign(row["spec"]) and agrees(row)]
     curves = [row for row in ours if row["curve"] and agrees(row)]
     views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _is_comparable(row)]
     mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
-    base, lines = thesis.sweeps([row for row in everything if row["spec"] != yardstick.SPEC])
+    base, lines = thesis.sweeps([row for row in everything if not yardstick.is_foreign(row["spec"])])
     counted = [row for row in everything if field_charts.with_cases([row])]
     fitted = costs.fit(right)
     found: list[Figure] = []
@@ -200,7 +200,7 @@ def _order(row: Row) -> tuple[bool, float]:
 
 def _is_comparable(row: Row) -> bool:
     """Whether a row's times are comparable: the yardstick's, or those of correct answers."""
-    return row["spec"] == yardstick.SPEC or agrees(row)
+    return yardstick.is_foreign(row["spec"]) or agrees(row)
 
 
 def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:

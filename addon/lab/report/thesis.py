@@ -252,7 +252,9 @@ class Table:
 
 def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
     """The tables of times by k, and the comparison, from correct rows with a base. scenes: all rows."""
-    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
+    named = {
+        scene: [r for r in rows if not yardstick.is_foreign(r["spec"]) and agrees(r)] for scene, rows in scenes.items()
+    }
     named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
     known = published or Published()
     called = labels(row for rows in named.values() for row in rows)

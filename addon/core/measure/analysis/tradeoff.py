@@ -131,6 +131,8 @@ class Tradeoff:
     def _built(self, place: Place, spec: str) -> Traced:
         if spec in yardstick.MODES:
             return yardstick.EmbreeStructure(place.vertices, place.triangles, robust=yardstick.MODES[spec])
+        if yardstick.is_foreign(spec):
+            return yardstick.MAKERS[spec](place.vertices, place.triangles)
         limits = self._limits
         return self._native.build(
             place.vertices, place.triangles, spec, threads=limits.threads, memory_limit=limits.memory
@@ -186,6 +188,8 @@ def variants_of(spec: str, structures: Sequence[Any]) -> dict[bool, str]:
     """The configurations with and without error bounds; only one where a structure has no such choice."""
     if spec == yardstick.SPEC:
         return {robust: mode for mode, robust in yardstick.MODES.items()}
+    if yardstick.is_foreign(spec):
+        return {False: spec}
     if is_unguarded(spec):
         return {False: spec}
     without = unguarded(spec, structures)
