@@ -2,7 +2,7 @@
 //! Rows: sixteen rays in structure-of-arrays layout, one vector per quantity.
 
 use crate::tile::ray_index;
-use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x16, mask32x16, u32x16};
+use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
 use halfspace_ray::Ray;
 use halfspace_ray::columns::transposed;
 use halfspace_ray::frame::ToFrame;
@@ -38,6 +38,14 @@ pub fn bitwise_equal<S: Simd>(a: f32x16<S>, b: f32x16<S>) -> u16 {
     bits(a.bitcast::<u32x16<S>>().simd_eq(b.bitcast::<u32x16<S>>()))
 }
 
+/// Four rays, of the places from `first` on, by columns. A function, since a closure may be compiled apart from its
+/// caller, without the caller's instructions.
+#[inline(always)]
+fn quarter<S: Simd>(simd: S, rays: &[Ray], places: &[usize; LANES], first: usize) -> [f32x4<S>; 8] {
+    let [a, b, c, d] = std::array::from_fn(|lane| &rays[places[first + lane]]);
+    transposed(simd, [a, b, c, d])
+}
+
 /// The quantities of sixteen rays, one vector each.
 pub struct Numbers<S: Simd> {
     /// Origins, per axis.
@@ -65,11 +73,14 @@ impl<S: Simd> Numbers<S> {
     #[inline(always)]
     pub fn at(simd: S, rays: &[Ray], places: &[usize; LANES]) -> Self {
         // Transpose four rays at a time, then join the quarters.
-        let four = |i: usize| {
-            let ray = |k: usize| &rays[places[i + k]];
-            transposed(simd, [ray(0), ray(1), ray(2), ray(3)])
-        };
-        let (a, b, c, d) = (four(0), four(4), four(8), four(12));
+        let (a, b) = (
+            quarter(simd, rays, places, 0),
+            quarter(simd, rays, places, 4),
+        );
+        let (c, d) = (
+            quarter(simd, rays, places, 8),
+            quarter(simd, rays, places, 12),
+        );
         let mut all = [splat(simd, 0.0); 8];
         for (i, all) in all.iter_mut().enumerate() {
             *all = simd.combine_f32x8(
