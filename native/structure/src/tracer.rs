@@ -224,7 +224,8 @@ impl Structure {
     }
 }
 
-/// Traces a batch by `kernel`, or by single rays where there is none or it cannot count. `counters`: one per ray, or none.
+/// Traces a batch by the kernel of its route, or by single rays where there is none, it cannot count, or there are few rays.
+/// `counters`: one per ray, or none.
 pub(crate) fn trace<Q: Query>(
     routed: Option<&RoutedKernel<Q>>,
     single: &dyn Kernel<Q>,
@@ -233,6 +234,7 @@ pub(crate) fn trace<Q: Query>(
     counters: Option<&mut [RayCounters]>,
 ) {
     assert_eq!(batch.rays.len(), answers.len(), "one answer per ray");
+    let routed = routed.filter(|routed| batch.rays.len() >= routed.least);
     let kernel = routed.map(|routed| &*routed.kernel);
     match counters {
         None => kernel.unwrap_or(single).trace(batch, answers),

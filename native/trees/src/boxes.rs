@@ -38,8 +38,8 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
-             tiles, packets or streams by a sample, other rays in streams",
+            "the quickest for each batch: few rays one by one, camera rays in tiles or packets by the size of triangles, \
+             shadow rays in tiles, packets or streams by a sample, others in streams",
         ),
         plan: |boxes| {
             let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
@@ -51,6 +51,7 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
             (boxes.singly().with_closest(Rays::Stream, streams))
                 .with_tiles_by_footprint(tiles, packets, Footprint::BOXES)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::BOXES)
+                .with_few_singly()
         },
     },
     Traversal {

@@ -105,7 +105,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let plan = match config.way().rays {
         // Streams of nearest hits are slower than single rays: cells are found by halving ranges.
         Rays::Auto => (plan.with_tiles(Rays::Tile, groups.tiles.closest))
-            .with_any(Rays::Stream, groups.streams.any),
+            .with_any(Rays::Stream, groups.streams.any)
+            .with_few_singly(),
         rays => groups.plan(plan, rays),
     };
     Ok(Built {

@@ -54,8 +54,8 @@ pub const fn every_way(nodes: &'static str, single: &'static str) -> [Way; 5] {
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
-             tiles, packets or streams by a sample, other rays in streams",
+            "the quickest for each batch: few rays one by one, camera rays in tiles or packets by the size of triangles, \
+             shadow rays in tiles, packets or streams by a sample, others in streams",
         ),
         way(nodes, single, "One by One", Rays::Single, "one by one"),
         in_tiles(nodes),
@@ -160,7 +160,8 @@ impl Together {
             Rays::Stream => streams.take_all(single, rays),
             Rays::Auto => (single.with_closest(Rays::Stream, streams.closest))
                 .with_tiles_by_footprint(tiles.closest, packets.closest, Footprint::OTHERS)
-                .with_any_by_coherence(tiles.any, packets.any, streams.any, Limits::OTHERS),
+                .with_any_by_coherence(tiles.any, packets.any, streams.any, Limits::OTHERS)
+                .with_few_singly(),
             Rays::Single | Rays::Flight | Rays::Beam => single,
         }
     }

@@ -167,7 +167,7 @@ impl Planes<'_> {
         // Tiles of shadow rays are slow where nodes have oblique planes, because each of the seven planes is compared
         // with all rays; streams take them instead.
         let plan = groups.streams.take_all(single, Rays::Stream);
-        Ok(plan.with_tiles(Rays::Tile, groups.tiles.closest))
+        Ok((plan.with_tiles(Rays::Tile, groups.tiles.closest)).with_few_singly())
     }
 
     /// Derives nodes that store the number of a direction.

@@ -31,8 +31,8 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles or packets by the size of triangles, shadow rays in \
-             tiles, packets or streams by a sample, other rays in streams",
+            "the quickest for each batch: few rays one by one, camera rays in tiles or packets by the size of triangles, \
+             shadow rays in tiles, packets or streams by a sample, others in streams",
         ),
         plan: |planes| {
             let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
@@ -44,7 +44,8 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             Ok((planes.by_distances())
                 .with_tiles_by_footprint(tiles, packets, Footprint::PLANES)
                 .with_closest(Rays::Stream, streams)
-                .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES))
+                .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES)
+                .with_few_singly())
         },
     },
     Traversal {
@@ -234,7 +235,7 @@ pub const WIDE: [Traversal<MakePlan>; 5] = [
             "auto",
             "Automatic",
             Rays::Auto,
-            "the quickest for each batch: camera rays in tiles, other rays in streams",
+            "the quickest for each batch: few rays one by one, camera rays in tiles, others in streams",
         ),
         plan: |planes| planes.wide_together(Rays::Auto),
     },
