@@ -193,7 +193,7 @@ def comparing(scene: Any) -> Work:
     """Start a comparison of the chosen configuration with the fastest traversals of the ticked structures."""
     plan, threads, size = plan_of(scene), _threads(scene), _view(scene)
     flat, kept = tried(scene.halfspace), ticked(scene.halfspace)
-    limit = memory_limit(scene.halfspace.memory_limit)
+    limit, top = memory_limit(scene.halfspace.memory_limit), quality.top(scene.halfspace)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
         # Rays go one by one through instances, so other traversals of a tree are no faster.
@@ -207,6 +207,7 @@ def comparing(scene: Any) -> Work:
             pass_seconds=PASS_SECONDS,
             memory_limit=limit,
             layout="flatten" if workload.kept is None else "two-level",
+            top=top,
         )
         rows = []
         for event in benchmark.events(module, workload, chosen, options):
@@ -222,7 +223,7 @@ def comparing(scene: Any) -> Work:
         structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
         comparison = choice.compare(rows, counted, plan).of_trees(chosen[0])
-        told = ["Measured in two levels, as Instances is set"] if workload.kept is not None else []
+        told = [f"Measured in two levels, as Instances is set; top: {top}"] if workload.kept is not None else []
         notes = [comparison.reason(), *told, *workload.notes]
         keep(Found(comparison, notes, COMPARE, rows, options.as_dict()))
 

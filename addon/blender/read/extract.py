@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.scene.instances import AnyGeometry, Layout, choose
+from ...core.scene.instances import TOPS, AnyGeometry, Layout, choose
 from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Geometry, Numbers, Scene
 from . import lights, materials, meshes, remarks, view_layers, world
@@ -81,9 +81,9 @@ class Found:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
         return self._with(meshes.assemble(self.placements, uvs=uvs, **self._read(), origin=origin))
 
-    def instanced(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
-        """The scene with every mesh once, and its instances. origin: as for `flattened`."""
-        return self._with(meshes.keep_instances(self.placements, uvs=uvs, **self._read(), origin=origin))
+    def instanced(self, *, uvs: bool = False, origin: F64 | None = None, top: str = TOPS[0]) -> Scene:
+        """The scene with every mesh once, and its instances. origin as for `flattened`, top: of `InstancedGeometry`."""
+        return self._with(meshes.keep_instances(self.placements, uvs=uvs, **self._read(), origin=origin, top=top))
 
     def _read(self) -> dict[str, Any]:
         """Layers and objects that materials read."""

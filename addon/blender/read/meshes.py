@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.base import native
 from ...core.base.arrays import F32, F64, I32
-from ...core.scene.instances import InstancedGeometry, Mesh
+from ...core.scene.instances import TOPS, InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
 from .object_values import MASK, Instance, Value
@@ -299,8 +299,12 @@ def keep_instances(
     layers: Sequence[texture_layers.Key] = (),
     objects: bool = False,
     origin: F64 | None = None,
+    top: str = TOPS[0],
 ) -> InstancedGeometry:
-    """All placements with each mesh once, with the origin and the triangle order of `assemble`, and its options."""
+    """All placements with each mesh once, with the origin and the triangle order of `assemble`, and its options.
+
+    top: of `InstancedGeometry`.
+    """
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     if origin is None:
         origin = _centre(placements) if placements else np.zeros(3)
@@ -337,6 +341,7 @@ def keep_instances(
         uvs=_stacked([_uvs(mesh) for mesh, _ in once], (3, 2), np.float32) if uvs else None,
         layers=texture_layers.assemble_layers(once, layers),
         objects=texture_layers.object_frames(placements, origin) if objects else (),
+        top=top,
     )
 
 

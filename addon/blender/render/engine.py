@@ -7,6 +7,7 @@ import logging
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -195,7 +196,7 @@ class _Picture:
         layout = found.layout(quality.instancing(self.group), integrator=quality.integrator(self.group))
 
         def placed(found: extract.Found, origin: F64 | None = None) -> Scene:
-            place = found.instanced if layout.two_level else found.flattened
+            place = partial(found.instanced, top=quality.top(self.group)) if layout.two_level else found.flattened
             scene = place(uvs=uvs, origin=origin)
             return scene if vectors is None else replace(scene, motion=vectors.of(scene.geometry))
 
@@ -367,6 +368,7 @@ class _Picture:
             read.made,
         )
         reports.keep(self.scene, report)
+        reports.KEPT.keep(self.scene, read.layout.two_level)
 
     def discard(self) -> None:
         """Close an open result without keeping its pixels."""

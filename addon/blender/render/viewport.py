@@ -23,6 +23,7 @@ from ...core.structures.settings import RenderSettings, memory_limit
 from ..read import extract, views
 from ..read.remembered import Remembered
 from ..read.value_nodes.outputs import Wanted
+from ..session.reports import KEPT
 from ..settings import properties, quality
 from . import denoising
 
@@ -73,7 +74,8 @@ class Viewport:
             two_level = found.layout(
                 quality.instancing(group), integrator=quality.integrator(group), interactive=True
             ).two_level
-            scene = found.instanced() if two_level else found.flattened()
+            scene = found.instanced(top=quality.top(group)) if two_level else found.flattened()
+            KEPT.keep(depsgraph.scene, two_level)
             if self._preview is None:
                 self._preview = Preview(native.load(), STOCK, Cleaning(denoising.quick()))
             spec, limit = properties.spec(group), memory_limit(group.memory_limit)

@@ -36,5 +36,8 @@ class Report:
 
 REPORT: Slot[Report] = Slot()
 
+KEPT: Slot[bool] = Slot()
+"""Whether the last picture of a scene, also one of a 3D view, kept its instances."""
+
 keep, last = REPORT.keep, REPORT.of
 """Replace, or return, the report of a scene's last picture in this session; None without one."""

@@ -11,6 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ...core.base import native
 from ...core.measure import costmap
+from ...core.scene.instances import TOPS
 from ...core.structures import catalogue, relevance, settings
 from . import quality, signals, stored
 from .inspector_settings import HalfspaceInspectorSettings
@@ -215,6 +216,17 @@ BUILD_PROPERTIES: dict[str, Any] = {
             ("two-level", "Two Levels", TWO_LEVELS, 2),
         ],
         default="auto",
+    ),
+    "top": EnumProperty(
+        name="Top",
+        description="How the tree over instances is built, above the structure of each mesh. The picture is the same",
+        items=[
+            ("sah", "Surface Area", "By the surface area heuristic, as in a bounding volume hierarchy", 0),
+            ("grid", "Grid", "By the cells of a regular grid, as in a bounding interval hierarchy", 1),
+            ("middle", "Middle", "In the middle of the longest side of a node's box", 2),
+            ("median", "Median", "Half of the instances on either side, along the longest side of a node's box", 3),
+        ],
+        default=TOPS[0],
     ),
     "overlay": PointerProperty(type=HalfspaceOverlaySettings),
     "inspector": PointerProperty(type=HalfspaceInspectorSettings),

@@ -217,7 +217,7 @@ PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_MOTION, **_FILM, *
 """Annotations of the property group."""
 
 
-CHOICES = ("integrator", "pixel_filter_type", "instancing")
+CHOICES = ("integrator", "pixel_filter_type", "instancing", "top")
 """Choices of `scene.halfspace` that every final render and viewport reads."""
 
 
@@ -229,6 +229,11 @@ def integrator(group: Any) -> str:
 def instancing(group: Any) -> str:
     """How instances are stored; the default for a way that is unknown to this version."""
     return stored.choice(group, "instancing")
+
+
+def top(group: Any) -> str:
+    """How the tree over instances is built; the default for a way that is unknown to this version."""
+    return stored.choice(group, "top")
 
 
 def remark_unknown(group: Any, notes: Notes) -> None:

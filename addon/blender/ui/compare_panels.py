@@ -13,7 +13,7 @@ from ...core.choose.choice import Comparison, Line
 from ...core.structures import catalogue
 from ..measure import compare_operators, comparing
 from ..settings import presets, properties
-from . import panels
+from . import panels, structure
 from .texts import wrapped
 
 
@@ -24,6 +24,7 @@ class _ComparePanel:
     def draw(self, context: Any) -> None:
         layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
         layout.operator(compare_operators.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
+        structure.draw_top(layout, scene)
         _ticks(layout, scene.halfspace)
         layout.operator(compare_operators.HALFSPACE_OT_compare.bl_idname, icon="SORTTIME")
         now = comparing.progress()
@@ -46,8 +47,8 @@ def _ticks(layout: Any, group: Any) -> None:
     header.label(text=f"{len(comparing.ticked(group))} structures")
     if body is not None:
         flow = body.grid_flow(row_major=True, columns=2, even_columns=True)
-        for structure in catalogue.load().structures:
-            flow.prop(group.compared, properties.tick(structure.id))
+        for one in catalogue.load().structures:
+            flow.prop(group.compared, properties.tick(one.id))
 
 
 def _table(layout: Any, found: Comparison) -> None:

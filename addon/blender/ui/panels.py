@@ -33,6 +33,7 @@ STATISTICS = (
     ("Largest leaf", "leaf_max", "{:,} triangles"),
     ("Instances", "instances", "{:,}"),
     ("Meshes", "meshes", "{:,}"),
+    ("Top", "top", "{}"),
     ("Depth, largest", "depth_max", "{:,}"),
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),
@@ -256,7 +257,9 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
         header, body = column.panel("HALFSPACE_memory", default_closed=True)
         header.label(text="Memory")
         if body is not None:
-            rows(body, group, "instancing", "memory_limit")
+            body.prop(group, "instancing")
+            structure.draw_top(body, context.scene)
+            body.prop(group, "memory_limit")
 
 
 def _of_blender(name: str, own: str, parent: str = "") -> type:

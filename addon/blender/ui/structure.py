@@ -10,7 +10,8 @@ import bpy
 from ...core.base import native
 from ...core.structures import catalogue, relevance
 from ...core.structures.settings import same
-from ..settings import presets, properties
+from ..session import reports
+from ..settings import presets, properties, quality
 from .texts import wrapped
 
 if TYPE_CHECKING:
@@ -66,6 +67,13 @@ def draw(layout: Any, group: Any) -> None:
     for key, title in PARTS.items():
         _part(layout, group, key, title, shown[key])
     wrapped(layout, chosen.paper, icon="BOOKMARKS")
+
+
+def draw_top(layout: Any, scene: Any) -> None:
+    """Draw the choice of the tree over instances, where they are kept."""
+    mode = quality.instancing(scene.halfspace)
+    if mode == "two-level" or (mode == "auto" and reports.KEPT.of(scene)):
+        layout.prop(scene.halfspace, "top")
 
 
 def _part(layout: Any, group: Any, key: str, title: str, parameters: list[Parameter]) -> None:

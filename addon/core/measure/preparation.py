@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base import room
 from ..scene import rays
+from ..scene.instances import TOPS
 from ..scene.rays import RaySet
 from ..scene.workload import Workload
 from . import costmap, curve, two_level, yardstick
@@ -55,7 +56,7 @@ class Options:
     of a kd-tree. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
     pictures are timed once, and only the usually quickest configuration of each tree gets pictures with more than
     the fewest samples and a measurement of peak memory.
-    layout, top: of `two_level`, whether structures are built over each mesh, and how the tree over the instances is.
+    layout, top: of `two_level` and `instances.TOPS`, whether structures are built over each mesh, and the tree above.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
     """
@@ -81,7 +82,7 @@ class Options:
     memory_limit: int | None = None
     brief: bool = False
     layout: two_level.Layout = "flatten"
-    top: str = two_level.TOPS[0]
+    top: str = TOPS[0]
 
     def as_dict(self) -> dict[str, Any]:
         """The options as a JSON object."""

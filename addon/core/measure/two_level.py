@@ -19,9 +19,6 @@ Layout = Literal["flatten", "two-level"]
 LAYOUTS: tuple[Layout, ...] = ("flatten", "two-level")
 """Whether structures are built over the flattened scene, or over each mesh below a tree over the instances."""
 
-TOPS = ("sah", "grid", "middle", "median")
-"""Ways to build the tree over the instances, see `build_instances` of the native module."""
-
 
 def geometry_of(workload: Workload) -> InstancedGeometry:
     """The instances of a workload. Raises WorkloadError if it has none."""
@@ -34,8 +31,8 @@ def geometry_of(workload: Workload) -> InstancedGeometry:
 class TwoLevel:
     """Structures of one configuration over the meshes of a workload, and a tree over the instances.
 
-    top: one of TOPS. threads, memory_limit: as for `native.build`. Raises WorkloadError and the exceptions of the
-    builds.
+    top: one of `instances.TOPS`. threads, memory_limit: as for `native.build`. Raises WorkloadError and the exceptions
+    of the builds.
     """
 
     def __init__(

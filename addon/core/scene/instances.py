@@ -35,6 +35,9 @@ LARGE = 100_000
 
 MODES = ("auto", "flatten", "two-level")
 
+TOPS = ("sah", "grid", "middle", "median")
+"""Ways to build the tree over the instances, see `build_instances` of the native module; the first is the default."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -78,8 +81,8 @@ class InstancedGeometry:
     first_material: (k + 1,) int32, first slot of each instance. normal_matrices: (k, 3, 3) float32, normals to the
     scene frame, row by row; keeps_length: (k,) bool, whether they preserve length. origin: as in `Geometry`; uvs and
     layers also, but over the triangles of the meshes, mesh after mesh; objects: the frame of each instance, or empty.
-    Triangles are numbered as in the flattened geometry: all of the first instance, then all of the second. Raises
-    SceneError.
+    top: how the tree over the instances is built, one of TOPS. Triangles are numbered as in the flattened geometry: all
+    of the first instance, then all of the second. Raises SceneError.
     """
 
     meshes: tuple[Mesh, ...]
@@ -94,6 +97,7 @@ class InstancedGeometry:
     uvs: F32 | None = None
     layers: tuple[F32 | None, ...] = ()
     objects: tuple[ObjectFrame, ...] = ()
+    top: str = TOPS[0]
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -123,6 +127,7 @@ class InstancedGeometry:
             [mesh.shape for mesh in self.meshes] == [mesh.shape for mesh in other.meshes]
             and np.array_equal(self.mesh, other.mesh)
             and np.array_equal(self.matrices, other.matrices)
+            and self.top == other.top
         )
 
     def runs(self) -> list[tuple[int, str]]:

@@ -206,7 +206,12 @@ class Session:
                 self.meshes, self.meshes_built = trees.of(geometry, self.spec, build)
                 self._mesh_seconds = time.perf_counter() - started
                 self._structure = self.native.build_instances(
-                    self.meshes, geometry.mesh, geometry.matrices, monitor=self._monitor, **self._options
+                    self.meshes,
+                    geometry.mesh,
+                    geometry.matrices,
+                    top=geometry.top,
+                    monitor=self._monitor,
+                    **self._options,
                 )
             else:
                 self._structure = build(geometry, 0.0, 1.0)

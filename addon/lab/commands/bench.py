@@ -24,6 +24,7 @@ from ...core.measure import benchmark, curve, offsets, preparation, ranking, two
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
 from ...core.scene import rays, workload
+from ...core.scene.instances import TOPS
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
@@ -94,8 +95,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add(
         "--top",
-        choices=two_level.TOPS,
-        help=f"with two-level: the tree over the instances (default: {two_level.TOPS[0]})",
+        choices=TOPS,
+        help=f"with two-level: the tree over the instances (default: {TOPS[0]})",
     )
     levels.add_option(made)
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
@@ -410,7 +411,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
         brief=brief,
         layout=asked.layout,
-        top=asked.top or two_level.TOPS[0],
+        top=asked.top or TOPS[0],
     )
 
 

@@ -145,6 +145,7 @@ impl Instances {
         dict.set_item("bytes_instances", all.bytes())?;
         dict.set_item("nodes_axis", all.nodes())?;
         dict.set_item("instances", all.len())?;
+        dict.set_item("top", all.top().name())?;
         dict.set_item("meshes", all.meshes().len())?;
         dict.set_item("triangles", all.count())?;
         dict.set_item("copied_instances", all.copied())?;

@@ -278,12 +278,12 @@ def test_a_scene_without_triangles_is_an_error(scene: Any) -> None:
 
 
 def test_a_scene_that_keeps_its_instances_is_compared_in_two_levels(seen: Any) -> None:
-    seen.halfspace.instancing = "two-level"
+    seen.halfspace.instancing, seen.halfspace.top = "two-level", "median"
     for structure in catalogue.load().structures:
         setattr(seen.halfspace.compared, properties.tick(structure.id), structure.id in ("kd", "bvh-sah"))
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
     found = last(seen)
     assert {row["spec"] for row in found.rows} == set(comparing.ticked(seen.halfspace))
-    assert {row["layout"] for row in found.rows} == {"two levels, the upper one by sah"}
+    assert {row["layout"] for row in found.rows} == {"two levels, the upper one by median"}
     assert all(row["errors"]["rays"] and not row["errors"]["wrong"] for row in found.rows)
-    assert found.notes[1] == "Measured in two levels, as Instances is set"
+    assert found.notes[1] == "Measured in two levels, as Instances is set; top: median"

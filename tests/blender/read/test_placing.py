@@ -171,12 +171,13 @@ def test_emissive_instances_are_sampled_as_lights(forest: Any, tmp_path: Path) -
     glow()
     pictures = {}
     for mode in ("flatten", "two-level"):
-        forest.halfspace.instancing = mode
+        forest.halfspace.instancing, forest.halfspace.top = mode, "grid"
         pictures[mode] = render(forest, tmp_path)["Combined.R"]
     # The same random numbers find the same points of the same lights.
     assert np.array_equal(pictures["flatten"], pictures["two-level"])
     report = atlas.report(forest)
     assert report.instances.startswith("two levels")
+    assert report.statistics["top"] == "grid"
     assert not any(line.startswith("shadow rays") for line in report.left_out)
 
 

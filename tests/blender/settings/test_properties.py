@@ -12,8 +12,9 @@ import pytest
 
 from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
+from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import panels, structure, texts
+from addon.blender.ui import compare_panels, panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
@@ -132,6 +133,21 @@ def test_the_structure_panel_shows_what_has_an_effect_and_nothing_else(scene: An
         assert drawn[0] == "automatic"
         assert one.paper.replace(" ", "") in "".join(drawn).replace(" ", "")
         assert drawn[-2:] == ["instancing", "memory_limit"]
+
+
+def test_the_tree_over_instances_is_chosen_where_they_are_kept(scene: Any) -> None:
+    group, kinds = scene.halfspace, (panels.HALFSPACE_PT_structure, compare_panels.HALFSPACE_PT_compare)
+    for mode, kept, shown in (
+        ("auto", None, False),
+        ("auto", False, False),
+        ("auto", True, True),
+        ("flatten", True, False),
+        ("two-level", None, True),
+    ):
+        group.instancing = mode
+        reports.KEPT.keep(scene, kept)
+        for kind in kinds:
+            assert ("top" in draw(kind, scene=scene)) == shown, (mode, kept, kind)
 
 
 def test_k_and_alpha_come_first_and_the_rest_is_closed(scene: Any) -> None:

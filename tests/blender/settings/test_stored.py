@@ -50,6 +50,7 @@ def warnings(scene: Any) -> list[str]:
         ({"integrator": 77}, "Integrator Path Tracing"),
         ({"pixel_filter_type": 77}, "Filter Type Blackman-Harris"),
         ({"instancing": 77}, "Instances Automatic"),
+        ({"top": 77}, "Top Surface Area"),
     ],
     ids=lambda one: next(iter(one)) if isinstance(one, dict) else "",
 )
@@ -73,7 +74,7 @@ def test_every_choice_of_the_picture_is_checked(lit: Any) -> None:
     notes = Notes()
     names = [name for name, made in quality.PROPERTIES.items() if made.function is bpy.props.EnumProperty]
     # Bakes alone read their type.
-    assert {*names, "instancing"} == {*quality.CHOICES, "bake_type"}
+    assert {*names, "instancing", "top"} == {*quality.CHOICES, "bake_type"}
     quality.remark_unknown(lit.halfspace, notes)
     properties.remark_unknown(lit.halfspace, notes)
     assert notes.lines() == []

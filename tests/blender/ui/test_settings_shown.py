@@ -37,7 +37,7 @@ READ = {
     "preview_denoising_start_sample use_denoising use_adaptive noise_threshold time_limit render_seed max_bounces "
     "volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
     "secondary_beams "
-    "film_exposure pixel_filter_type filter_width bake_type automatic instancing memory_limit structure",
+    "film_exposure pixel_filter_type filter_width bake_type automatic instancing top memory_limit structure",
     "HalfspaceViewLayerSettings": "use_pass_volume_direct use_pass_volume_indirect use_pass_shadow_catcher "
     "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
     "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
@@ -179,6 +179,7 @@ def contexts(scene: Any) -> Iterator[Context]:
         "blend_data": bpy.data,
     }
     scene.render.bake.use_cage = True
+    scene.halfspace.instancing = "two-level"
     for integrator, bake in (("ao", "NORMAL"), ("whitted", "DIFFUSE"), ("path", "COMBINED")):
         scene.halfspace.integrator, scene.halfspace.bake_type = integrator, bake
         yield Context(**common, object=mesh, material=material, mesh=mesh.data)

@@ -14,10 +14,10 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
-from addon.core.measure import benchmark, two_level
+from addon.core.measure import benchmark
 from addon.core.report import tables
 from addon.core.scene import workload
-from addon.core.scene.instances import InstancedGeometry, Mesh, choose
+from addon.core.scene.instances import TOPS, InstancedGeometry, Mesh, choose
 from addon.core.scene.scene import Camera, Material, Scene, World
 from addon.core.session import session
 from addon.core.session.session import Session
@@ -100,6 +100,16 @@ def start(geometry: Any, spec: str = "kd", trees: Trees | None = None) -> Sessio
 
 def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
     return all(np.array_equal(a[name].view(np.uint32), b[name].view(np.uint32)) for name in a)
+
+
+@pytest.mark.parametrize("top", TOPS)
+def test_the_tree_over_the_instances_is_the_chosen_one(top: str) -> None:
+    geometry = places((ball(4), ball(3)), 9)
+    other = dataclasses.replace(geometry, top=top)
+    assert geometry.same_triangles(other) == (geometry.top == top)
+    one = start(other)
+    assert one.statistics["top"] == top
+    assert same(picture(start(geometry)), picture(one))
 
 
 def expected_surfaces(geometry: InstancedGeometry, vertices: Any, triangles: Any) -> dict[str, Any]:
@@ -262,7 +272,7 @@ def test_many_instances_take_little_memory() -> None:
     assert peak - before < 60 << 20, f"{(peak - before) >> 20} MiB"
 
 
-@pytest.mark.parametrize("top", two_level.TOPS)
+@pytest.mark.parametrize("top", TOPS)
 def test_structures_in_two_levels_are_measured_and_compared_with_brute_force(top: str) -> None:
     kept = places((ball(6), ball(4)), 9)
     structures = [native.build(mesh.vertices, mesh.triangles, "kd") for mesh in kept.meshes]
@@ -279,6 +289,7 @@ def test_structures_in_two_levels_are_measured_and_compared_with_brute_force(top
         assert row["statistics"]["instances"] == 9
         assert {way["rays"] for way in (row["ways"] or {}).values()} == {"single"}
         assert all(len(one["rounds"]) == 1 and one["hits"] > 0 for one in row["rays"].values())
+        assert row["statistics"]["top"] == top
     assert f"two levels, the upper one by {top}" in tables.measured("balls", rows)[0]
     # A flattened scene has no levels to measure.
     with pytest.raises(workload.WorkloadError, match="balls: two levels need instances"):

@@ -53,6 +53,7 @@ pub struct Instances {
     /// Index into `copies` of each place, or [`NOWHERE`]; empty without copies.
     copy_of: Vec<u32>,
     copies: Vec<Copy>,
+    top: Top,
     build_seconds: f64,
 }
 
@@ -169,6 +170,7 @@ impl Instances {
             tree,
             copy_of: Vec::new(),
             copies: Vec::new(),
+            top,
             build_seconds: 0.0,
         };
         built.copy_coarse(monitor)?;
@@ -193,6 +195,11 @@ impl Instances {
     /// Returns the number of instances that have a structure of their own, see [`copies`].
     pub fn copied(&self) -> usize {
         self.copies.len()
+    }
+
+    /// Returns how the upper tree was built.
+    pub fn top(&self) -> Top {
+        self.top
     }
 
     /// Returns the structures of the meshes.

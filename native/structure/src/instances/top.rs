@@ -48,6 +48,13 @@ impl Top {
         all.find(|(known, _)| *known == name).map(|(_, top)| top)
     }
 
+    /// Returns the name of the way.
+    pub fn name(self) -> &'static str {
+        let mut all = Self::NAMED.into_iter();
+        all.find(|(_, top)| *top == self)
+            .map_or("", |(name, _)| name)
+    }
+
     /// Builds the tree over the boxes of instances within `bounds`. Each leaf is one instance, unless centres coincide.
     pub(super) fn build(
         self,
