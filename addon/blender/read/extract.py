@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.scene.instances import TOPS, AnyGeometry, Layout, choose
+from ...core.scene.instances import TOPS, AnyGeometry, InstancedGeometry, Layout, choose
 from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Geometry, Numbers, Scene
 from . import lights, materials, meshes, remarks, view_layers, world
@@ -60,8 +60,8 @@ class Found:
     apart: bool = False
     made: tuple[str, ...] = ()
 
-    def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
-        """Whether to keep instances, and the reason."""
+    def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False, times: int = 1) -> Layout:
+        """Whether to keep instances, and the reason. times: number of places that each instance takes."""
         placed = [placement.mesh for placement in self.placements]
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
@@ -75,7 +75,7 @@ class Found:
         # Count the numbers that a corner has: its normal and what materials read.
         smooth = any(mesh.normals is not None for mesh in placed)
         numbers = 3 * smooth + sum(width(placed, key) for key in self.layers)
-        return choose(mode, [(a, b) for a, b in sizes.values()], numbers=numbers, interactive=interactive)
+        return choose(mode, [(a, b) for a, b in sizes.values()], numbers=numbers, interactive=interactive, times=times)
 
     def flattened(self, *, uvs: bool = False, origin: F64 | None = None) -> Scene:
         """The scene with every triangle of every instance. origin: that of the scene frame, if it is given."""
@@ -84,6 +84,11 @@ class Found:
     def instanced(self, *, uvs: bool = False, origin: F64 | None = None, top: str = TOPS[0]) -> Scene:
         """The scene with every mesh once, and its instances. origin as for `flattened`, top: of `InstancedGeometry`."""
         return self._with(meshes.keep_instances(self.placements, uvs=uvs, **self._read(), origin=origin, top=top))
+
+    def moved(self, scene: Scene) -> Scene:
+        """A scene with its instances at these places; it has the same meshes and instances."""
+        assert isinstance(scene.geometry, InstancedGeometry)
+        return replace(scene, geometry=meshes.moved(self.placements, scene.geometry))
 
     def _read(self) -> dict[str, Any]:
         """Layers and objects that materials read."""
@@ -170,6 +175,7 @@ class _Reader:
             (layer, scene, scene.world),
             wanted.outputs,
             grids=grids.occur(depsgraph),
+            images=None if wanted.standing is None else wanted.standing.images,
         )
         layers, self._linking = self.palette.layers, Linking(depsgraph, notes)
         self._notes, self._standing = notes, wanted.standing or Standing()

@@ -71,13 +71,15 @@ class Palette:
         wanted: outputs.Outputs | None = None,
         *,
         grids: bool = False,
+        images: dict[Any, Image] | None = None,
     ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
         before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
-        the passes that materials write. grids: whether there are volume objects.
+        the passes that materials write. grids: whether there are volume objects. images: known ones, see `Gallery`.
         """
         self.layers = Layers()
-        self.gallery = Gallery(next((owner.frame_current for owner in owners if isinstance(owner, bpy.types.Scene)), 1))
+        frames = (owner.frame_current for owner in owners if isinstance(owner, bpy.types.Scene))
+        self.gallery = Gallery(next(frames, 1), images)
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[tuple[int, Hidden, Sets, Mask, bool], int] = {(0, (), (ALL, ALL), SEEN, False): 0}

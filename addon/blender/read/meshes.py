@@ -8,7 +8,7 @@ for triangle corners) and the property is a plain array; otherwise it converts i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -325,24 +325,38 @@ def keep_instances(
     places = [len(placement.names) for placement in placements]
     mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
     slots = np.repeat([len(placement.materials) for placement in placements], places)
-    turns = [_normal_matrices(placement.matrices[:, :3, :3]) for placement in placements]
-    matrices = _stacked([placement.matrices for placement in placements], (4, 4), np.float64)
-    matrices[:, :3, 3] -= origin
     return InstancedGeometry(
         meshes=tuple(kept),
         mesh=np.repeat(mesh_numbers, places),
-        matrices=matrices,
         names=tuple(name for placement in placements for name in placement.names),
         materials=_stacked([np.tile(p.materials, n) for p, n in zip(placements, places, strict=True)], (), np.int32),
         first_material=np.concatenate([[0], np.cumsum(slots)]).astype(np.int32),
-        normal_matrices=_stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
-        keeps_length=np.repeat(np.array([keeps for _, keeps in turns], np.bool_), places),
         origin=origin,
         uvs=_stacked([_uvs(mesh) for mesh, _ in once], (3, 2), np.float32) if uvs else None,
         layers=texture_layers.assemble_layers(once, layers),
-        objects=texture_layers.object_frames(placements, origin) if objects else (),
         top=top,
+        **_places(placements, origin, objects=objects),
     )
+
+
+def moved(placements: list[Placement], geometry: InstancedGeometry) -> InstancedGeometry:
+    """The geometry of the same instances at the places of these placements."""
+    placements = [placement for placement in placements if len(placement.mesh.triangles)]
+    return replace(geometry, **_places(placements, geometry.origin, objects=bool(geometry.objects)))
+
+
+def _places(placements: list[Placement], origin: F64, *, objects: bool) -> dict[str, Any]:
+    """The fields of an InstancedGeometry that depend on transforms."""
+    turns = [_normal_matrices(placement.matrices[:, :3, :3]) for placement in placements]
+    keeps_length = [np.full(len(turn), keeps) for turn, keeps in turns]
+    matrices = _stacked([placement.matrices for placement in placements], (4, 4), np.float64)
+    matrices[:, :3, 3] -= origin
+    return {
+        "matrices": matrices,
+        "normal_matrices": _stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
+        "keeps_length": _stacked(keeps_length, (), np.bool_),
+        "objects": texture_layers.object_frames(placements, origin) if objects else (),
+    }
 
 
 def _uvs(mesh: MeshArrays) -> F32:

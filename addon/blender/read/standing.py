@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from ...core.base.arrays import F64
+from ...core.scene.scene import Image
 
 T = TypeVar("T")
 
@@ -17,6 +18,8 @@ class Standing:
     def __init__(self) -> None:
         self._places: dict[Any, F64] = {}
         self._shapes: dict[Any, Any] = {}
+        self.images: dict[Any, Image] = {}
+        """The images of all times, see `Gallery`."""
 
     def place(self, item: Any, parent: Any, number: Any, matrix: F64) -> F64:
         """The transform of an instance, (4, 4): that of the frame if it has no motion blur. number: the instance's."""

@@ -21,7 +21,7 @@ from ...core.base.resident import Growth
 from ...core.choose import auto, choice
 from ...core.session import coarse
 from ...core.session.refits import FOLLOWED, Followed
-from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
+from ...core.session.session import POLL_SECONDS, Cancelled, Session, Shown, watch
 from ...core.structures import catalogue
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..measure import comparing, workloads
@@ -177,7 +177,8 @@ class _Picture:
         memory.look()
         tree = self._keep(read, built)
 
-        later = [self._build_set(module, scene, settings, built.spec).session for scene in read.times]
+        first = read.scene, built.session.render_scene
+        later = [self._build_set(module, scene, settings, built.spec, first).session for scene in read.times]
         # The next frame's structure is fitted to the last one of its triangles.
         if later and self.scene.render.use_persistent_data:
             _kept.extend(_structures(later[-1]))
@@ -193,7 +194,17 @@ class _Picture:
         standing = Standing()
         vectors = self._motion() if "Vector" in settings.passes else None
         found = self._find(uvs, self.notes, standing)
-        layout = found.layout(quality.instancing(self.group), integrator=quality.integrator(self.group))
+        # Look at what moves, which the choice of the layout needs.
+        read_cameras = partial(cameras.by_view, self.engine, self.depsgraph, np.zeros(3), Notes())
+        times = moving.Times(self.engine, self.depsgraph, read_cameras, self._reading)
+        later = partial(self._find, uvs, Notes(), standing)
+        moves = times.look(found, later, self.notes)
+        self._fetch()
+        layout = found.layout(
+            quality.instancing(self.group),
+            integrator=quality.integrator(self.group),
+            times=moves.times if moves.keys else 1,
+        )
 
         def placed(found: extract.Found, origin: F64 | None = None) -> Scene:
             place = partial(found.instanced, top=quality.top(self.group)) if layout.two_level else found.flattened
@@ -203,17 +214,14 @@ class _Picture:
         scene = placed(found)
         origin = scene.geometry.origin
         views = cameras.by_view(self.engine, self.depsgraph, origin, self.notes)
-        still = moving.Still(scene, views, self.notes)
-        views, times = moving.read(
-            self.engine,
-            self.depsgraph,
-            still,
-            lambda: placed(self._find(uvs, Notes(), standing), origin),
-            lambda: cameras.by_view(self.engine, self.depsgraph, origin, Notes()),
-            self._reading,
-        )
+        views = times.posed(moves, views, origin)
+
+        def placed_later(other: extract.Found) -> Scene:
+            return other.moved(scene) if layout.two_level and moves.keys else placed(other, origin)
+
+        scenes = times.scenes(moves, placed_later, later)
         self._fetch()
-        return stages.Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, times)
+        return stages.Read(scene, views, layout, moment, time.perf_counter() - start, found.made, vectors, scenes)
 
     def _find(self, uvs: bool, notes: Notes, standing: Standing) -> extract.Found:
         """The objects that the scene shows at the depsgraph's time."""
@@ -241,8 +249,15 @@ class _Picture:
         self._note_dropped(read.scene.geometry, session.statistics)
         return built
 
-    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings, spec: str | None = None) -> stages.Built:
-        """Build the structure of the settings, or of this specification."""
+    def _build_set(
+        self,
+        module: Any,
+        scene: Scene,
+        settings: RenderSettings,
+        spec: str | None = None,
+        first: Shown | None = None,
+    ) -> stages.Built:
+        """Build the structure of the settings, or of this specification. first: the scene at another time."""
         spec = properties.spec(self.group) if spec is None else spec
         label = properties.structure(self.group).label
         properties.remark_unknown(self.group, self.notes)
@@ -255,6 +270,7 @@ class _Picture:
             memory_limit=memory_limit(self.group.memory_limit),
             followed=self.followed,
             keep_going=self._building,
+            first=first,
         )
         kept = session.done and self.followed is FOLLOWED
         reasons = [f"Persistent data: the structure was {session.done}"] if kept else []

@@ -3,71 +3,175 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...core.base.arrays import F64
 from ...core.base.equality import same
 from ...core.base.notes import Notes
 from ...core.scene.scene import Camera, Scene
 from ...core.session.session import Cancelled
+from ..read import between
 from ..read.standing import moves
 from . import shutter
+
+if TYPE_CHECKING:
+    from ..read.extract import Found
+
+T = TypeVar("T")
 
 Cameras = Mapping[str, Camera]
 """The camera of each view, by its name."""
 
+CLOSE = 0.2
+"""Largest distance of a place in the middle of two keys from the interpolated one, relative to the distance between the
+places of two times that the samples take in turn (chosen). Of smooth motion, with the middles as further keys, about a
+quarter of it remains, which no picture shows.
+"""
+
 
 @dataclass(frozen=True, eq=False)
-class Still:
-    """The scene as read at the frame, and the notes on it."""
+class Moving:
+    """What moves while the shutter is open, from the first to the second frame of `span`; None if it never is.
 
-    scene: Scene
-    cameras: Cameras
-    notes: Notes
-
-
-def read(
-    engine: Any,
-    depsgraph: Any,
-    still: Still,
-    read_scene: Callable[[], Scene],
-    read_cameras: Callable[[], Cameras],
-    keep_going: Callable[[], bool],
-) -> tuple[Cameras, tuple[Scene, ...]]:
-    """The cameras with their poses, and the scenes of the times that samples take in turn; none if only cameras move.
-
-    read_scene and read_cameras: read them again, at another time, in the scene frame of `still`. Leaves the depsgraph
-    at the frame. Raises Cancelled.
+    times: number of times that samples take in turn; 0 if nothing but cameras moves. keys: the scene at equal
+    intervals from the first to the last moment, if only places differ and lie between those of the keys.
     """
-    span = shutter.interval(depsgraph.scene_eval) if depsgraph.view_layer_eval.use_motion_blur else None
-    if span is None:
-        if depsgraph.scene_eval.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
-            still.notes.add(
-                "Motion blur with a shutter that never opens, rendered without motion", depsgraph.scene.name
+
+    span: tuple[float, float] | None = None
+    times: int = 0
+    keys: tuple[Found, ...] = ()
+
+    def between(self) -> Iterator[Found]:
+        """The scenes at the middles of `times` equal parts of the time."""
+        for moment in shutter.middles((0.0, len(self.keys) - 1.0), self.times):
+            first = int(moment)
+            yield between.interpolated(self.keys[first], self.keys[first + 1], moment - first)
+
+
+class Times:
+    """Reads a render's scene at other times, and returns to the frame. Raises Cancelled where `keep_going` returns
+    False.
+    """
+
+    def __init__(
+        self, engine: Any, depsgraph: Any, cameras: Callable[[], Cameras], keep_going: Callable[[], bool]
+    ) -> None:
+        """cameras: reads them, in world space."""
+        self._engine, self._depsgraph, self._keep_going = engine, depsgraph, keep_going
+        self._read_cameras = cameras
+        self._cameras: dict[float, Cameras] = {}
+        """Those of each time that was read."""
+
+    def look(self, found: Found, find: Callable[[], Found], notes: Notes) -> Moving:
+        """What moves, in a scene that is `found` at the frame; find: reads it."""
+        depsgraph, blurred = self._depsgraph, self._depsgraph.view_layer_eval.use_motion_blur
+        span = shutter.interval(depsgraph.scene_eval) if blurred else None
+        if span is None:
+            if depsgraph.scene_eval.render.use_motion_blur and blurred:
+                text = "Motion blur with a shutter that never opens, rendered without motion"
+                notes.add(text, depsgraph.scene.name)
+            return Moving()
+        frame, steps = depsgraph.scene_eval.frame_float, depsgraph.scene_eval.halfspace.motion_steps
+        self._cameras[frame] = self._read_cameras()
+
+        def at(moment: float) -> Found:
+            if moment == frame:
+                return found
+            return between.sharing(found, self._at(moment, find))
+
+        try:
+            keys = [at(moment) for moment in span]
+            if all(_stands(found, key) for key in keys):
+                return Moving(span)
+            return Moving(span, steps, self._keys(keys, span, steps, at))
+        finally:
+            shutter.at(self._engine, frame, lambda: None)
+
+    def _keys(
+        self, keys: list[Found], span: tuple[float, float], steps: int, at: Callable[[float], Found]
+    ) -> tuple[Found, ...]:
+        """Enough keys for all places between, from those of both ends; none if other things differ, or if reading every
+        time needs no more of them.
+        """
+        while all(between.differs_by_places(keys[0], key) for key in keys[1:]):
+            # Halve the intervals, and compare what is read there with what is interpolated.
+            middles = [at(moment) for moment in shutter.middles(span, len(keys) - 1)]
+            pairs = list(itertools.pairwise(keys))
+            if not all(between.differs_by_places(keys[0], middle) for middle in middles):
+                break
+            allowed = CLOSE / steps * sum(_farthest(*pair) for pair in pairs)
+            right = all(
+                _farthest(between.interpolated(*pair, 0.5), middle) <= allowed
+                for pair, middle in zip(pairs, middles, strict=True)
             )
-        return still.cameras, ()
-    frame = depsgraph.scene_eval.frame_float
-    steps = depsgraph.scene_eval.halfspace.motion_steps
+            keys = [one for pair in zip(keys, [*middles, None], strict=True) for one in pair if one is not None]
+            if right:
+                return tuple(keys)
+            if len(keys) > steps:
+                break
+        return ()
 
-    def at(moment: float, what: Callable[[], Any]) -> Any:
-        if not keep_going():
+    def scenes(self, moving: Moving, place: Callable[[Found], Scene], find: Callable[[], Found]) -> tuple[Scene, ...]:
+        """The scenes of the times that samples take in turn, none if only cameras move. Returns to the frame."""
+        if moving.span is None or not moving.times:
+            return ()
+        if moving.keys:
+            return tuple(place(found) for found in moving.between())
+        frame = self._depsgraph.scene_eval.frame_float
+        try:
+            middles = shutter.middles(moving.span, moving.times)
+            return tuple(place(self._at(moment, find)) for moment in middles)
+        finally:
+            shutter.at(self._engine, frame, lambda: None)
+
+    def posed(self, moving: Moving, cameras: Cameras, origin: F64) -> Cameras:
+        """The cameras of the frame, in the scene frame with this origin, with their poses while the shutter is open."""
+        camera = self._depsgraph.scene_eval.camera
+        if moving.span is None or (camera is not None and not moves(camera)):
+            return cameras
+        moments = shutter.moments(moving.span, shutter.POSES)
+        frame, unread = self._depsgraph.scene_eval.frame_float, [one for one in moments if one not in self._cameras]
+        try:
+            for moment in unread:
+                self._at(moment, lambda: None)
+        finally:
+            if unread:
+                shutter.at(self._engine, frame, lambda: None)
+        poses = [self._cameras[moment] for moment in moments]
+        return {name: _posed(one, [_moved(pose[name], origin) for pose in poses]) for name, one in cameras.items()}
+
+    def _at(self, moment: float, read: Callable[[], T]) -> T:
+        """The result of `read` at another time, whose cameras are kept."""
+        if not self._keep_going():
             raise Cancelled
-        return shutter.at(engine, moment, what)
 
-    try:
-        camera = depsgraph.scene_eval.camera
-        times = shutter.moments(span, shutter.POSES) if camera is None or moves(camera) else ()
-        poses = [at(moment, read_cameras) for moment in times]
-        # A scene that stands still while the shutter is open needs one structure, that of the frame.
-        ends = [at(moment, read_scene) for moment in span]
-        standing = all(same(still.scene, end) for end in ends)
-        scenes = () if standing else tuple(at(moment, read_scene) for moment in shutter.middles(span, steps))
-    finally:
-        shutter.at(engine, frame, lambda: None)
-    moved = {name: _posed(camera, [pose[name].to_world for pose in poses]) for name, camera in still.cameras.items()}
-    return moved, scenes
+        def both() -> T:
+            self._cameras[moment] = self._read_cameras()
+            return read()
+
+        return shutter.at(self._engine, moment, both)
+
+
+def _stands(found: Found, other: Found) -> bool:
+    """Whether nothing differs between two scenes."""
+    pairs = zip(found.placements, other.placements, strict=False)
+    return between.differs_by_places(found, other) and all(same(a.matrices, b.matrices) for a, b in pairs)
+
+
+def _farthest(a: Found, b: Found) -> float:
+    """The largest distance between the places of two scenes."""
+    pairs = zip(a.placements, b.placements, strict=True)
+    return max((between.farthest(*pair) for pair in pairs), default=0.0)
+
+
+def _moved(camera: Camera, origin: F64) -> F64:
+    """The transform of a camera in world space, in the scene frame with this origin."""
+    to_world = camera.to_world.copy()
+    to_world[:3, 3] -= origin
+    return to_world
 
 
 def _posed(camera: Camera, poses: Sequence[F64]) -> Camera:

@@ -178,7 +178,7 @@ _MOTION: dict[str, Any] = {
     "motion_steps": IntProperty(
         name="Steps",
         description="Number of times while the shutter is open at which moving objects are shown, each with a "
-        "structure of its own. The camera moves smoothly",
+        "structure of its own unless instances are kept. The camera moves smoothly",
         default=8,
         min=1,
         max=256,

@@ -171,11 +171,12 @@ class Layout:
     reason: str = ""
 
 
-def choose(mode: str, meshes: list[tuple[int, int]], *, numbers: int, interactive: bool) -> Layout:
+def choose(mode: str, meshes: list[tuple[int, int]], *, numbers: int, interactive: bool, times: int = 1) -> Layout:
     """Decide whether to flatten or to keep instances.
 
     mode: one of MODES. meshes: triangles and instances of each mesh. numbers: float32 that shading stores per corner of
-    a triangle. interactive: for a viewport, whose scene is edited.
+    a triangle. interactive: for a viewport, whose scene is edited. times: number of places that each instance takes
+    while the shutter is open; with flattened geometry each has a tree of its own.
     """
     # Count triangles with and without instancing.
     flat = sum(triangles * places for triangles, places in meshes)
@@ -183,12 +184,13 @@ def choose(mode: str, meshes: list[tuple[int, int]], *, numbers: int, interactiv
     places = sum(count for _, count in meshes)
     # Estimate the bytes saved: tree, two copies of indices, vertices, slots and corners, less the instances' own.
     each = TREE_BYTES + 2 * (12 + 6 + 4) + 2 * 12 * numbers
-    saved = (flat - unique) * each - places * PLACE_BYTES
+    saved = (times * flat - unique) * each - times * places * PLACE_BYTES
     repeated = any(count > 1 for _, count in meshes)
     if mode == "flatten" or not flat:
         return Layout(two_level=False, reason=f"instances: flattened, {flat:,} triangles" if repeated else "")
     mebibytes = f"{abs(saved) / 2**20:,.0f} MiB"
-    sizes = f"{unique:,} triangles in {places:,} places"
+    moving = f" at {times:,} times" if times > 1 else ""
+    sizes = f"{unique:,} triangles in {places:,} places{moving}"
     if mode == "two-level":
         return Layout(two_level=True, reason=f"two levels: as set, {sizes}")
     if saved >= WORTH:

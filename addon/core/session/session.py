@@ -13,6 +13,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from ..base.equality import same
 from ..scene.instances import InstancedGeometry
 from ..scene.scene import shallow
 from ..structures.trees import TREES, Trees
@@ -105,9 +106,11 @@ class Session:
         trees: Trees = TREES,
         followed: Followed | None = None,
         keep_going: KeepGoing,
+        first: Shown | None = None,
         **options: Unpack[BuildOptions],
     ) -> Session:
         """Build the structure to the end, calling `keep_going` meanwhile, and pass on materials, lights and world.
+        first: as for `render_scene`.
 
         Raises Cancelled, or as `show` does.
         """
@@ -119,14 +122,14 @@ class Session:
         except BaseException:  # also KeyboardInterrupt
             session.cancel()
             raise
-        session.show(scene)
+        session.show(scene, first)
         return session
 
-    def show(self, scene: Scene) -> None:
-        """Put a scene of the same triangles around the structure, after waiting for it. Raises as `structure` and
-        `render_scene` do.
+    def show(self, scene: Scene, first: Shown | None = None) -> None:
+        """Put a scene of the same triangles around the structure, after waiting for it. first: as for `render_scene`.
+        Raises as `structure` and `render_scene` do.
         """
-        self.render_scene = render_scene(self.native, self.structure, scene)
+        self.render_scene = render_scene(self.native, self.structure, scene, first)
 
     @property
     def progress(self) -> float:
@@ -258,6 +261,11 @@ class SceneArguments(TypedDict, total=False):
     object_index: NDArray[np.uint32] | None
     origin: tuple[float, float, float]
     indices: dict[str, Any] | None
+    like: RenderScene
+
+
+Shown = tuple["Scene", "RenderScene"]
+"""A scene in both forms."""
 
 
 def arguments(scene: Scene) -> SceneArguments:
@@ -293,12 +301,41 @@ LIGHT = re.compile(r"lights\[(\d+)\]")
 """Prefix of the native module's messages about a light."""
 
 
-def render_scene(native: Native, structure: AnyStructure, scene: Scene) -> RenderScene:
-    """The native `RenderScene` over this structure. Raises its exceptions, with the light's name where one is
-    concerned.
+def _later(scene: Scene, first: Shown) -> SceneArguments:
+    """The arguments of the native `RenderScene` for a scene at another time: without what it shares with the first."""
+    given, (before, shown) = arguments(scene), first
+    shared = {
+        "materials": same(scene.materials, before.materials),
+        "images": same(scene.images, before.images),
+        "layers": same(scene.geometry.layers, before.geometry.layers),
+        "world": same(scene.world, before.world),
+        "indices": same(_of_passes(scene), _of_passes(before)),
+    }
+    for name, alike in shared.items():
+        if alike:
+            given.pop(name)  # type: ignore[misc]
+    if not shared["indices"] and given["indices"] is None:
+        given["indices"] = scene.numbers.arrays(scene.geometry.runs())
+    if isinstance(scene.geometry, InstancedGeometry) and isinstance(before.geometry, InstancedGeometry):
+        pairs = zip(scene.geometry.meshes, before.geometry.meshes, strict=False)
+        alike = len(scene.geometry.meshes) == len(before.geometry.meshes)
+        if alike and all(same((a.slots, a.corner_normals), (b.slots, b.corner_normals)) for a, b in pairs):
+            given["surfaces"].pop("meshes")
+    return {**given, "like": shown}
+
+
+def _of_passes(scene: Scene) -> tuple[Any, ...]:
+    """What `Scene.for_passes` depends on."""
+    geometry = scene.geometry
+    return geometry.runs(), scene.numbers, geometry.uvs, scene.mattes, scene.motion
+
+
+def render_scene(native: Native, structure: AnyStructure, scene: Scene, first: Shown | None = None) -> RenderScene:
+    """The native `RenderScene` over this structure. first: the same scene at another time, with which it shares what
+    does not differ. Raises its exceptions, with the light's name where one is concerned.
     """
     try:
-        return native.RenderScene(structure, **arguments(scene))
+        return native.RenderScene(structure, **(arguments(scene) if first is None else _later(scene, first)))
     except ValueError as error:
         about = LIGHT.match(str(error))
         name = scene.lights[int(about[1])].name if about is not None else ""

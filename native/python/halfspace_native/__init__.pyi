@@ -991,7 +991,8 @@ class RenderScene:
     in the picture before this one and in the one     after, for the pass "Vector" (None: they stay). For Instances, two
     tuples: the corners of the meshes' triangles     there, each in its mesh's space; (k,) int64, for each instance the
     difference from the index of its triangle here     to that there; (k, 3, 4) float64, the transforms to the scene
-    there.
+    there. like: the same scene at another time (None: there is none). Materials, images, layers, the "meshes" of
+    surfaces, world     and indices that are not given are those of it, without a copy.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.

@@ -12,7 +12,7 @@ use halfspace_base::error::{Error, Result};
 use halfspace_render::film::Unsampled;
 use halfspace_render::job::{Job, Moments};
 use halfspace_render::scene::attributes::InstancedAttributes;
-use halfspace_render::scene::{self, SceneParams, SharedTracer};
+use halfspace_render::scene::{self, SceneParams, Shared, SharedTracer};
 use halfspace_render::settings::Pass;
 use halfspace_render::values::varying::Varying;
 use numpy::{PyArray1, PyArrayMethods};
@@ -111,6 +111,8 @@ use std::time::Duration;
 ///     after, for the pass "Vector" (None: they stay). For Instances, two tuples: the corners of the meshes' triangles
 ///     there, each in its mesh's space; (k,) int64, for each instance the difference from the index of its triangle here
 ///     to that there; (k, 3, 4) float64, the transforms to the scene there.
+/// like: the same scene at another time (None: there is none). Materials, images, layers, the "meshes" of surfaces, world
+///     and indices that are not given are those of it, without a copy.
 ///
 /// Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
 /// SpecError (a number out of range, a missing or unknown key); each names the key and its index.
@@ -121,7 +123,7 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None, images=None, layers=None, objects=None, object_index=None, origin=None, grids=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None, images=None, layers=None, objects=None, object_index=None, origin=None, grids=None, like=None))]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
@@ -139,6 +141,7 @@ impl RenderScene {
         object_index: Option<&Bound<'_, PyAny>>,
         origin: Option<[f64; 3]>,
         grids: Option<&Bound<'_, PyAny>>,
+        like: Option<&Bound<'_, Self>>,
     ) -> PyResult<Self> {
         let _mode = DefaultMode::set(py)?;
         // Rays are traced through a single structure or through instances.
@@ -168,6 +171,15 @@ impl RenderScene {
                 )
             }
         };
+        let like = like.map(|scene| Arc::clone(&scene.get().0));
+        let shared = Shared {
+            materials: materials.is_none(),
+            images: images.is_none(),
+            layers: layers.is_none(),
+            meshes: (surfaces.map(|dict| dict.contains("meshes")).transpose()?) == Some(false),
+            world: world.is_none(),
+            indices: indices.is_none(),
+        };
         // Convert all parts before the scene is compiled without the GIL.
         let varying = Varying {
             grids: volume::grids(grids).map_err(raise)?,
@@ -191,7 +203,10 @@ impl RenderScene {
             indices: surface::indices(indices).map_err(raise)?,
         };
         let scene = py
-            .detach(|| scene::RenderScene::new(tracer, params))
+            .detach(|| match &like {
+                None => scene::RenderScene::new(tracer, params),
+                Some(like) => like.later(shared, tracer, params),
+            })
             .map_err(raise)?;
         Ok(Self(Arc::new(scene)))
     }

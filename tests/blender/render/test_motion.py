@@ -6,9 +6,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from addon.blender.measure import pictures
-from addon.blender.render import cameras, shutter
+from addon.blender.read import between
+from addon.blender.render import cameras, moving, shutter
 from addon.core.session import refits
 from tests.blender import atlas
 from tests.blender.shapes import cube, look, material, place, world
@@ -73,6 +75,48 @@ def test_a_moving_object(stage: Any, position: str) -> None:
     assert apart < 0.1
     assert stage.frame_current == 1
     assert stage.frame_subframe == 0
+
+
+@pytest.mark.parametrize("layout", ["flatten", "two-level"])
+def test_places_between_keys_are_those_that_are_read(stage: Any, layout: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    item, scene = bpy.data.objects["Cube"], stage
+    animate(item, "location", (-1, 0, 0), (0, 0.3, 0), (1, 0, 0))
+    animate(item, "rotation_euler", (0, 0, -0.6), (0, 0, 0), (0, 0, 0.6))
+    animate(item, "scale", (1, 1, -1), (1, 1, -1.5), (1, 1, -2))
+    stage.frame_set(1)
+    scene.render.engine, scene.halfspace.instancing, scene.halfspace.motion_steps = "HALFSPACE", layout, 16
+    looked = []
+
+    def noted(*given: Any) -> Any:
+        found = look_at(*given)
+        looked.append(found)
+        return found
+
+    look_at = moving.Times.look
+    monkeypatch.setattr(moving.Times, "look", noted)
+    quick = pictures.render(scene)
+    monkeypatch.setattr(moving.Times, "_keys", lambda *_: ())
+    exact = pictures.render(scene)
+    assert [len(one.keys) for one in looked] == [5, 0]
+    assert [one.times for one in looked] == [16, 16]
+    # The same samples meet nearly the same places.
+    assert np.abs(quick - exact).mean() < 0.002 * exact.std()
+
+
+def test_transforms_between_two() -> None:
+    rng = np.random.default_rng(5)
+    for angle, axis in ((0.0, "X"), (0.4, "Y"), (3.0, "Z"), (np.pi, "X"), (np.pi, "Y"), (np.pi, "Z")):
+        a = Matrix.LocRotScale(rng.normal(size=3).tolist(), None, (1.0, 2.0, -0.5))
+        turned = [Matrix.Rotation(angle * share, 4, axis) @ a for share in (0.0, 0.5, 1.0)]
+        ends = np.array(turned[::2], np.float64)
+        half = between.transforms(ends[:1], ends[1:], 0.5)[0]
+        assert np.allclose(between.transforms(ends[:1], ends[1:], 0.0)[0], ends[0], atol=1e-6)
+        assert np.allclose(between.transforms(ends[:1], ends[1:], 1.0)[0], ends[1], atol=1e-6)
+        # The position goes straight; half a turn may go either way.
+        assert np.allclose(half[:3, 3], ends[:, :3, 3].mean(axis=0))
+        back = np.array(Matrix.Rotation(-angle / 2, 4, axis) @ a)[:3, :3]
+        right = np.allclose(half[:3, :3], np.array(turned[1])[:3, :3], atol=1e-5)
+        assert right or (angle == np.pi and np.allclose(half[:3, :3], back, atol=1e-5))
 
 
 def test_an_object_that_changes_its_shape(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:

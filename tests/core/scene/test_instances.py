@@ -112,6 +112,30 @@ def test_the_tree_over_the_instances_is_the_chosen_one(top: str) -> None:
     assert same(picture(start(geometry)), picture(one))
 
 
+def test_a_scene_at_another_time_shares_what_does_not_differ() -> None:
+    geometry = places((ball(4, slots=True), ball(3)), 9)
+    matrices = geometry.matrices.copy()
+    matrices[:, :3, 3] += 0.25
+    later = dataclasses.replace(geometry, matrices=matrices)
+    first = start(geometry)
+    given = session._later(scene(later), (scene(geometry), first.render_scene))
+    assert not {"materials", "images", "layers", "world", "indices"} & given.keys()
+    assert "meshes" not in given["surfaces"]
+    alone = start(later)
+    one, other = picture(alone), picture(first)
+    assert not same(one, other)
+    alone.show(scene(later), (scene(geometry), first.render_scene))
+    assert same(one, picture(alone))
+    # What differs is not that of the first.
+    red = dataclasses.replace(scene(later), world=World((1.0, 0.0, 0.0)))
+    alone.show(red, (scene(geometry), first.render_scene))
+    colours = picture(alone)["Combined"].reshape(-1, 4)
+    assert colours[:, 0].any()
+    assert not colours[:, 1:3].any()
+    with pytest.raises(native.ShapeError, match="meshes"):
+        native.RenderScene(alone.structure, surfaces={k: v for k, v in geometry.surfaces().items() if k != "meshes"})
+
+
 def expected_surfaces(geometry: InstancedGeometry, vertices: Any, triangles: Any) -> dict[str, Any]:
     """Material and corner normals of every flattened triangle, the slow and plain way."""
     material, normals = [], []

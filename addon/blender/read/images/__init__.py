@@ -28,10 +28,13 @@ Use = tuple[Any, int]
 
 
 class Gallery:
-    """Collects the images of nodes; the pixels of those in use are read at the end. frame: that of the scene."""
+    """Collects the images of nodes; the pixels of those in use are read at the end. frame: that of the scene. known:
+    images that were read before, by their identity and frame, to which those read here are added.
+    """
 
-    def __init__(self, frame: int = 1) -> None:
+    def __init__(self, frame: int = 1, known: dict[Any, Image] | None = None) -> None:
         self._frame = frame
+        self._known = {} if known is None else known
         self._images: list[Image | Use] = []
         self._numbers: dict[tuple[int, int], int] = {}
 
@@ -60,8 +63,15 @@ class Gallery:
                 found.append(image if number in used else Image(image.name, EMPTY))
             else:
                 item, frame = image
-                found.append(read_image(item, notes, frame) if number in used else Image(item.name, EMPTY))
+                found.append(self._of(item, frame, notes) if number in used else Image(item.name, EMPTY))
         return tuple(found)
+
+    def _of(self, item: Any, frame: int, notes: Notes) -> Image:
+        """A frame of an image, read once."""
+        key = item.original.as_pointer(), frame
+        if key not in self._known:
+            self._known[key] = read_image(item, notes, frame)
+        return self._known[key]
 
 
 def frame_of(user: Any, frame: int) -> int:

@@ -19,6 +19,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMe
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBool, PyFloat, PyInt};
+use std::sync::Arc;
 
 /// Gradient textures by Blender's names.
 const GRADIENTS: &[(&str, Gradient)] = &[
@@ -327,7 +328,7 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
         if item.is_none() {
             out.push(Layer {
                 width: 2,
-                values: Vec::new(),
+                values: Arc::default(),
             });
             continue;
         }
@@ -336,7 +337,7 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
             return Err(wrong(&item));
         };
         check_copy("layers", &*array, size_of::<f32>())?;
-        let values = array.as_slice().map_err(|_| wrong(&item))?.to_vec();
+        let values = Arc::new(array.as_slice().map_err(|_| wrong(&item))?.to_vec());
         out.push(Layer { width, values });
     }
     Ok(out)

@@ -48,7 +48,7 @@ pub struct InstancedAttributes {
 /// The attributes of all triangles of a scene.
 pub struct Attributes {
     /// Attributes of each mesh; of the flattened scene alone if nothing is instanced.
-    meshes: Vec<MeshAttributes>,
+    meshes: Arc<Vec<MeshAttributes>>,
     /// Row of each mesh's first triangle, and at the end the number of all rows.
     first_row: Vec<usize>,
     instanced: Option<(Arc<Instances>, InstanceAttributes)>,
@@ -79,23 +79,28 @@ impl Attributes {
             check_materials("material_index", index, materials)?;
         }
         Ok(Self {
-            meshes: vec![mesh],
+            meshes: Arc::new(vec![mesh]),
             first_row: vec![0, count],
             instanced: None,
             objects: Vec::new(),
         })
     }
 
-    /// The attributes of instanced meshes.
+    /// The attributes of instanced meshes. `known`: of other instances of the same meshes, whose attributes they share.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NonFinite`] with the array whose length, index or value is wrong.
-    pub fn instanced(attributes: InstancedAttributes, materials: usize) -> Result<Self> {
+    pub fn instanced(
+        attributes: InstancedAttributes,
+        materials: usize,
+        known: Option<&Self>,
+    ) -> Result<Self> {
         let InstancedAttributes {
             instances,
             meshes,
             each,
         } = attributes;
+        let meshes = known.map_or_else(|| Arc::new(meshes), |known| Arc::clone(&known.meshes));
         check_meshes(&meshes, &instances)?;
         each.check(instances.len(), materials)?;
         // Number the rows of the meshes, one after another.

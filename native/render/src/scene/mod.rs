@@ -38,12 +38,12 @@ pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;
 pub struct RenderScene {
     pub(crate) tracer: SharedTracer,
     pub(crate) attributes: Attributes,
-    pub(crate) materials: Vec<Material>,
-    pub(crate) images: Vec<Image>,
+    pub(crate) materials: Arc<Vec<Material>>,
+    pub(crate) images: Arc<Vec<Image>>,
     pub(crate) varying: Varying,
     pub(crate) lights: Lights,
-    pub(crate) world: World,
-    pub(crate) indices: Indices,
+    pub(crate) world: Arc<World>,
+    pub(crate) indices: Arc<Indices>,
     pub(crate) media: Media,
     pub(crate) touching: Option<Touching>,
     features: Features,
@@ -72,6 +72,23 @@ pub struct SceneParams {
     pub indices: Indices,
 }
 
+/// Which parts a scene shares with the same scene at another time; those of its parameters are ignored.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shared {
+    /// Materials.
+    pub materials: bool,
+    /// Images.
+    pub images: bool,
+    /// Layers of [`Varying`].
+    pub layers: bool,
+    /// Attributes of the meshes of instances.
+    pub meshes: bool,
+    /// Background.
+    pub world: bool,
+    /// Object and material indices for passes.
+    pub indices: bool,
+}
+
 impl RenderScene {
     /// Checks and compiles the parts, and determines the features the scene needs.
     ///
@@ -79,15 +96,49 @@ impl RenderScene {
     /// If a number is not finite or out of range, or the size of an array does not match the structure's triangles;
     /// the message names the key.
     pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
+        Self::assemble(tracer, params, None)
+    }
+
+    /// The same scene at another time: like [`Self::new`], without a copy of the parts that both share.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn later(&self, shared: Shared, tracer: SharedTracer, params: SceneParams) -> Result<Self> {
+        Self::assemble(tracer, params, Some((self, shared)))
+    }
+
+    /// Makes a scene of these parameters, and of the shared parts of another scene.
+    fn assemble(
+        tracer: SharedTracer,
+        params: SceneParams,
+        like: Option<(&Self, Shared)>,
+    ) -> Result<Self> {
+        let of = |part: fn(Shared) -> bool| {
+            like.filter(|&(_, shared)| part(shared))
+                .map(|(scene, _)| scene)
+        };
         // Compile the materials, and check their references to images and layers.
         let count = tracer.count();
-        let materials = compile_materials(&params.materials)?;
+        let materials = match of(|shared| shared.materials) {
+            Some(scene) => Arc::clone(&scene.materials),
+            None => Arc::new(compile_materials(&params.materials)?),
+        };
+        let images = match of(|shared| shared.images) {
+            Some(scene) => Arc::clone(&scene.images),
+            None => Arc::new(params.images),
+        };
         let mut varying = params.varying;
+        if let Some(scene) = of(|shared| shared.layers) {
+            varying.layers.clone_from(&scene.varying.layers);
+        }
         for (index, material) in materials.iter().enumerate() {
-            check_references(material, index, params.images.len(), varying.layers.len())?;
+            check_references(material, index, images.len(), varying.layers.len())?;
         }
         let mut attributes = match params.instanced {
-            Some(instanced) => Attributes::instanced(instanced, materials.len())?,
+            Some(instanced) => {
+                let known = of(|shared| shared.meshes).map(|scene| &scene.attributes);
+                Attributes::instanced(instanced, materials.len(), known)?
+            }
             None => {
                 let mesh = MeshAttributes {
                     material_index: params.material_index,
@@ -102,10 +153,19 @@ impl RenderScene {
             attributes.set_objects(&varying.object_index);
         }
         // Prepare the background; whether it varies decides how it is sampled.
-        params
-            .indices
-            .check(attributes.rows(), attributes.instances())?;
-        let mut world = World::new(&params.world, &params.images, &varying)?;
+        let indices = match of(|shared| shared.indices) {
+            Some(scene) => Arc::clone(&scene.indices),
+            None => Arc::new(params.indices),
+        };
+        indices.check(attributes.rows(), attributes.instances())?;
+        let (world, map) = match of(|shared| shared.world) {
+            Some(scene) => (Arc::clone(&scene.world), scene.lights.map()),
+            None => {
+                let mut world = World::new(&params.world, &images, &varying)?;
+                let map = world.take_map();
+                (Arc::new(world), map)
+            }
+        };
         // Features depend only on materials that a live triangle uses.
         let mut used = vec![false; materials.len()];
         let live = tracer
@@ -122,15 +182,15 @@ impl RenderScene {
             tracer: &*tracer,
             attributes: &attributes,
             materials: &materials,
-            images: &params.images,
+            images: &images,
             varying: &varying,
         };
         let mut lights = Lights::new(
             &params.lights,
             &probe.emissive_triangles(),
-            world.take_map(),
+            map,
             world.visible,
-            &params.images,
+            &images,
             &varying,
         )?;
         lights.limit_background(params.world.max_bounces, params.world.casts_shadow);
@@ -145,11 +205,11 @@ impl RenderScene {
             tracer,
             attributes,
             materials,
-            images: params.images,
+            images,
             varying,
             lights,
             world,
-            indices: params.indices,
+            indices,
             media,
             features,
         };

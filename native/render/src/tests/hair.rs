@@ -36,7 +36,7 @@ fn sphere(material: MaterialParams, bounces: u32, sun: bool) -> f64 {
     let normals = mesh.sphere(3, 0);
     let layer = Layer {
         width: 3,
-        values: vec![1.0; 9 * mesh.triangles.len()],
+        values: vec![1.0; 9 * mesh.triangles.len()].into(),
     };
     let lights = if sun {
         vec![light(LightKind::Sun { angle: 0.1 }, tilted(2.5), 3.0)]

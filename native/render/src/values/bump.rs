@@ -137,7 +137,7 @@ mod tests {
         let varying = Varying {
             layers: vec![Layer {
                 width: 2,
-                values: vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0],
+                values: vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0].into(),
             }],
             ..Default::default()
         };

@@ -58,7 +58,7 @@ mod tests {
         let varying = Varying {
             layers: vec![Layer {
                 width: 4,
-                values: [1.0, 0.0, 0.0, 1.0].repeat(3),
+                values: [1.0, 0.0, 0.0, 1.0].repeat(3).into(),
             }],
             ..Default::default()
         };

@@ -282,7 +282,7 @@ pub(super) mod tests {
         let mut varying = Varying {
             layers: vec![Layer {
                 width: 2,
-                values: vec![0.0, 0.0, 1.0, f32::NAN, 1.0, 1.0],
+                values: vec![0.0, 0.0, 1.0, f32::NAN, 1.0, 1.0].into(),
             }],
             ..Default::default()
         };

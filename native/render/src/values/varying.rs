@@ -2,6 +2,8 @@
 //! Data that vary over the triangles of a scene: layers of corner attributes and texture coordinates of objects.
 //! Instances share the rows of their mesh; each is an object of its own.
 
+use std::sync::Arc;
+
 use crate::check::{Error, Result, finite};
 use crate::values::voxels::Voxels;
 
@@ -42,7 +44,7 @@ pub struct Layer {
     /// Numbers per corner, 2 to 4.
     pub width: usize,
     /// Triangle by triangle, corner by corner; empty = missing everywhere.
-    pub values: Vec<f32>,
+    pub values: Arc<Vec<f32>>,
 }
 
 /// Texture coordinates and other values of an object.
@@ -88,11 +90,12 @@ impl Varying {
                     layer.values.len()
                 )));
             }
-            layer
-                .values
-                .iter_mut()
-                .filter(|v| !v.is_finite())
-                .for_each(|v| *v = 0.0);
+            // Only copy shared values to repair them.
+            if !layer.values.iter().all(|v| v.is_finite()) {
+                let values = Arc::make_mut(&mut layer.values);
+                let wrong = values.iter_mut().filter(|v| !v.is_finite());
+                wrong.for_each(|v| *v = 0.0);
+            }
         }
         for (i, object) in self.objects.iter().enumerate() {
             finite(object.to_object.as_flattened(), || {
