@@ -1016,6 +1016,7 @@ class RenderScene:
         origin: tuple[float, float, float] | None = None,
         grids: Sequence[Mapping[str, Any]] | None = None,
         indices: Mapping[str, Any] | None = None,
+        like: RenderScene | None = None,
     ) -> None: ...
     @property
     def left_out(self) -> list[str]:
