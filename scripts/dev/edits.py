@@ -4,9 +4,9 @@
 
 For each scene of `addon/lab/pictures/large.py`, one sample and one thread: seconds and processor seconds until the view
 shows the new picture, processor seconds until the process rests, and the longest time in which Blender's main thread
-did not return to its loop. COMMAND opens Blender on
-a screen and runs `window/edit_steps.py`, as scripts/dev/window/README.md describes; by default it is that of the
-variable HALFSPACE_WINDOW. Exit status: 0 done; 2 something failed; 130 stopped.
+did not return to its loop. COMMAND opens Blender on a screen and runs `window/edit_steps.py`, as
+scripts/dev/window/README.md describes; by default it is that of the variable HALFSPACE_WINDOW. Exit status: 0 done; 2
+something failed; 130 stopped.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ def _table(
     # Write one line per row, with a link to it.
     body = []
     for row in rows:
-        kind = "yardstick" if yardstick.is_foreign(row["spec"]) else "" if agrees(row) else "wrong"
+        kind = "yardstick" if row["spec"] == yardstick.SPEC else "" if agrees(row) else "wrong"
         link = f'<a href="{target(row, "spec")}">{safe(row["spec"] or row["scene"])}</a>'
         way = f" <small>{safe(row['nodes'])}, {safe(tables.rays_text(row))}</small>" if row["nodes"] else ""
         cells = "".join(_cell(column, row, target, is_best=(id(row), column.at) in best) for column in columns)

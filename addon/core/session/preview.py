@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from ..scene.scene import Camera, Scene
     from .stock import Stock
 
-QUICK, QUICK_TRIANGLES = "bvh-hlbvh", 20_000
-"""The structure that shows scenes of at least so many triangles first. Smaller scenes start with the chosen structure,
-whose build takes no longer.
+QUICK = ((20_000, "bvh-hlbvh"), (1_000_000, "bih"))
+"""Pairs of a number of triangles and the structure that shows scenes of at least that size first. Smaller scenes start
+with the chosen structure, whose build takes no longer.
 
-Measured on one core of an EPYC (Zen 3, AVX2), build and 300,000 rays in seconds: Sponza 0.12 (`bvh-sah` 0.16, `bih`
-0.39), the dragon 0.58 (1.04, 0.63), the kitchen 0.96 (1.55, 0.55).
+Measured on one core of an EPYC (Zen 3, AVX2), build and 300,000 rays in seconds, `bvh-sah`, `bvh-hlbvh`, `bih`: Sponza
+0.16, 0.12, 0.39; the dragon 1.04, 0.58, 0.63; the kitchen 1.55, 0.96, 0.55.
 """
 
 COARSEST = 16
@@ -245,9 +245,10 @@ class Preview:
         self._preparing = None  # frees, or stops, what is not shared
         specs = [self._spec]
         geometry = self._scene.geometry
-        slower = geometry.size >= QUICK_TRIANGLES and structure_of(self._spec) != QUICK
-        if slower and self._stock.find(geometry, self._spec, self._memory_limit) is None:
-            specs.insert(0, QUICK)
+        quick = [spec for triangles, spec in QUICK if triangles <= geometry.size]
+        chosen = structure_of(self._spec)
+        if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
+            specs.insert(0, quick[-1])
         self._preparing = Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
 
     def _take_structure(self) -> None:

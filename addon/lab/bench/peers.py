@@ -127,6 +127,9 @@ def register(names: str, say: Callable[[str], None]) -> dict[str, str]:
     if len(wanted) > len(files):
         module = _built(say)
         known = dict(module.names())
+        if (reason := _use_embree(module)) is not None:
+            say(f"Embree's packets are left out: {reason}")
+            known = {name: told for name, told in known.items() if not name.startswith("embree")}
         for name in (one for one in wanted if one not in files):
             chosen = [one for one in known if name in ("all", one) or (name in GROUPS and one.split("-")[0] == name)]
             if not chosen:
@@ -137,6 +140,8 @@ def register(names: str, say: Callable[[str], None]) -> dict[str, str]:
             yardstick.MAKERS[spec] = lambda v, t, name=name: Peer(module, name, v, t)  # type: ignore[misc]
     for name in files:
         own, spec = _own(Path(name)), yardstick.PEER + Path(name).stem.replace(":", "-")
+        if spec in found:
+            raise UsageError(f"--peers: two tracers are called {Path(name).stem}")
         yardstick.MAKERS[spec] = lambda v, t, own=own: OwnPeer(own, v, t)  # type: ignore[misc]
         found[spec] = name
     return found
@@ -172,23 +177,27 @@ def _built(say: Callable[[str], None]) -> Any:
     words = ["cargo", "build", "--release", "--locked"]
     if subprocess.run(words, cwd=CRATE, env=variables, check=False).returncode != 0:
         raise UsageError("--peers: native/peers cannot be built; cargo says why above")
-    library = next(TARGET.glob(f"release/*{MODULE}.*[!d]"))
+    names = (f"lib{MODULE}.so", f"lib{MODULE}.dylib", f"{MODULE}.dll")
+    library = next(path for path in (TARGET / "release" / name for name in names) if path.is_file())
     loader = importlib.machinery.ExtensionFileLoader(MODULE, str(library))
     described = importlib.util.spec_from_loader(MODULE, loader)
     assert described is not None, "a loader was given"
     module = importlib.util.module_from_spec(described)
     loader.exec_module(module)
-    if (embree := _embree()) is not None:
-        module.use_embree(str(embree))
     return module
 
 
-def _embree() -> Path | None:
-    """The library of Embree that embreex brings, if it does."""
+def _use_embree(module: Any) -> str | None:
+    """Give the crate the library of Embree that embreex brings. Returns the reason where there is none."""
     described = importlib.util.find_spec("embreex")
     if described is None or described.origin is None:
-        return None
+        return "embreex is not installed"
     folder = Path(described.origin).parent
-    return next(
-        (path for place in ("../embreex.libs", ".", ".dylibs") for path in (folder / place).glob("*embree4*")), None
-    )
+    places = [path for place in ("../embreex.libs", ".", ".dylibs") for path in (folder / place).glob("*embree4*")]
+    if not places:
+        return "embreex brings no library of Embree"
+    try:
+        module.use_embree(str(places[0]))
+    except RuntimeError as error:
+        return first_line(error)
+    return None

@@ -72,7 +72,7 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
         for place, row in enumerate(slowest_first):
             speed = (row["rays"].get(name) or {}).get("mrays_s")
             if speed:
-                wrong = not yardstick.is_foreign(row["spec"]) and not agrees(row)
+                wrong = row["spec"] != yardstick.SPEC and not agrees(row)
                 colour = WRONG if wrong else GREY if row["spec"] == "embree" else COLOURS[0]
                 axes.plot([speed["min"], speed["max"]], [place, place], "-", color=colour, linewidth=2, alpha=0.5)
                 axes.plot(speed["med"], place, "X" if wrong else "o", color=colour, markersize=4.5)

@@ -34,7 +34,8 @@ struct RayHit8 {
     triangle: Column<c_uint>,
     geometry: Column<c_uint>,
     instance: Column<c_uint>,
-    instance_of_instance: Column<c_uint>,
+    /// With instance arrays only.
+    instance_primitive: Column<c_uint>,
 }
 
 /// The values of the header's enumerations that are used here.
@@ -53,6 +54,7 @@ type Handle = *mut c_void;
 /// The functions of the library.
 struct Functions {
     device: unsafe extern "C" fn(*const c_char) -> Handle,
+    error: unsafe extern "C" fn(Handle) -> c_int,
     scene: unsafe extern "C" fn(Handle) -> Handle,
     set_quality: unsafe extern "C" fn(Handle, c_int),
     set_flags: unsafe extern "C" fn(Handle, c_int),
@@ -86,6 +88,7 @@ pub fn open(path: &str) -> Result<(), String> {
             let library = Library::new(path)?;
             Ok(Functions {
                 device: *library.get(b"rtcNewDevice")?,
+                error: *library.get(b"rtcGetDeviceError")?,
                 scene: *library.get(b"rtcNewScene")?,
                 set_quality: *library.get(b"rtcSetSceneBuildQuality")?,
                 set_flags: *library.get(b"rtcSetSceneFlags")?,
@@ -161,11 +164,14 @@ impl<const HIGH: bool> Tracer for Packets<HIGH> {
             if device.is_null() {
                 return Err("Embree makes no device".to_owned());
             }
-            let scene = (call.scene)(device);
+            let made = Self {
+                device,
+                scene: (call.scene)(device),
+            };
             if HIGH {
-                (call.set_quality)(scene, values::HIGH);
+                (call.set_quality)(made.scene, values::HIGH);
             } else {
-                (call.set_flags)(scene, values::ROBUST);
+                (call.set_flags)(made.scene, values::ROBUST);
             }
             let geometry = (call.geometry)(device, values::TRIANGLES);
             let fill = |kind, form, bytes: &[u8], count: usize| {
@@ -200,10 +206,19 @@ impl<const HIGH: bool> Tracer for Packets<HIGH> {
                 mesh.triangles.len(),
             );
             (call.commit_geometry)(geometry);
-            (call.attach)(scene, geometry);
+            (call.attach)(made.scene, geometry);
             (call.release_geometry)(geometry);
-            (call.commit)(scene);
-            Ok(Self { device, scene })
+            (call.commit)(made.scene);
+            // Ask one packet: a library without packets answers with an error, and no hits.
+            made.closest(&Self::rays(&[Ray {
+                origin: [0.0; 3],
+                direction: [0.0, 0.0, 1.0],
+                t_max: 1.0,
+            }]));
+            match (call.error)(device) {
+                0 => Ok(made),
+                code => Err(format!("Embree reports its error {code}")),
+            }
         }
     }
 
@@ -229,7 +244,7 @@ impl<const HIGH: bool> Tracer for Packets<HIGH> {
                 triangle: none,
                 geometry: none,
                 instance: none,
-                instance_of_instance: none,
+                instance_primitive: none,
             }
         };
         Batch {

@@ -41,7 +41,7 @@ pub struct Hit {
 /// The triangle of a miss.
 pub const NONE: u32 = u32::MAX;
 
-/// What a ray has that hits nothing.
+/// The answer to a ray that hits nothing.
 pub const MISS: Hit = Hit {
     t: f32::INFINITY,
     triangle: NONE,
@@ -122,17 +122,19 @@ fn built<T: Tracer>(mesh: Mesh) -> Result<Box<dyn AnyTracer>, String> {
 }
 
 /// All tracers.
-static ROWS: [Row; 9] = [
+static ROWS: &[Row] = &[
     Row(
         "tinybvh-bvh",
         "tinybvh 1.6, binary, binned",
         built::<peers::TinyBinary>,
     ),
+    #[cfg(target_feature = "avx2")]
     Row(
         "tinybvh-bvh8",
         "tinybvh 1.6, eight children, binned",
         built::<peers::TinyWide<false>>,
     ),
+    #[cfg(target_feature = "avx2")]
     Row(
         "tinybvh-bvh8-splits",
         "tinybvh 1.6, eight children, spatial splits",
@@ -161,7 +163,7 @@ static ROWS: [Row; 9] = [
     ),
     Row(
         "embree-best",
-        "Embree, packets of 8, high-quality build",
+        "Embree, packets of 8, high-quality build, not robust",
         built::<embree::Packets<true>>,
     ),
 ];
@@ -219,6 +221,13 @@ fn build(
     made.map(Structure).map_err(PyRuntimeError::new_err)
 }
 
+/// Runs a tracer without the GIL. Raises RuntimeError where it panics.
+fn guarded<T: Send>(py: Python<'_>, run: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let run = std::panic::AssertUnwindSafe(run);
+    py.detach(|| std::panic::catch_unwind(run))
+        .map_err(|_| PyRuntimeError::new_err("the tracer panicked"))
+}
+
 /// The rows of an (n, 3) array.
 fn triples<T: numpy::Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T; 3]>> {
     let view = array.as_array();
@@ -255,6 +264,12 @@ impl Structure {
                 "origins, directions and t_max differ in length",
             ));
         }
+        let bad = |d: &[f32; 3]| d == &[0.0; 3] || d.iter().any(|x| !x.is_finite());
+        if directions.iter().any(bad) || origins.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(PyValueError::new_err(
+                "rays are finite, with directions other than 0",
+            ));
+        }
         let all = origins.into_iter().zip(directions).zip(ends);
         let rays: Vec<_> = all
             .map(|((origin, direction), &t_max)| Ray {
@@ -268,7 +283,7 @@ impl Structure {
 
     /// Distances (inf for a miss), triangles (-1 for a miss) and weights of the second and third vertices.
     fn closest<'py>(&self, py: Python<'py>, rays: &Rays) -> PyResult<Arrays<'py>> {
-        let hits = py.detach(|| self.0.closest(&*rays.0)).ok_or_else(foreign)?;
+        let hits = guarded(py, || self.0.closest(&*rays.0))?.ok_or_else(foreign)?;
         let column = |of: fn(&Hit) -> f32| hits.iter().map(of).collect::<Vec<_>>().into_pyarray(py);
         let triangles: Vec<_> = hits.iter().map(|hit| hit.triangle.cast_signed()).collect();
         Ok((

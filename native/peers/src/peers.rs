@@ -14,7 +14,9 @@ use obvhs::triangle::Triangle;
 use parry3d::math::Vector;
 use parry3d::query::RayCast;
 use parry3d::shape::{CompositeShapeRef, TriMesh};
-use tinybvh_rs::{Intersector, bvh as tiny, bvh8_cpu, mbvh};
+use tinybvh_rs::{Intersector, bvh as tiny};
+#[cfg(target_feature = "avx2")]
+use tinybvh_rs::{bvh8_cpu, mbvh};
 
 use crate::{Hit, MISS, Mesh, NONE, Ray, Tracer};
 
@@ -58,12 +60,11 @@ fn tiny_ray(ray: &Ray) -> tinybvh_rs::Ray {
         t: ray.t_max.min(tinybvh_rs::INFINITE),
         ..Default::default()
     };
-    let reciprocal = |x: f32| {
-        if x.abs() > 1e-12 {
-            1.0 / x
-        } else {
-            tinybvh_rs::INFINITE.copysign(x)
-        }
+    // As tinybvh makes them: -0.0 counts as positive, as in its choice of near planes.
+    let reciprocal = |x: f32| match x {
+        x if x.abs() > 1e-12 => 1.0 / x,
+        x if x >= 0.0 => tinybvh_rs::INFINITE,
+        _ => -tinybvh_rs::INFINITE,
     };
     tinybvh_rs::Ray {
         origin: ray.origin,
@@ -108,10 +109,14 @@ pub struct TinyBinary(Owned);
     reason = "the crate declares no marker traits for its C++ objects"
 )]
 mod marks {
-    use super::{TinyBinary, TinyWide};
+    use super::TinyBinary;
+    #[cfg(target_feature = "avx2")]
+    use super::TinyWide;
     unsafe impl Send for TinyBinary {}
     unsafe impl Sync for TinyBinary {}
+    #[cfg(target_feature = "avx2")]
     unsafe impl<const SPLITS: bool> Send for TinyWide<SPLITS> {}
+    #[cfg(target_feature = "avx2")]
     unsafe impl<const SPLITS: bool> Sync for TinyWide<SPLITS> {}
 }
 
@@ -141,9 +146,11 @@ impl Tracer for TinyBinary {
     }
 }
 
-/// The tree with eight children of tinybvh, made for AVX2. Its crate has no any-hit query either.
+/// The tree with eight children of tinybvh, which needs AVX2. Its crate has no any-hit query either.
+#[cfg(target_feature = "avx2")]
 pub struct TinyWide<const SPLITS: bool>(bvh8_cpu::BVH);
 
+#[cfg(target_feature = "avx2")]
 impl<const SPLITS: bool> Tracer for TinyWide<SPLITS> {
     type Rays = Vec<tinybvh_rs::Ray>;
 
@@ -347,8 +354,7 @@ pub struct BvhCrate(Bvh<f32, 3>, Vec<Shape>);
 type Measured = (bvh::ray::Ray<f32, 3>, f32, f32);
 
 impl BvhCrate {
-    /// The hit of one triangle, which the crate tests from its front only and behind the origin as well, in lengths of
-    /// the ray's own direction.
+    /// The hit of one triangle, which the crate tests from its front only, in lengths of the ray's own direction.
     fn test(ray: &bvh::ray::Ray<f32, 3>, shape: &Shape) -> Hit {
         let [a, b, c] = &shape.corners;
         let front = ray.intersects_triangle(a, b, c);
@@ -400,12 +406,13 @@ impl Tracer for BvhCrate {
     fn closest(&self, rays: &Self::Rays) -> Vec<Hit> {
         let nearest = |(ray, length, end): &Measured| {
             let mut best = Hit { t: *end, ..MISS };
-            // Boxes come in the order of their entry; none that begins behind the best hit has a nearer one.
+            // Boxes come about in the order of their entry; none that begins behind the best hit, with room for rounding,
+            // has a nearer one.
             for shape in self.0.nearest_traverse_iterator(ray, &self.1) {
                 let entry = ray
                     .intersection_slice_for_aabb(&shape.aabb())
                     .map_or(0.0, |(entry, _)| entry);
-                if best.triangle != NONE && entry > best.t {
+                if best.triangle != NONE && entry > best.t * (1.0 + 4.0 * f32::EPSILON) {
                     break;
                 }
                 let hit = Self::test(ray, shape);

@@ -57,6 +57,8 @@ class Watch:
     def picture(self) -> tuple[float, float]:
         """Seconds and processor seconds of the first redraw that is closer to the last one than to the first one."""
         away = [float(np.abs(blocks - self.shown[-1][2]).mean()) for _, _, blocks in self.shown]
+        if len(away) < 2 or away[0] == 0.0:
+            raise RuntimeError("the view showed nothing new")
         first = next(one for one, far in zip(self.shown, away, strict=True) if far <= away[0] / 2)
         return first[:2]
 
@@ -68,9 +70,10 @@ class Watch:
     def _drawn(self) -> None:
         region = bpy.context.region
         corner = region.width // 2 - SIDE // 2, region.height // 2 - SIDE // 2
-        read = gpu.state.active_framebuffer_get().read_color(*corner, SIDE, SIDE, 3, 0, "FLOAT")
-        pixels = np.asarray(read.to_list(), np.float32).reshape(SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK, 3)
-        self.shown.append((time.perf_counter(), time.process_time(), pixels.mean((1, 3))))
+        now = time.perf_counter(), time.process_time()
+        read = gpu.state.active_framebuffer_get().read_color(*corner, SIDE, SIDE, 4, 0, "UBYTE")
+        pixels = np.frombuffer(read, np.uint8).reshape(SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK, 4)
+        self.shown.append((*now, pixels.mean((1, 3))))
 
 
 def ready(watch: Watch, act: Callable[[], None]) -> Generator[Any, None, dict[str, float]]:

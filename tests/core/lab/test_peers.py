@@ -89,10 +89,26 @@ def test_rejects_a_file_without_a_tracer(
     assert reason in capsys.readouterr().err
 
 
-def test_tracers_of_the_crate_are_right(scenes: list[str]) -> None:
+def test_tracers_of_the_crate_are_right(tmp_path: Path, scenes: list[str]) -> None:
     built = list(peers.TARGET.glob(f"release/*{peers.MODULE}.*"))
     if not built or shutil.which("cargo") is None:
         pytest.skip("native/peers is not built here: `scripts/bench.py --peers all` builds it")
-    found = peers.register("tinybvh-bvh8,obvhs,parry,embree-packets", lambda _text: None)
-    assert bench.main([scenes[0], *QUICK, "--peers", "tinybvh-bvh8,obvhs,parry,embree-packets"]) == 0
-    assert set(found) <= set(yardstick.MAKERS)
+    out = tmp_path / "out"
+    assert bench.main([scenes[0], *QUICK, "--peers", "all", "--out", str(out)]) == 0
+    rows = json.loads((out / "bench.json").read_text(encoding="utf-8"))["rows"]
+    found = [row for row in rows if row["spec"].startswith(yardstick.PEER)]
+    assert len(found) >= 5
+    for row in found:
+        assert row["error"] is None
+        wrong = sum(row["errors"][kind] for kind in ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit"))
+        # Their arithmetic differs, so a ray at an edge may be decided otherwise.
+        assert wrong < 0.001 * row["errors"]["rays"], row["spec"]
+
+
+def test_rejects_two_tracers_of_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / folder / "mine.py" for folder in "ab"]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text("build = print", encoding="utf-8")
+    assert bench.main([*QUICK, "--peers", ",".join(map(str, files))]) == 2
+    assert "two tracers are called mine" in capsys.readouterr().err

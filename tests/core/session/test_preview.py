@@ -54,8 +54,7 @@ def test_only_new_triangles_are_built_again(what: str) -> None:
 
 
 def test_a_large_scene_is_shown_before_the_chosen_structure_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(previews, "QUICK", "bih")
-    monkeypatch.setattr(previews, "QUICK_TRIANGLES", 1)
+    monkeypatch.setattr(previews, "QUICK", ((1, "bih"),))
     specs = []
 
     class Slow(FakeNative):

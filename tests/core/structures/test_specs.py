@@ -93,7 +93,7 @@ NAMED = {
     "auto.TREES": auto.TREES,
     "agreement.REFERENCE": [agreement.REFERENCE],
     "preparation.TRACERS": preparation.TRACERS,
-    "preview.QUICK": [preview.QUICK],
+    "preview.QUICK": [spec for _, spec in preview.QUICK],
     "benchmark.BASES": benchmark.BASES,
     **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
     "growth.SPECS": growth.SPECS,
