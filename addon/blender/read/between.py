@@ -66,15 +66,16 @@ def transforms(a: F64, b: F64, share: float) -> F64:
     return out
 
 
-def farthest(a: Placement, b: Placement) -> float:
-    """The largest distance between the corners of the mesh's box in two sets of places."""
+def farthest(a: Placement, b: Placement) -> F64:
+    """The largest distance between the corners of the mesh's box in two sets of k places, (k,)."""
     box = a.mesh.bounds
     if box is None:
-        return 0.0
+        return np.zeros(len(a.matrices))
     corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
     moved = a.matrices - b.matrices
     by = corners @ moved[:, :3, :3].transpose(0, 2, 1) + moved[:, None, :3, 3]
-    return float(np.sqrt((by * by).sum(axis=-1)).max())
+    longest: F64 = np.sqrt((by * by).sum(axis=-1)).max(axis=1)
+    return longest
 
 
 def _parts(linear: F64) -> tuple[F64, F64]:

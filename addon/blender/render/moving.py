@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from ...core.base.arrays import F64
 from ...core.base.equality import same
 from ...core.base.notes import Notes
@@ -26,8 +28,8 @@ Cameras = Mapping[str, Camera]
 """The camera of each view, by its name."""
 
 CLOSE = 0.2
-"""Largest distance of a place in the middle of two keys from the interpolated one, relative to the distance between the
-places of two times that the samples take in turn (chosen). Of smooth motion, with the middles as further keys, about a
+"""Largest distance of a place in the middle of two keys from the interpolated one, relative to the distance that its
+instance goes between two times that the samples take in turn (chosen). Of smooth motion, with the middles as further keys, about a
 quarter of it remains, which no picture shows.
 """
 
@@ -43,6 +45,8 @@ class Moving:
     span: tuple[float, float] | None = None
     times: int = 0
     keys: tuple[Found, ...] = ()
+    frame: Found | None = None
+    """The scene at the frame, whose meshes other times share."""
 
     def between(self) -> Iterator[Found]:
         """The scenes at the middles of `times` equal parts of the time."""
@@ -86,7 +90,7 @@ class Times:
             keys = [at(moment) for moment in span]
             if all(_stands(found, key) for key in keys):
                 return Moving(span)
-            return Moving(span, steps, self._keys(keys, span, steps, at))
+            return Moving(span, steps, self._keys(keys, span, steps, at), found)
         finally:
             shutter.at(self._engine, frame, lambda: None)
 
@@ -96,22 +100,20 @@ class Times:
         """Enough keys for all places between, from those of both ends; none if other things differ, or if reading every
         time needs no more of them.
         """
-        while all(between.differs_by_places(keys[0], key) for key in keys[1:]):
+        while 2 * len(keys) - 1 <= steps and all(between.differs_by_places(keys[0], key) for key in keys[1:]):
             # Halve the intervals, and compare what is read there with what is interpolated.
             middles = [at(moment) for moment in shutter.middles(span, len(keys) - 1)]
             pairs = list(itertools.pairwise(keys))
             if not all(between.differs_by_places(keys[0], middle) for middle in middles):
                 break
-            allowed = CLOSE / steps * sum(_farthest(*pair) for pair in pairs)
+            allowed = CLOSE / steps * np.sum([_farthest(*pair) for pair in pairs], axis=0)
             right = all(
-                _farthest(between.interpolated(*pair, 0.5), middle) <= allowed
+                (_farthest(between.interpolated(*pair, 0.5), middle) <= allowed).all()
                 for pair, middle in zip(pairs, middles, strict=True)
             )
             keys = [one for pair in zip(keys, [*middles, None], strict=True) for one in pair if one is not None]
             if right:
                 return tuple(keys)
-            if len(keys) > steps:
-                break
         return ()
 
     def scenes(self, moving: Moving, place: Callable[[Found], Scene], find: Callable[[], Found]) -> tuple[Scene, ...]:
@@ -122,8 +124,9 @@ class Times:
             return tuple(place(found) for found in moving.between())
         frame = self._depsgraph.scene_eval.frame_float
         try:
+            assert moving.frame is not None, "something moves"
             middles = shutter.middles(moving.span, moving.times)
-            return tuple(place(self._at(moment, find)) for moment in middles)
+            return tuple(place(between.sharing(moving.frame, self._at(moment, find))) for moment in middles)
         finally:
             shutter.at(self._engine, frame, lambda: None)
 
@@ -161,10 +164,10 @@ def _stands(found: Found, other: Found) -> bool:
     return between.differs_by_places(found, other) and all(same(a.matrices, b.matrices) for a, b in pairs)
 
 
-def _farthest(a: Found, b: Found) -> float:
-    """The largest distance between the places of two scenes."""
+def _farthest(a: Found, b: Found) -> F64:
+    """The largest distance between the places of each instance in two scenes, (k,)."""
     pairs = zip(a.placements, b.placements, strict=True)
-    return max((between.farthest(*pair) for pair in pairs), default=0.0)
+    return np.concatenate([np.zeros(0), *(between.farthest(*pair) for pair in pairs)])
 
 
 def _moved(camera: Camera, origin: F64) -> F64:
