@@ -29,14 +29,14 @@ Cameras = Mapping[str, Camera]
 
 CLOSE = 0.2
 """Largest distance of a place in the middle of two keys from the interpolated one, relative to the distance that its
-instance goes between two times that the samples take in turn (chosen). Of smooth motion, with the middles as further keys, about a
-quarter of it remains, which no picture shows.
+instance goes between two times that the samples take in turn (chosen). Of smooth motion, with the middles as further
+keys, about a quarter of it remains, which no picture shows.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """What moves while the shutter is open, from the first to the second frame of `span`; None if it never is.
+    """Motion while the shutter is open. span: the frames at which it opens and closes; None if nothing is blurred.
 
     times: number of times that samples take in turn; 0 if nothing but cameras moves. keys: the scene at equal
     intervals from the first to the last moment, if only places differ and lie between those of the keys.
@@ -70,7 +70,7 @@ class Times:
         """Those of each time that was read."""
 
     def look(self, found: Found, find: Callable[[], Found], notes: Notes) -> Moving:
-        """What moves, in a scene that is `found` at the frame; find: reads it."""
+        """The motion of a scene that is `found` at the frame; find: reads it."""
         depsgraph, blurred = self._depsgraph, self._depsgraph.view_layer_eval.use_motion_blur
         span = shutter.interval(depsgraph.scene_eval) if blurred else None
         if span is None:

@@ -47,6 +47,7 @@ ERRORS = {
     "false_hit": ("false hit", "the structure hits, the reference does not"),
     "wrong_triangle": ("wrong tri.", "both hit, but different triangles"),
     "wrong_values": ("wrong u, v", "both hit the same triangle, but elsewhere"),
+    "wrong_any_hit": ("wrong any-hit", "one is blocked, the other is not, when any hit is asked for"),
     "t_ulp_max": ("t, ulp", "the largest difference of a distance, in units in the last place"),
 }
 

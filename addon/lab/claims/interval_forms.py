@@ -129,7 +129,7 @@ def planes(lab: Lab) -> Iterator[Outcome]:
     found = pictures(lab, workload, tuple(specs.values()))
     tests = [found[spec].counters["tests"] for spec in specs.values()]
     listed = ", ".join(
-        f"{n} {size_of(lab, workload, spec) / 2**20:.1f} MB and {found[spec].seconds * 1e3:.0f} ms"
+        f"{n} {size_of(lab, workload, spec) / 2**20:.1f} MiB and {found[spec].seconds * 1e3:.0f} ms"
         for n, spec in specs.items()
     )
     yield Outcome(

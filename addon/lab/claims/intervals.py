@@ -60,7 +60,7 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=faster >= BUILDS and share <= MEMORY),
             f"{workload.name}, {len(workload.triangles):,} triangles: {INTERVALS} builds in "
             f"{builds[INTERVALS] * 1e3:.0f} ms, {kd} in {builds[kd] * 1e3:.0f} ms, {faster:.1f} times as long "
-            f"({made.method}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, "
+            f"({made.method}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MiB, "
             f"{share:.2f} (limit: {MEMORY:g})",
             "; ".join(
                 f"{spec} {int(s['nodes_axis']):,} inner nodes, {int(s['references']):,} triangles in leaves"

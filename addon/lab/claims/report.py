@@ -54,7 +54,7 @@ def method(repeats: int) -> str:
         f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time. "
         f"Traversals alone: the shortest of {repeats + 1} passes for each chunk of rays, in wall-clock time, summed. "
         f"Builds: the median of {repeats}, or of those that begin within {BUILD_SECONDS} seconds, in processor time; "
-        "their number is with each."
+        "the number of builds is given with each."
     )
 
 

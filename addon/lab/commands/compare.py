@@ -254,7 +254,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         for line in verdict.lines():
             print(f"  {line}")
         if known:
-            print(f"  known difference of the models, up to {100 * allowed:g} % of a square next to its noise: {known}")
+            limit = f"up to {100 * allowed:g} % of a square in addition to its noise"
+            print(f"  known difference of the models, {limit}: {known}")
         ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
         print(
             f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "

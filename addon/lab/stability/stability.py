@@ -63,7 +63,7 @@ BOUNDARY = (
     "the triangle that it hits; a ray in a triangle's plane hits nothing. Other comparisons exclude such rays, because "
     "rounding decides them. Here none is excluded: the column is the number of exact rays of that kind."
 )
-"""Explanation of the last column."""
+"""Explanation of the column *on a boundary*."""
 
 NEUTRAL = ("rays", "exact_rays", "on_boundary")
 """Columns that do not count errors."""

@@ -264,7 +264,7 @@ def test_grids_have_a_limit_in_total(lit: Any, add: Any, fog: Path, monkeypatch:
         data = bpy.data.volumes.new(name)
         data.filepath = str(fog)
         add(name, data)
-    large = [line for line in read()[1] if "too large next to the scene's other grids" in line]
+    large = [line for line in read()[1] if "too large together with the scene's other grids" in line]
     assert large
     assert all("Second" in line and "First" not in line for line in large)
 

@@ -114,7 +114,7 @@ def test_locked_versions_are_those_of_the_project_file(where: environment.Enviro
     locked = {name.lower(): version for name, version in re.findall(r"(?m)^([\w.-]+)==([^\s;]+)", text)}
     for requirement in (line for group in where.groups for line in groups[group]):
         name, _, version = requirement.partition(";")[0].strip().partition("==")
-        assert locked.get(name.lower()) == version, f"run scripts/dev/lock.py: {requirement}"
+        assert locked.get(name.lower()) == version, f"run python -m scripts.dev.lock: {requirement}"
     assert ("ziglang" in locked) == (where == environment.PORTABLE)
     # Hashes, and no host.
     assert "://" not in text

@@ -15,7 +15,7 @@ from scripts.dev import stub
 
 def test_the_texts_of_the_stub_are_those_of_the_module() -> None:
     text = stub.STUB.read_text(encoding="utf-8")
-    assert stub.filled(text, native) == text, "scripts/dev/stub.py writes it"
+    assert stub.filled(text, native) == text, "python -m scripts.dev.stub writes it"
     described = list(stub.described(text, native))
     first = described[0][0].value.split()[0]
     assert stub.filled(text.replace(f'"""{first}', '"""Other', 1), native) == text

@@ -139,7 +139,7 @@ def _dense(path: str, grid: Any, left: int) -> tuple[Voxels, F64 | None]:
     size = high - low + 1
     needed = np.prod(size.astype(float)) * channels
     if needed > min(MOST_VOXELS, left):
-        why = "is too large" if needed > MOST_VOXELS else "is too large next to the scene's other grids"
+        why = "is too large" if needed > MOST_VOXELS else "is too large together with the scene's other grids"
         raise Unsupported(f"its box of {' × '.join(map(str, size))} voxels {why}")
     shape = tuple(size.tolist()) if channels == 1 else (*size.tolist(), channels)
     values = np.zeros(shape, np.float32)
