@@ -304,11 +304,12 @@ LIGHT = re.compile(r"lights\[(\d+)\]")
 def _later(scene: Scene, first: Shown) -> SceneArguments:
     """The arguments of the native `RenderScene` for a scene at another time: without what it shares with the first."""
     given, (before, shown) = arguments(scene), first
+    images = same(scene.images, before.images)
     shared = {
         "materials": same(scene.materials, before.materials),
-        "images": same(scene.images, before.images),
+        "images": images,
         "layers": same(scene.geometry.layers, before.geometry.layers),
-        "world": same(scene.world, before.world),
+        "world": images and same(scene.world, before.world),
         "indices": same(_of_passes(scene), _of_passes(before)),
     }
     for name, alike in shared.items():

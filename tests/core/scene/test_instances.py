@@ -116,24 +116,30 @@ def test_a_scene_at_another_time_shares_what_does_not_differ() -> None:
     geometry = places((ball(4, slots=True), ball(3)), 9)
     matrices = geometry.matrices.copy()
     matrices[:, :3, 3] += 0.25
-    later = dataclasses.replace(geometry, matrices=matrices)
-    first = start(geometry)
-    given = session._later(scene(later), (scene(geometry), first.render_scene))
+    # A background that lights through a medium, and no surface beyond the first.
+    thin = {"closures": [{"scattering": 0.01, "absorption": 0.02}]}
+    world = World((1.0, 1.0, 1.0), volume=thin, max_bounces=0, casts_shadow=False)
+    still = dataclasses.replace(scene(geometry), world=world)
+    later = dataclasses.replace(still, geometry=dataclasses.replace(geometry, matrices=matrices))
+    first, alone = start(geometry), start(later.geometry)
+    first.show(still)
+    shown = still, first.render_scene
+    given = session._later(later, shown)
     assert not {"materials", "images", "layers", "world", "indices"} & given.keys()
     assert "meshes" not in given["surfaces"]
-    alone = start(later)
-    one, other = picture(alone), picture(first)
-    assert not same(one, other)
-    alone.show(scene(later), (scene(geometry), first.render_scene))
+    alone.show(later)
+    one = picture(alone)
+    assert not same(one, picture(first))
+    alone.show(later, shown)
     assert same(one, picture(alone))
     # What differs is not that of the first.
-    red = dataclasses.replace(scene(later), world=World((1.0, 0.0, 0.0)))
-    alone.show(red, (scene(geometry), first.render_scene))
+    alone.show(dataclasses.replace(later, world=World((1.0, 0.0, 0.0))), shown)
     colours = picture(alone)["Combined"].reshape(-1, 4)
     assert colours[:, 0].any()
     assert not colours[:, 1:3].any()
+    surfaces = {name: value for name, value in geometry.surfaces().items() if name != "meshes"}
     with pytest.raises(native.ShapeError, match="meshes"):
-        native.RenderScene(alone.structure, surfaces={k: v for k, v in geometry.surfaces().items() if k != "meshes"})
+        native.RenderScene(alone.structure, surfaces=surfaces)
 
 
 def expected_surfaces(geometry: InstancedGeometry, vertices: Any, triangles: Any) -> dict[str, Any]:

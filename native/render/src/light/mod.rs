@@ -69,11 +69,6 @@ pub struct Lights {
 const MAX_COMPARED: usize = 32;
 
 impl Lights {
-    /// The map of the background, if it is sampled as a light.
-    pub fn map(&self) -> Option<Arc<DirectionMap>> {
-        self.map.clone()
-    }
-
     /// Checks the lamps and prepares all lights for sampling. Lights without power are left out.
     ///
     /// # Errors

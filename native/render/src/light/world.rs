@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::check::{Error, Result, finite, within};
 use crate::light::direction_map::DirectionMap;
 use crate::math::vector::Vec3;
-use crate::medium::VolumeParams;
+use crate::medium::{Volume, VolumeParams};
 use crate::values::image::Image;
 use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
@@ -81,7 +81,13 @@ pub struct World {
     /// Values for passes: the number of each and the operand.
     outputs: Vec<(u8, Operand)>,
     /// Map for importance sampling; none for a constant colour, for which scattered rays suffice.
-    map: Option<DirectionMap>,
+    map: Option<Arc<DirectionMap>>,
+    /// See [`WorldParams::max_bounces`].
+    pub max_bounces: u32,
+    /// See [`WorldParams::casts_shadow`].
+    pub casts_shadow: bool,
+    /// The medium everywhere outside.
+    pub volume: Option<Volume>,
 }
 
 impl World {
@@ -108,6 +114,9 @@ impl World {
                 numbers.zip(results[1..].iter().copied()).collect()
             },
             map: None,
+            max_bounces: params.max_bounces,
+            casts_shadow: params.casts_shadow,
+            volume: world_volume(params)?,
         };
         // Choose the map's resolution: that of the largest image, or a default without images.
         let is_image = |op: &Op| matches!(op, Op::Image { .. });
@@ -140,10 +149,11 @@ impl World {
         if world.constant().is_none() {
             let size = size.map(|n| n.min(MAX_TEXELS));
             let mut registers = Vec::new();
-            world.map = DirectionMap::new(size, |direction| {
+            let map = DirectionMap::new(size, |direction| {
                 let (kind, history) = (RayKind::Diffuse, History::default());
                 world.radiance(images, varying, direction, kind, history, &mut registers)
             });
+            world.map = map.map(Arc::new);
         }
         Ok(world)
     }
@@ -231,10 +241,21 @@ impl World {
         }
     }
 
-    /// Moves the map for sampling out; the lights own it from then on.
-    pub fn take_map(&mut self) -> Option<Arc<DirectionMap>> {
-        self.map.take().map(Arc::new)
+    /// Returns the map for sampling.
+    pub fn map(&self) -> Option<Arc<DirectionMap>> {
+        self.map.clone()
     }
+}
+
+/// Compiles the medium of the background. Without an end, it has no box in which its largest extinction could be found.
+fn world_volume(params: &WorldParams) -> Result<Option<Volume>> {
+    let volume = Volume::new(&params.volume, "world['volume']")?;
+    if volume.as_ref().is_some_and(|v| !v.is_uniform()) {
+        return Err(Error::Spec(
+            "world['volume']: the volume of a background must not vary".into(),
+        ));
+    }
+    Ok(volume)
 }
 
 #[cfg(test)]
@@ -248,8 +269,8 @@ mod tests {
             color: [1.0, 2.0, 3.0],
             ..Default::default()
         };
-        let mut world = World::new(&params, &[], &Varying::default()).unwrap();
+        let world = World::new(&params, &[], &Varying::default()).unwrap();
         assert_eq!(world.constant(), Some(vec3(1.0, 2.0, 3.0)));
-        assert!(world.take_map().is_none());
+        assert!(world.map().is_none());
     }
 }

@@ -37,23 +37,14 @@ pub struct MediumRay<'a> {
     pub probes: u8,
 }
 
-/// The media of a scene, other than the volumes of its materials.
+/// Bounds known of the media of a scene, other than the volumes of its materials and its background.
+#[derive(Default)]
 pub struct Media {
-    /// The volume of the background.
-    pub world: Option<Volume>,
     /// Bounds of the extinction of volumes that vary, by object and material.
     majorants: HashMap<(u32, u32), f32>,
 }
 
 impl Media {
-    /// The media of a scene with this volume of its background.
-    pub(super) fn new(world: Option<Volume>) -> Self {
-        Self {
-            world,
-            majorants: HashMap::new(),
-        }
-    }
-
     /// Returns the bound of the extinction of a medium that varies; 0 if it is nowhere.
     pub fn majorant(&self, medium: &Inside) -> f32 {
         let key = (medium.object, medium.material);
@@ -65,7 +56,7 @@ impl RenderScene {
     /// Returns the volume of a medium.
     pub fn volume(&self, medium: &Inside) -> Option<&Volume> {
         if medium.is_world() {
-            return self.media.world.as_ref();
+            return self.world.volume.as_ref();
         }
         self.materials[medium.material as usize].volume.as_ref()
     }

@@ -8,7 +8,6 @@ use crate::light::world::{World, WorldParams};
 use crate::light::{LightParams, Lights};
 use crate::material::albedo::Grids;
 use crate::material::{Material, MaterialParams};
-use crate::medium::Volume;
 use crate::scene::attributes::{Attributes, InstancedAttributes, MeshAttributes};
 use crate::scene::emitters::EmissionProbe;
 use crate::scene::features::Features;
@@ -89,36 +88,28 @@ pub struct Shared {
     pub indices: bool,
 }
 
-impl RenderScene {
-    /// Checks and compiles the parts, and determines the features the scene needs.
-    ///
-    /// # Errors
-    /// If a number is not finite or out of range, or the size of an array does not match the structure's triangles;
-    /// the message names the key.
-    pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
-        Self::assemble(tracer, params, None)
-    }
+/// The checked and compiled parts of a scene that do not depend on its structure.
+struct Parts {
+    materials: Arc<Vec<Material>>,
+    images: Arc<Vec<Image>>,
+    varying: Varying,
+    attributes: Attributes,
+    indices: Arc<Indices>,
+    world: Arc<World>,
+}
 
-    /// The same scene at another time: like [`Self::new`], without a copy of the parts that both share.
-    ///
-    /// # Errors
-    /// As for [`Self::new`].
-    pub fn later(&self, shared: Shared, tracer: SharedTracer, params: SceneParams) -> Result<Self> {
-        Self::assemble(tracer, params, Some((self, shared)))
-    }
-
-    /// Makes a scene of these parameters, and of the shared parts of another scene.
-    fn assemble(
-        tracer: SharedTracer,
+impl Parts {
+    /// Compiles the parameters of a scene of `count` triangles, or takes the shared parts of another one.
+    fn new(
+        count: usize,
         params: SceneParams,
-        like: Option<(&Self, Shared)>,
+        like: Option<(&RenderScene, Shared)>,
     ) -> Result<Self> {
         let of = |part: fn(Shared) -> bool| {
             like.filter(|&(_, shared)| part(shared))
                 .map(|(scene, _)| scene)
         };
         // Compile the materials, and check their references to images and layers.
-        let count = tracer.count();
         let materials = match of(|shared| shared.materials) {
             Some(scene) => Arc::clone(&scene.materials),
             None => Arc::new(compile_materials(&params.materials)?),
@@ -152,20 +143,60 @@ impl RenderScene {
         if materials.iter().any(apart) {
             attributes.set_objects(&varying.object_index);
         }
-        // Prepare the background; whether it varies decides how it is sampled.
         let indices = match of(|shared| shared.indices) {
             Some(scene) => Arc::clone(&scene.indices),
             None => Arc::new(params.indices),
         };
         indices.check(attributes.rows(), attributes.instances())?;
-        let (world, map) = match of(|shared| shared.world) {
-            Some(scene) => (Arc::clone(&scene.world), scene.lights.map()),
-            None => {
-                let mut world = World::new(&params.world, &images, &varying)?;
-                let map = world.take_map();
-                (Arc::new(world), map)
-            }
+        // Prepare the background; whether it varies decides how it is sampled.
+        let world = match of(|shared| shared.world) {
+            Some(scene) => Arc::clone(&scene.world),
+            None => Arc::new(World::new(&params.world, &images, &varying)?),
         };
+        Ok(Self {
+            materials,
+            images,
+            varying,
+            attributes,
+            indices,
+            world,
+        })
+    }
+}
+
+impl RenderScene {
+    /// Checks and compiles the parts, and determines the features the scene needs.
+    ///
+    /// # Errors
+    /// If a number is not finite or out of range, or the size of an array does not match the structure's triangles;
+    /// the message names the key.
+    pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
+        Self::assemble(tracer, params, None)
+    }
+
+    /// The same scene at another time: like [`Self::new`], without a copy of the parts that both share.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn later(&self, shared: Shared, tracer: SharedTracer, params: SceneParams) -> Result<Self> {
+        Self::assemble(tracer, params, Some((self, shared)))
+    }
+
+    /// Makes a scene of these parameters, and of the shared parts of another scene.
+    fn assemble(
+        tracer: SharedTracer,
+        mut params: SceneParams,
+        like: Option<(&Self, Shared)>,
+    ) -> Result<Self> {
+        let lamps = std::mem::take(&mut params.lights);
+        let Parts {
+            materials,
+            images,
+            varying,
+            attributes,
+            indices,
+            world,
+        } = Parts::new(tracer.count(), params, like)?;
         // Features depend only on materials that a live triangle uses.
         let mut used = vec![false; materials.len()];
         let live = tracer
@@ -186,17 +217,16 @@ impl RenderScene {
             varying: &varying,
         };
         let mut lights = Lights::new(
-            &params.lights,
+            &lamps,
             &probe.emissive_triangles(),
-            map,
+            world.map(),
             world.visible,
             &images,
             &varying,
         )?;
-        lights.limit_background(params.world.max_bounces, params.world.casts_shadow);
-        let media = Media::new(world_volume(&params.world)?);
+        lights.limit_background(world.max_bounces, world.casts_shadow);
         let features = Features {
-            media: media.world.is_some() || used.clone().any(|m| m.volume.is_some()),
+            media: world.volume.is_some() || used.clone().any(|m| m.volume.is_some()),
             ..Features::resolve(used, &lights, &world, attributes.smooth())
         };
         let touching = find_touching(&*tracer, &attributes, &materials);
@@ -210,7 +240,7 @@ impl RenderScene {
             lights,
             world,
             indices,
-            media,
+            media: Media::default(),
             features,
         };
         scene.find_majorants();
@@ -244,17 +274,6 @@ fn find_touching(
         }
         None => None,
     }
-}
-
-/// Compiles the medium of the background. Without an end, it has no box in which its largest extinction could be found.
-fn world_volume(params: &WorldParams) -> Result<Option<Volume>> {
-    let volume = Volume::new(&params.volume, "world['volume']")?;
-    if volume.as_ref().is_some_and(|v| !v.is_uniform()) {
-        return Err(Error::Spec(
-            "world['volume']: the volume of a background must not vary".into(),
-        ));
-    }
-    Ok(volume)
 }
 
 /// Compiles the materials, which share their albedo grids; without any, Blender's default.

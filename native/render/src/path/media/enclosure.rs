@@ -37,7 +37,7 @@ pub fn media_at(
     stop: &AtomicBool,
 ) -> Result<Vec<Stack>, Cancelled> {
     let mut outside = Stack::default();
-    if scene.media.world.is_some() {
+    if scene.world.volume.is_some() {
         outside.enter(Inside::WORLD);
     }
     let mut found = vec![outside; points.len()];
