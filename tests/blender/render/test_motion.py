@@ -77,6 +77,31 @@ def test_a_moving_object(stage: Any, position: str) -> None:
     assert stage.frame_subframe == 0
 
 
+def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[moving.Moving]:
+    """What `Times.look` finds from now on."""
+    looked: list[moving.Moving] = []
+
+    def noted(*given: Any) -> Any:
+        looked.append(look_at(*given))
+        return looked[-1]
+
+    look_at = moving.Times.look
+    monkeypatch.setattr(moving.Times, "look", noted)
+    return looked
+
+
+def test_a_fast_object_does_not_hide_how_a_small_one_turns(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    fan = place("Fan", cube(size=0.1), bpy.data.materials["Glow"])
+    animate(bpy.data.objects["Cube"], "location", (-8, 0, 0), (0, 0, 0), (8, 0, 0))
+    animate(fan, "rotation_euler", (0, 0, -1), (0, 0, 0), (0, 0, 3))
+    stage.frame_set(1)
+    stage.render.engine, stage.halfspace.instancing, stage.halfspace.motion_steps = "HALFSPACE", "two-level", 8
+    looked = looked_at(monkeypatch)
+    pictures.render(stage)
+    # Its speed changes in the middle, where the shutter's halves meet.
+    assert [len(one.keys) for one in looked] == [5]
+
+
 @pytest.mark.parametrize("layout", ["flatten", "two-level"])
 def test_places_between_keys_are_those_that_are_read(stage: Any, layout: str, monkeypatch: pytest.MonkeyPatch) -> None:
     item, scene = bpy.data.objects["Cube"], stage
@@ -85,15 +110,7 @@ def test_places_between_keys_are_those_that_are_read(stage: Any, layout: str, mo
     animate(item, "scale", (1, 1, -1), (1, 1, -1.5), (1, 1, -2))
     stage.frame_set(1)
     scene.render.engine, scene.halfspace.instancing, scene.halfspace.motion_steps = "HALFSPACE", layout, 16
-    looked = []
-
-    def noted(*given: Any) -> Any:
-        found = look_at(*given)
-        looked.append(found)
-        return found
-
-    look_at = moving.Times.look
-    monkeypatch.setattr(moving.Times, "look", noted)
+    looked = looked_at(monkeypatch)
     quick = pictures.render(scene)
     monkeypatch.setattr(moving.Times, "_keys", lambda *_: ())
     exact = pictures.render(scene)
