@@ -44,7 +44,7 @@ def test_a_survivor_is_told(
     program.chmod(0o700)
     (tmp_path / "native").mkdir()
     monkeypatch.setattr(mutations, "seed", lambda _: None)
-    monkeypatch.setattr(mutations, "build", lambda _: {"lib": [program]})
+    monkeypatch.setattr(mutations, "build", lambda _copy, _faults: {"lib": [program]})
     fault = Fault("minus", "native/x.rs", "a + b", "a - b", ("lib", "x"))
     assert mutations.run(tmp_path, [(1, fault)]) == survived
     told = capsys.readouterr().out
