@@ -185,7 +185,7 @@ def outcome(scene: Any, *, moving: bool) -> Outcome:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine._Picture, "render", render)
         if not moving:
-            patch.setattr(engine.moving, "read", lambda _engine, _depsgraph, still, *_readers: (still.cameras, ()))
+            patch.setattr(engine.moving.Times, "look", lambda *_: engine.moving.Moving())
         bpy.ops.render.render(scene=scene.name)
     return found[0] if found else (None, [])
 
