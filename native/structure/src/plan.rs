@@ -10,9 +10,9 @@ use halfspace_ray::query::{Any, Closest, Query};
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use std::sync::Arc;
 
-/// Number of rays from which groups are faster than single rays. Measured on Zen 3 with AVX2, bundles of 4 to 512 rays from
-/// one point through 1,500 and 200,000 triangles: streams of 16 take 1.1 to 6 times as long as single rays, of 64 0.9 to
-/// 3 times, of 128 1.0 to 3 times.
+/// Number of rays below which batches go one by one. Measured on Zen 3 with AVX2, bundles of rays from one point through
+/// 1,500 and 200,000 triangles: streams of 16 take 1.1 to 7 times as long as single rays, of 64 0.9 to 5.6 times, of 128
+/// 0.9 to 5.9 times; at the lower ends groups begin to pay.
 const FEW: usize = 128;
 
 /// A kernel, and how it groups rays.
