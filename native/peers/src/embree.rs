@@ -125,7 +125,7 @@ unsafe impl<const HIGH: bool> Sync for Packets<HIGH> {}
 impl<const HIGH: bool> Drop for Packets<HIGH> {
     fn drop(&mut self) {
         if let Some(call) = FUNCTIONS.get() {
-            // SAFETY: both handles are valid, and nobody else holds them.
+            // SAFETY: both handles are valid, and no other value refers to them.
             unsafe {
                 (call.release_scene)(self.scene);
                 (call.release_device)(self.device);

@@ -243,83 +243,56 @@ fn obvhs_rays(rays: &[Ray]) -> Vec<(Ray, obvhs::ray::Ray)> {
     rays.iter().map(|ray| (*ray, converted(ray))).collect()
 }
 
-/// The binary tree of obvhs.
-pub struct ObvhsBinary(Bvh2, Leaves);
+/// A tracer over one of the trees of obvhs, whose queries have the same names.
+macro_rules! obvhs_tracer {
+    ($(#[$doc:meta])* $name:ident, $tree:ty, $build:path) => {
+        $(#[$doc])*
+        pub struct $name($tree, Leaves);
 
-impl Tracer for ObvhsBinary {
-    type Rays = Vec<(Ray, obvhs::ray::Ray)>;
+        impl Tracer for $name {
+            type Rays = Vec<(Ray, obvhs::ray::Ray)>;
 
-    fn build(mesh: Mesh) -> Result<Self, String> {
-        let all = Leaves::all(&mesh);
-        let params = BvhBuildParams::slow_build();
-        let tree =
-            obvhs::bvh2::builder::build_bvh2_from_tris(&all, params, &mut Default::default());
-        let leaves = Leaves::ordered(&mesh, &all, tree.primitive_indices.clone());
-        Ok(Self(tree, leaves))
-    }
+            fn build(mesh: Mesh) -> Result<Self, String> {
+                let all = Leaves::all(&mesh);
+                let tree = $build(&all, BvhBuildParams::slow_build(), &mut Default::default());
+                let leaves = Leaves::ordered(&mesh, &all, tree.primitive_indices.clone());
+                Ok(Self(tree, leaves))
+            }
 
-    fn rays(rays: &[Ray]) -> Self::Rays {
-        obvhs_rays(rays)
-    }
+            fn rays(rays: &[Ray]) -> Self::Rays {
+                obvhs_rays(rays)
+            }
 
-    fn closest(&self, rays: &Self::Rays) -> Vec<Hit> {
-        let nearest = |(asked, ray): &(Ray, obvhs::ray::Ray)| {
-            let mut found = RayHit::none();
-            self.0
-                .ray_traverse(*ray, &mut found, |ray, place| self.1.test(ray, place));
-            self.1.hit(asked, &found)
-        };
-        rays.iter().map(nearest).collect()
-    }
+            fn closest(&self, rays: &Self::Rays) -> Vec<Hit> {
+                let nearest = |(asked, ray): &(Ray, obvhs::ray::Ray)| {
+                    let mut found = RayHit::none();
+                    let test = |ray: &obvhs::ray::Ray, place: usize| self.1.test(ray, place);
+                    self.0.ray_traverse(*ray, &mut found, test);
+                    self.1.hit(asked, &found)
+                };
+                rays.iter().map(nearest).collect()
+            }
 
-    fn occluded(&self, rays: &Self::Rays) -> Vec<bool> {
-        let blocked = |(_, ray): &(Ray, obvhs::ray::Ray)| {
-            !self
-                .0
-                .ray_traverse_miss(*ray, |ray, place| self.1.test(ray, place))
-        };
-        rays.iter().map(blocked).collect()
-    }
+            fn occluded(&self, rays: &Self::Rays) -> Vec<bool> {
+                let test = |ray: &obvhs::ray::Ray, place: usize| self.1.test(ray, place);
+                rays.iter().map(|(_, ray)| !self.0.ray_traverse_miss(*ray, test)).collect()
+            }
+        }
+    };
 }
 
-/// The tree of obvhs with eight compressed children.
-pub struct ObvhsWide(CwBvh, Leaves);
-
-impl Tracer for ObvhsWide {
-    type Rays = Vec<(Ray, obvhs::ray::Ray)>;
-
-    fn build(mesh: Mesh) -> Result<Self, String> {
-        let all = Leaves::all(&mesh);
-        let params = BvhBuildParams::slow_build();
-        let tree =
-            obvhs::cwbvh::builder::build_cwbvh_from_tris(&all, params, &mut Default::default());
-        let leaves = Leaves::ordered(&mesh, &all, tree.primitive_indices.clone());
-        Ok(Self(tree, leaves))
-    }
-
-    fn rays(rays: &[Ray]) -> Self::Rays {
-        obvhs_rays(rays)
-    }
-
-    fn closest(&self, rays: &Self::Rays) -> Vec<Hit> {
-        let nearest = |(asked, ray): &(Ray, obvhs::ray::Ray)| {
-            let mut found = RayHit::none();
-            self.0
-                .ray_traverse(*ray, &mut found, |ray, place| self.1.test(ray, place));
-            self.1.hit(asked, &found)
-        };
-        rays.iter().map(nearest).collect()
-    }
-
-    fn occluded(&self, rays: &Self::Rays) -> Vec<bool> {
-        let blocked = |(_, ray): &(Ray, obvhs::ray::Ray)| {
-            !self
-                .0
-                .ray_traverse_miss(*ray, |ray, place| self.1.test(ray, place))
-        };
-        rays.iter().map(blocked).collect()
-    }
-}
+obvhs_tracer!(
+    /// The binary tree of obvhs.
+    ObvhsBinary,
+    Bvh2,
+    obvhs::bvh2::builder::build_bvh2_from_tris
+);
+obvhs_tracer!(
+    /// The tree of obvhs with eight compressed children.
+    ObvhsWide,
+    CwBvh,
+    obvhs::cwbvh::builder::build_cwbvh_from_tris
+);
 
 // bvh
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes and the lens compared with those of Cycles, which says what they mean in Blender."""
+"""Passes and the lens, compared with those of Cycles, which defines them in Blender."""
 
 from pathlib import Path
 from typing import Any
