@@ -84,9 +84,7 @@ def run(asked: argparse.Namespace) -> int:
     """Open the scene, build the structure, draw, save. Returns the exit status."""
     first, _, last = asked.depth.partition("-")
     width, _, height = asked.size.partition("x")
-    structure = asked.structure
-    if asked.traversal is not None:
-        structure += f"{',' if ':' in structure else ':'}traversal={asked.traversal}"
+    structure = specs.joined(asked.structure, f"traversal={asked.traversal}" if asked.traversal else "")
 
     import bpy
     import gpu

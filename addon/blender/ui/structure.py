@@ -60,10 +60,11 @@ def draw(layout: Any, group: Any) -> None:
     named = False
     for parameter in shown["main"]:
         if parameter.name in RAY_PARAMETERS and not named:
-            named = _only(layout, chosen)
+            _name_only_kinds(layout, chosen)
+            named = True
         _field(layout, group, parameter)
     if not named:
-        _only(layout, chosen)
+        _name_only_kinds(layout, chosen)
     for key, title in PARTS.items():
         _part(layout, group, key, title, shown[key])
     wrapped(layout, chosen.paper, icon="BOOKMARKS")
@@ -105,15 +106,14 @@ def _field(layout: Any, group: Any, parameter: Parameter) -> None:
     row.menu(menu_of(parameter.name), text=names.get(str(value), str(value)))
 
 
-def _only(layout: Any, chosen: Structure) -> bool:
-    """Name the nodes, and the rays, of a structure that has only one kind of them. Returns True."""
+def _name_only_kinds(layout: Any, chosen: Structure) -> None:
+    """Name the nodes, and the rays, of a structure that has only one kind of them."""
     kinds = {way.nodes for way in chosen.ways}
     if chosen.parameter(relevance.NODES) is None and len(kinds) == 1 and kinds <= NODES.keys():
         _row(layout, "Nodes").label(text=NODES[kinds.pop()])
     kinds = {way.rays for way in chosen.ways}
     if chosen.parameter(relevance.TRAVERSAL) is None and len(kinds) == 1 and kinds <= RAYS.keys():
         _row(layout, "Rays").label(text=RAYS[kinds.pop()])
-    return True
 
 
 def _row(layout: Any, label: str) -> Any:

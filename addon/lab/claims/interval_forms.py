@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from ...core.scene.workload import Workload
+from ...core.structures.specs import joined
 from ..stability import stability
 from . import intervals, paper_scenes
 from .claims import Claim, Lab, Outcome, Timing, verdict
@@ -125,7 +126,7 @@ def fifth_case(lab: Lab) -> Iterator[Outcome]:
 def planes(lab: Lab) -> Iterator[Outcome]:
     """One, two, four and more planes a node: tests, memory and time."""
     workload = intervals.scene(lab)
-    specs = {n: f"{tree}{',' if ':' in tree else ':'}traversal=ordered" for n, tree in PLANES.items()}
+    specs = {n: joined(tree, "traversal=ordered") for n, tree in PLANES.items()}
     found = pictures(lab, workload, tuple(specs.values()))
     tests = [found[spec].counters["tests"] for spec in specs.values()]
     listed = ", ".join(

@@ -13,6 +13,7 @@ import numpy as np
 from ...core.base.arrays import F32
 from ...core.scene import rays
 from ...core.scene.workload import Workload
+from ...core.structures.specs import joined
 from . import paper_scenes
 from .beams import NET, PAPER, octree
 from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome, verdict
@@ -91,18 +92,18 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
             specs["best"] = "kd"
         # Time the structure without and with the shadow method, on the same rays.
         for configuration, spec in specs.items():
-            asked = f"{spec}{',' if ':' in spec else ':'}shadow={way}"
+            asked = joined(spec, f"shadow={way}")
             times = lab.seconds(workload, [spec, asked], some)
             plain, quick = times[spec], times[asked]
             spared = quick.counters["spared"]
-            steps = [t.counters["steps"] + t.counters["leaves"] + t.counters["leaves_empty"] for t in (plain, quick)]
+            nodes = [t.counters["steps"] + t.counters["leaves"] + t.counters["leaves_empty"] for t in (plain, quick)]
             ratio = quick.seconds / plain.seconds
             yield Outcome(
                 configuration,
                 HOLDS if ratio < 1 else FAILS,
                 f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
                 f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no traversal",
-                f"nodes per ray {steps[0]:.2f} to {steps[1]:.2f}, tests {plain.counters['tests']:.2f} to "
+                f"nodes per ray {nodes[0]:.2f} to {nodes[1]:.2f}, tests {plain.counters['tests']:.2f} to "
                 f"{quick.counters['tests']:.2f}",
                 lab.error(workload, [spec, asked]),
                 {"ratio": ratio, "spared": spared},

@@ -170,7 +170,6 @@ def test_scales_end_at_round_numbers() -> None:
     assert costmap.scale_end([np.full((2, 2), 0.31)]) == pytest.approx(0.4)
     assert [costmap.number(x) for x in costmap.ticks(40)] == ["0", "10", "20", "30", "40"]
     assert costmap.rounded((100, 3)) == (96, 8)
-    assert catalogue.load()["kd"].label
 
 
 def test_a_picture_that_is_very_high_is_measured_with_few_rays(seen: Any) -> None:
