@@ -149,7 +149,7 @@ FAULTS = (
     Fault("distances as certain as if f64 were exact", _VERDICT, "(first * (size * size))", "(0.0 * first)", VERDICT),
     Fault(
         "weights of sixteen rays as certain as if f64 were exact",
-        "native/group/src/tile/verdict.rs",
+        "native/trace/src/verdicts.rs",
         "error * (four * ((first + size) * size))",
         "error * (0.0 * four * first)",
         ("lib", "late::tests"),

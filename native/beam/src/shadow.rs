@@ -140,7 +140,9 @@ impl Run<'_> {
                         write(id, hit);
                         continue;
                     }
-                    let hit = single.cast::<S, Any, C>(simd, self.job(), ray, &mut scratch, count);
+                    let mut best =
+                        single.cast::<S, Any, C>(simd, self.job(), ray, &mut scratch, count);
+                    let hit = best.answer(ray);
                     beam.blocker = hit;
                     write(id, hit);
                 }

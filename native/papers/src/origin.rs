@@ -15,7 +15,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::first_hit;
@@ -280,7 +280,7 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.tree, ray.frame);
         let around = around(frame);
         let mut best = Best::new(frame);
@@ -320,13 +320,13 @@ impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, 
                     if first_hit::test::<PUBLISHED, S, Q, C>(
                         simd, leaf, job, ray, leave, &mut best, counters,
                     ) {
-                        return best.hit();
+                        return best;
                     }
                 }
             }
             match pop::<PUBLISHED>(&mut stack, best.reach) {
                 Some(entry) => next = entry,
-                None => return best.hit(),
+                None => return best,
             }
         }
     }

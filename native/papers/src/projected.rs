@@ -18,7 +18,7 @@ use halfspace_leaf::Job;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::projected_tree::{CODES, Projected, ProjectedTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::planes::dir::{self, Crossing, oblique};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -122,7 +122,7 @@ impl<const PUBLISHED: bool> SingleTraversal for ProjectedTraversal<'_, PUBLISHED
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let projections = &mut scratch.projections;
         projections.fill(simd, frame, tree);
@@ -163,7 +163,7 @@ impl<const PUBLISHED: bool> SingleTraversal for ProjectedTraversal<'_, PUBLISHED
                     if first_hit::test::<PUBLISHED, S, Q, C>(
                         simd, leaf, job, ray, leave, &mut best, counters,
                     ) {
-                        return best.hit();
+                        return best;
                     }
                     // Continue with the nearest node on the stack; with error bounds, only before the best hit.
                     let entry = if PUBLISHED {
@@ -174,7 +174,7 @@ impl<const PUBLISHED: bool> SingleTraversal for ProjectedTraversal<'_, PUBLISHED
                     };
                     match entry {
                         Some(entry) => next = entry,
-                        None => return best.hit(),
+                        None => return best,
                     }
                     continue;
                 }

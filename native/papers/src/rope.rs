@@ -20,7 +20,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisTree, SharedAxisTree};
 use halfspace_nodes::ropes::{OUTSIDE, Ropes, Step};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::planes::dir::{Entries, PlaneTraversal};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -139,14 +139,18 @@ impl<const PUBLISHED: bool> RopeTraversal<'_, PUBLISHED> {
 /// The part of a ray from distance `from` on that may hold a better hit than its best one so far; `None` if there is
 /// no such part.
 #[inline(always)]
-fn rest_of<'a>(frame: &FrameRay<'a>, from: f32, best: &Best) -> Option<FrameRay<'a>> {
+fn rest_of<'a>(
+    RayRef { ray, frame }: RayRef<'a>,
+    from: f32,
+    best: &mut Best,
+) -> Option<FrameRay<'a>> {
     if from > best.reach {
         return None;
     }
     let mut rest = *frame;
     rest.t_min = keep_max(from, frame.t_min);
     rest.t_max = keep_min(best.reach, frame.t_max);
-    rest.known = best.hit();
+    rest.known = best.answer(RayRef { ray, frame });
     Some(rest)
 }
 
@@ -178,7 +182,7 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
         ray: RayRef<'_>,
         entries: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let frame = ray.frame;
         let mut best = Best::new(frame);
         let mut from = frame.t_min;
@@ -195,8 +199,8 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
             counters.leaf(found.leaf.count);
             let leave = keep_min(next.high, frame.t_max);
             let ends = job.test::<S, Q, C>(simd, found.leaf, ray, leave, &mut best, counters);
-            if ends || PUBLISHED && best.hit().is_hit() {
-                return best.hit();
+            if ends || PUBLISHED && best.is_found() {
+                return best;
             }
             // A NaN bound fails this comparison and makes the step uncertain.
             let certain = (0..3).all(|k| k == axis || ahead[k].low > next.high);
@@ -210,7 +214,7 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
             from = next.low;
             link = self.ropes.links(found.link)[axis][1 - frame.negative[axis] as usize % 2];
             if from > best.reach || from > frame.t_max || link == OUTSIDE {
-                return best.hit();
+                return best;
             }
             crossing = Crossing {
                 axis,
@@ -218,8 +222,8 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
             };
         }
         // Trace the rest of the ray from the root, after an uncertain step.
-        let Some(rest) = rest_of(frame, from, &best) else {
-            return best.hit();
+        let Some(rest) = rest_of(ray, from, &mut best) else {
+            return best;
         };
         let rest = RayRef {
             ray: ray.ray,

@@ -13,7 +13,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 
@@ -95,7 +95,7 @@ impl SingleTraversal for RestartTraversal<'_> {
         ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let mut best = Best::new(ray.frame);
         let mut done = 0_u64;
         loop {
@@ -107,10 +107,10 @@ impl SingleTraversal for RestartTraversal<'_> {
             if interval.enter <= best.reach
                 && job.test::<S, Q, C>(simd, leaf, ray, interval.leave, &mut best, counters)
             {
-                return best.hit();
+                return best;
             }
             if pending == 0 {
-                return best.hit();
+                return best;
             }
             // Finish the near child of the deepest level with a far child left; clear all bits below it.
             let deepest = 1 << pending.ilog2();

@@ -10,7 +10,7 @@ use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 
@@ -81,7 +81,7 @@ impl SingleTraversal for PointTraversal<'_> {
         ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let frame = ray.frame;
         let step = STEP * self.bounds.magnitude();
         let mut best = Best::new(frame);
@@ -94,8 +94,8 @@ impl SingleTraversal for PointTraversal<'_> {
             let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters);
             // As published: the first leaf with a hit inside its cell holds the nearest one.
             let next = leave + step;
-            if ends || best.hit().is_hit() || next.is_nan() || next <= t || next > frame.t_max {
-                return best.hit();
+            if ends || best.is_found() || next.is_nan() || next <= t || next > frame.t_max {
+                return best;
             }
             t = next;
         }

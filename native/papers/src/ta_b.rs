@@ -20,7 +20,7 @@ use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{Entry, Stack};
@@ -130,7 +130,7 @@ impl SingleTraversal for TaBTraversal<'_> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(scratch);
@@ -191,13 +191,13 @@ impl SingleTraversal for TaBTraversal<'_> {
                     counters.leaf(count);
                     let (leaf, leave) = (Leaf { first, count }, segment.leave);
                     if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
-                        return best.hit();
+                        return best;
                     }
                 }
             }
             match stack.pop_within(best.reach) {
                 Some(entry) => (node, segment) = (entry.node, entry.segment),
-                None => return best.hit(),
+                None => return best,
             }
         }
     }

@@ -13,7 +13,7 @@ use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::first_hit;
@@ -55,7 +55,7 @@ impl SingleTraversal for PublishedTaB<'_> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(scratch);
@@ -110,7 +110,7 @@ impl SingleTraversal for PublishedTaB<'_> {
                     if first_hit::test::<true, S, Q, C>(
                         simd, leaf, job, ray, exit.t, &mut best, counters,
                     ) {
-                        return best.hit();
+                        return best;
                     }
                 }
             }
@@ -119,7 +119,7 @@ impl SingleTraversal for PublishedTaB<'_> {
             node = exit.node;
             match stack.pop() {
                 Some(next) => exit = next,
-                None => return best.hit(),
+                None => return best,
             }
         }
     }

@@ -17,7 +17,7 @@ use halfspace_geom::vec3::map;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{Entry, Stack};
@@ -85,7 +85,7 @@ impl SingleTraversal for HeightTraversal<'_> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(scratch);
@@ -141,11 +141,11 @@ impl SingleTraversal for HeightTraversal<'_> {
                     counters.leaf(count);
                     let (leaf, leave) = (Leaf { first, count }, segment.leave);
                     if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
-                        return best.hit();
+                        return best;
                     }
                     match stack.pop_within(best.reach) {
                         Some(entry) => SegmentEntry { node, segment } = entry,
-                        None => return best.hit(),
+                        None => return best,
                     }
                     continue;
                 }

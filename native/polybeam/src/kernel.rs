@@ -249,7 +249,8 @@ impl<Q: Beamed> PolygonBeams<Q> {
                 continue;
             };
             let ray = RayRef { ray, frame };
-            hits[id] = single.cast::<S, Q, C>(simd, self.job(batch), ray, &mut entries, count);
+            let mut best = single.cast::<S, Q, C>(simd, self.job(batch), ray, &mut entries, count);
+            hits[id] = best.answer(ray);
         }
     }
 

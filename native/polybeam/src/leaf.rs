@@ -268,8 +268,9 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                     let begun = enter >= frame.t_min && self.tree.is_near(frame.o);
                     if Q::ANY || beam.unbounded || !(octant.form.origin().is_some() || begun) {
                         let ray = RayRef { ray, frame };
-                        self.answers[id] =
+                        let mut best =
                             single.cast::<S, Q, C>(simd, self.job, ray, &mut entries, count);
+                        self.answers[id] = best.answer(ray);
                         continue;
                     }
                     // Find its smallest cell there.

@@ -284,6 +284,12 @@ impl Best {
         self.hit
     }
 
+    /// Returns whether a hit was found, with its verdict deferred or not.
+    #[inline(always)]
+    pub fn is_found(&self) -> bool {
+        self.hit.is_hit() || self.held.triangle != Hit::NONE
+    }
+
     /// Returns the triangle whose verdict is deferred, unless there is a decided hit.
     #[inline(always)]
     pub fn held(&self) -> Option<&Deferred> {

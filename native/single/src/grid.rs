@@ -19,7 +19,7 @@ use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_nodes::grid::Grid;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 
 /// The cell walls across one axis, counted in the direction of the ray.
@@ -181,7 +181,7 @@ impl SingleTraversal for GridTraversal<'_> {
         ray: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (grid, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         // Find the cells the ray may start in, and the distance to the next wall of each axis.
@@ -207,7 +207,7 @@ impl SingleTraversal for GridTraversal<'_> {
         loop {
             counters.step_boxes();
             if walls.visit::<S, Q, C>(simd, job, ray, &fresh, &mut best, counters) {
-                return best.hit();
+                return best;
             }
             // Choose the axis whose next wall may be crossed first.
             let mut axis = 0;
@@ -219,7 +219,7 @@ impl SingleTraversal for GridTraversal<'_> {
             }
             let now = next[axis];
             if now > best.reach || now > frame.t_max || now == f32::INFINITY {
-                return best.hit();
+                return best;
             }
             // Drop the cells that the ray has provably left by then.
             for k in 0..3 {

@@ -23,7 +23,6 @@ mod blockers;
 mod boxes;
 pub mod flight;
 mod intervals;
-mod late;
 mod lists;
 mod prepare;
 mod ray_state;

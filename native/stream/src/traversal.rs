@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The traversal of streams: they take turns, one visit each, until all their stacks are empty.
 
-use crate::late::Late;
 use crate::lists::{Ended, Entry, Stream};
 use crate::ray_state::{EdgedBlock, RayState};
 use crate::{AHEAD, OCTANTS, Run, STREAM, Steps};
@@ -13,6 +12,7 @@ use halfspace_leaf::{Block, Job, Leaf};
 use halfspace_ray::query::{Count, Counters, NoCountLate, Query};
 use halfspace_ray::{Hit, RayCounters, RayRef};
 use halfspace_trace::batch::{Launch, baseline};
+use halfspace_trace::late::Late;
 
 /// The rays of a part of a batch, and the counters of each.
 struct Riders<'a, C> {
@@ -147,12 +147,12 @@ impl Run<'_> {
                     let (ray, frame) = (&self.rays[index], state.ray());
                     match state.best.held() {
                         Some(held) if self.frame.is_unscaled() => {
-                            late.push(simd, index, self.rays, &frame, held, &mut &mut *write);
+                            late.push(simd, index, self.rays, &frame, held, write);
                         }
                         _ => write(index, state.best.answer(RayRef { ray, frame: &frame })),
                     }
                 }
-                late.settle(simd, self.rays, &mut &mut *write);
+                late.settle(simd, self.rays, write);
             },
         );
     }

@@ -21,5 +21,5 @@ pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     counters: &mut C,
 ) -> bool {
     let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, best, counters);
-    ends || (PUBLISHED && best.hit().is_hit())
+    ends || (PUBLISHED && best.is_found())
 }

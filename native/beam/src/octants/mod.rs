@@ -172,8 +172,8 @@ impl Tile<'_> {
             let ray = &self.rays.rays[i];
             let frame = &self.rays.frame.ray(ray).unwrap_or(FrameRay::NOTHING);
             let (ray, count) = (RayRef { ray, frame }, &mut counters[i]);
-            let hit = single.cast::<S, Closest, C>(simd, self.job, ray, &mut scratch, count);
-            best[i] = Best::known(hit);
+            let mut own = single.cast::<S, Closest, C>(simd, self.job, ray, &mut scratch, count);
+            best[i] = Best::known(own.answer(ray));
         }
     }
 

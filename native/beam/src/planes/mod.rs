@@ -183,8 +183,8 @@ impl PlaneBeams<'_> {
             let ray = &Ray { t_max, ..rays[i] };
             if let Some(frame) = &frame.ray(ray) {
                 let (ray, count) = (RayRef { ray, frame }, &mut counters[i]);
-                let hit = single.cast::<S, Closest, C>(simd, job, ray, &mut scratch, count);
-                best[i] = Best::known(hit);
+                let mut own = single.cast::<S, Closest, C>(simd, job, ray, &mut scratch, count);
+                best[i] = Best::known(own.answer(ray));
             }
         }
     }

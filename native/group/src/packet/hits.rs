@@ -2,7 +2,7 @@
 //! Hits of a packet: proven ones are deferred or end any-hit rays at once, the others get the exact verdict.
 
 use crate::packet::{MOST, Packet};
-use crate::tile::verdict::{apart, gathered};
+use crate::tile::verdict::gathered;
 use crate::tile::{Candidate, Deferred, Limits, Quotient, StoredTriangle, bits, load};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 use halfspace_geom::verdict::verdict_within;
@@ -11,6 +11,7 @@ use halfspace_ray::frame::PRUNE;
 use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{HitKey, Ray};
 use halfspace_trace::input::Input;
+use halfspace_trace::verdicts::apart;
 
 impl Packet {
     /// Takes a candidate triangle for several rays and updates their hits and `reach`.

@@ -178,7 +178,10 @@ fn alone<S: Simd, W: SingleTraversal, Q: Query, C: Counters>(
 ) -> Hit {
     simd.vectorize(
         #[inline(always)]
-        || traversal.cast::<S, Q, C>(simd, triangles, ray, scratch, counters),
+        || {
+            let mut best = traversal.cast::<S, Q, C>(simd, triangles, ray, scratch, counters);
+            best.answer(ray)
+        },
     )
 }
 

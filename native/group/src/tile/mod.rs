@@ -28,9 +28,10 @@ mod success;
 
 pub use candidate::{Candidate, Limits, Quotient, StoredTriangle};
 pub use deferred::Deferred;
+pub use halfspace_trace::row::{LANES, Row, bits, load, splat};
 pub use pyramid::Pyramid;
 pub use rays::{Pace, Tile};
-pub use row::{LANES, Numbers, Row, bits, bitwise_equal, load, splat};
+pub use row::{Numbers, bitwise_equal};
 pub use success::{Backoff, SuccessRate};
 
 /// The index of the ray in this lane of this row. A row is a square of 4 by 4 pixels among the 8 by 8 of 64

@@ -5,7 +5,7 @@
 use fearless_simd::Simd;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{self, NodeEntry};
 
@@ -72,7 +72,7 @@ impl<T: IntervalTree> SingleTraversal for IntervalTraversal<'_, T> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let prepared = T::prepare(frame);
         let mut best = Best::new(frame);
@@ -89,13 +89,13 @@ impl<T: IntervalTree> SingleTraversal for IntervalTraversal<'_, T> {
                     counters.leaf(leaf.count);
                     let leave = interval.leave;
                     if job.test_any::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
-                        return best.hit();
+                        return best;
                     }
                 }
                 Next::Pop => {}
             }
             let Some(entry) = stack.pop_within(best.reach) else {
-                return best.hit();
+                return best;
             };
             NodeEntry { interval, .. } = entry.within(best.reach);
             node = tree.node(entry.node);

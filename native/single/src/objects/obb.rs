@@ -29,7 +29,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::obb_tree::{INNER, ObbTree, Rotation, WIDTH};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
 use halfspace_trace::stack::{Entry, Stack};
@@ -132,7 +132,7 @@ impl SingleTraversal for ObbTraversal<'_> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let frame = ray.frame;
         let slabs = Slabs::new(frame);
         let mut best = Best::new(frame);
@@ -147,7 +147,7 @@ impl SingleTraversal for ObbTraversal<'_> {
                 };
                 counters.leaf(leaf.count);
                 if job.test_any::<S, Q, C>(simd, leaf, ray, frame.t_max, &mut best, counters) {
-                    return best.hit();
+                    return best;
                 }
             } else {
                 // Test all children, and push those that may be hit, the nearest on top.
@@ -188,7 +188,7 @@ impl SingleTraversal for ObbTraversal<'_> {
             }
             // Pop the nearest child that starts within reach.
             let Some(child) = stack.pop_within(best.reach) else {
-                return best.hit();
+                return best;
             };
             (link, count) = (child.link, child.count);
         }

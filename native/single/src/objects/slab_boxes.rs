@@ -12,7 +12,7 @@ use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::{Double, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, Interval, RayRef};
+use halfspace_ray::{Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
 use halfspace_trace::stack::{Entry, Stack};
@@ -66,7 +66,7 @@ impl<N: SlabNode> SingleTraversal for SlabBoxTraversal<'_, N> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let frame = ray.frame;
         let nodes = &self.tree.nodes[..];
         let slabs = Slabs::new(frame);
@@ -115,12 +115,12 @@ impl<N: SlabNode> SingleTraversal for SlabBoxTraversal<'_, N> {
                     counters.leaf(count);
                     let (leaf, leave) = (Leaf { first, count }, frame.t_max);
                     if job.test_any::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
-                        return best.hit();
+                        return best;
                     }
                 }
             }
             let Some(child) = stack.pop_within(best.reach) else {
-                return best.hit();
+                return best;
             };
             (node, region) = (nodes[child.node as usize], child.region);
         }

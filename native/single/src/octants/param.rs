@@ -15,7 +15,7 @@ use halfspace_leaf::Job;
 use halfspace_nodes::octants::MAX_DEPTH;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::Stack;
 
@@ -90,7 +90,7 @@ impl SingleTraversal for OctreeTraversal<'_> {
         ray: RayRef<'_>,
         entries: &mut Entries,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let cube = tree.cube();
         let mut best = Best::new(frame);
@@ -122,7 +122,7 @@ impl SingleTraversal for OctreeTraversal<'_> {
                 if leaf.count != 0
                     && job.test::<S, Q, C>(simd, leaf, ray, interval.leave, &mut best, counters)
                 {
-                    return best.hit();
+                    return best;
                 }
                 continue;
             }
@@ -149,7 +149,7 @@ impl SingleTraversal for OctreeTraversal<'_> {
                 }
             }
         }
-        best.hit()
+        best
     }
 }
 

@@ -22,8 +22,8 @@ use halfspace_geom::bound::keep_max;
 use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
+use halfspace_ray::RayRef;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 
 /// A leaf and its number among the nodes.
@@ -195,7 +195,7 @@ impl<N: Neighbours> SingleTraversal for NeighbourTraversal<'_, N> {
         ray: RayRef<'_>,
         entries: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         // The leaves are inflated for the rounding of the scene's own rays from near origins; other rays go top
         // down.
@@ -216,7 +216,7 @@ impl<N: Neighbours> SingleTraversal for NeighbourTraversal<'_, N> {
         let mut best = Best::new(frame);
         let steps = Steps { tree, grid: &grid };
         steps.follow::<S, Q, C, N>(simd, job, ray, start, &mut best, counters);
-        best.hit()
+        best
     }
 }
 

@@ -14,7 +14,7 @@ use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{NodeEntry, Stack};
 
@@ -50,7 +50,7 @@ impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let (tree, frame) = (self.0, ray.frame);
         let mut best = Best::new(frame);
         let mut stack = Stack::new(scratch);
@@ -103,14 +103,14 @@ impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
                     counters.leaf(count);
                     let leave = next.interval.leave;
                     if job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters) {
-                        return best.hit();
+                        return best;
                     }
                 }
             }
             // Continue with the nearest node on the stack that starts before the best hit.
             match stack.pop_within(best.reach) {
                 Some(entry) => next = entry.within(best.reach),
-                None => return best.hit(),
+                None => return best,
             }
         }
     }

@@ -11,7 +11,7 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::next::Next;
 use halfspace_nodes::wide_tree::WideTree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, RayRef};
+use halfspace_ray::{FrameRay, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use planes::PlaneSteps;
 
@@ -102,7 +102,7 @@ impl<T: Steps> SingleTraversal for SingleSteps<T> {
         ray: RayRef<'_>,
         state: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let steps = &self.0;
         let mut best = Best::new(ray.frame);
         steps.start(ray.frame, state);
@@ -120,7 +120,7 @@ impl<T: Steps> SingleTraversal for SingleSteps<T> {
                 Next::LEAF => {
                     steps.leaf::<S, Q, C>(simd, job, ray, state, &mut best, counters);
                 }
-                _ => return best.hit(),
+                _ => return best,
             }
         }
     }

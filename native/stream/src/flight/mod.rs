@@ -14,12 +14,12 @@
 pub mod kernel;
 
 use crate::Run;
-use crate::late::Late;
 use fearless_simd::{Simd, dispatch};
 use halfspace_nodes::next::{KINDS, Next};
 use halfspace_ray::query::{Best, NoCount, NoCountLate, Query};
 use halfspace_ray::{FrameRay, Hit, RayRef};
 use halfspace_single::steps::Steps;
+use halfspace_trace::late::Late;
 use halfspace_trace::shadow_cache::ShadowCache;
 
 /// Number of rays in flight. Fewer leave latency exposed, more evict one another from the L1 cache. Measured on

@@ -2,11 +2,12 @@
 //! Loops over rays that are traced one by one.
 
 use crate::batch::{Launch, Write, baseline};
+use crate::late::Late;
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::columns::{Columns, TOGETHER};
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Count, Counters, Log, NoCount, Query};
+use halfspace_ray::query::{Best, Count, Counters, Log, NoCountLate, Query};
 use halfspace_ray::replay::{CHUNK, Record};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 use std::time::{Duration, Instant};
@@ -19,7 +20,7 @@ pub trait SingleTraversal: Sync {
     /// Allocates this memory.
     fn scratch(&self) -> Self::Scratch;
 
-    /// Traces one ray.
+    /// Traces one ray. With [`Counters::LATE`] the verdict on its hit may be deferred.
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
@@ -27,7 +28,7 @@ pub trait SingleTraversal: Sync {
         ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit;
+    ) -> Best;
 }
 
 impl<'a> Launch<'a> {
@@ -87,12 +88,12 @@ impl<'a> Launch<'a> {
         if let Some(simd) = self.level.as_avx512() {
             simd.vectorize(
                 #[inline(always)]
-                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCount),
+                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate),
             );
         } else if let Some(simd) = self.level.as_avx2() {
             simd.vectorize(
                 #[inline(always)]
-                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCount),
+                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate),
             );
         } else {
             let mut unused = vec![RayCounters::default(); self.rays.len()];
@@ -100,7 +101,7 @@ impl<'a> Launch<'a> {
         }
         #[cfg(not(target_arch = "x86_64"))]
         fearless_simd::dispatch!(self.level, simd => {
-            self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCount);
+            self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate);
         });
     }
 
@@ -211,6 +212,7 @@ impl<'a> Launch<'a> {
         let mut cache = self.cache::<Q>();
         let mut columns = Columns::default();
         let mut frames = [None; TOGETHER];
+        let mut late = Late::default();
         for (chunk, rays) in self.rays.chunks(TOGETHER).enumerate() {
             if C::COUNTS && self.is_cancelled() {
                 return;
@@ -232,7 +234,16 @@ impl<'a> Launch<'a> {
                     continue;
                 }
                 let (job, scratch) = (self.job(), &mut scratch);
-                let hit = traversal.cast::<S, Q, C>(simd, job, ray, scratch, &mut counters);
+                let mut best = traversal.cast::<S, Q, C>(simd, job, ray, scratch, &mut counters);
+                // Batch the exact tests of proven hits; answer all other rays at once.
+                match best.held() {
+                    Some(held) if C::LATE && self.frame.is_unscaled() => {
+                        late.push(simd, i, self.rays, frame, held, write);
+                        continue;
+                    }
+                    _ => {}
+                }
+                let hit = best.answer(ray);
                 if Q::ANY
                     && let Some(cache) = &mut cache
                 {
@@ -240,6 +251,9 @@ impl<'a> Launch<'a> {
                 }
                 write(i, hit);
             }
+        }
+        if C::LATE {
+            late.settle(simd, self.rays, write);
         }
     }
 }

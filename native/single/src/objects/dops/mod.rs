@@ -7,7 +7,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::dop_tree::{DopTree, INNER, NORMALS, Node};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Interval, RayRef};
+use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
 use std::cmp::Ordering;
@@ -141,7 +141,7 @@ impl<const D: usize> SingleTraversal for DopTraversal<'_, D> {
         ray: RayRef<'_>,
         heap: &mut Self::Scratch,
         counters: &mut C,
-    ) -> Hit {
+    ) -> Best {
         let frame = ray.frame;
         let planes = Planes::<D>::new(frame);
         let mut best = Best::new(frame);
@@ -178,7 +178,7 @@ impl<const D: usize> SingleTraversal for DopTraversal<'_, D> {
                 }
             }
         }
-        best.hit()
+        best
     }
 }
 

@@ -2,9 +2,11 @@
 //! Deferred exact tests: rays of a batch whose traversals have ended, each with one triangle it provably hits,
 //! are collected here and get the exact distances and weights sixteen at a time.
 
+use crate::batch::Write;
+use crate::row::{LANES, Row};
+use crate::verdicts::apart;
 use fearless_simd::Simd;
 use halfspace_geom::verdict::verdict_within;
-use halfspace_group::tile::{LANES, Row, verdict as tile_verdict};
 use halfspace_ray::query::Deferred;
 use halfspace_ray::{FrameRay, Hit, Ray};
 
@@ -48,7 +50,7 @@ impl Late {
         rays: &[Ray],
         frame: &FrameRay,
         held: &Deferred,
-        write: &mut impl FnMut(usize, Hit),
+        write: Write<'_>,
     ) {
         // Copy the ray and the triangle's vertices to the next free lane.
         let lane = self.used;
@@ -68,15 +70,22 @@ impl Late {
         }
     }
 
-    /// Answers all collected rays: calls `write` with the index and the hit of each.
-    #[inline(always)]
-    pub fn settle<S: Simd>(&mut self, simd: S, rays: &[Ray], write: &mut impl FnMut(usize, Hit)) {
-        if self.used == 0 {
-            return;
+    /// Answers all collected rays: calls `write` with the index and the hit of each. Compiled once for all traversals.
+    #[inline(never)]
+    pub fn settle<S: Simd>(&mut self, simd: S, rays: &[Ray], write: Write<'_>) {
+        if self.used != 0 {
+            simd.vectorize(
+                #[inline(always)]
+                || self.answer(simd, rays, write),
+            );
         }
+    }
+
+    /// [`Self::settle`] for at least one ray.
+    #[inline(always)]
+    fn answer<S: Simd>(&mut self, simd: S, rays: &[Ray], write: Write<'_>) {
         // Compute all answers in f64 vectors; lanes that are too close to call get the scalar exact test.
-        let (certain, [t, u, v]) =
-            tile_verdict::apart(simd, &self.o, &self.d, &self.to_scene, &self.corners);
+        let (certain, [t, u, v]) = apart(simd, &self.o, &self.d, &self.to_scene, &self.corners);
         for lane in 0..std::mem::take(&mut self.used).min(LANES) {
             let (index, triangle) = (self.indices[lane], self.triangles[lane]);
             let hit = if certain >> lane & 1 == 1 {
@@ -157,14 +166,14 @@ mod tests {
             let mut answers = vec![None; rays.len()];
             dispatch!(Level::new(), simd => {
                 let mut late = Late::default();
-                let mut write = |index: usize, hit: Hit| {
+                let write = &mut |index: usize, hit: Hit| {
                     assert!(answers[index].is_none(), "answered twice");
                     answers[index] = Some([hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]);
                 };
                 for index in 0..rays.len() {
-                    late.push(simd, index, &rays, &framed[index], &held[index], &mut write);
+                    late.push(simd, index, &rays, &framed[index], &held[index], write);
                 }
-                late.settle(simd, &rays, &mut write);
+                late.settle(simd, &rays, write);
             });
             for (answer, right) in answers.iter().zip(expected) {
                 prop_assert_eq!(*answer, Some(right));
