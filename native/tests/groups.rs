@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Trees with each kind of nodes, and whether the octant alone puts children in order. Otherwise the first ray of a
 /// list does, and decides for the others which leaves come first.
-const TREES: [(&str, bool); 17] = [
+const TREES: [(&str, bool); 18] = [
     ("kd", true),
     ("bsp-wn-plus-kd", false),
     ("kd:nodes=wide", false),
@@ -23,6 +23,7 @@ const TREES: [(&str, bool); 17] = [
     ("bvh-sah", true),
     ("bvh-sah:width=4", true),
     ("bvh-sah:width=2", true),
+    ("obb", true),
     ("bih", true),
     ("bih5:leaves=corners", true),
     ("bih5:cut=split", true),

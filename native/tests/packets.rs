@@ -11,7 +11,7 @@ use halfspace::oracle::cases::{Case, Random, aimed, grid, lattice_rays, ray, sou
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 29] = [
+const SPECS: [&str; 32] = [
     "kd:traversal=packet",
     "kd-sah:traversal=packet4",
     "bsp-wn-plus-kd:traversal=packet",
@@ -33,6 +33,9 @@ const SPECS: [&str; 29] = [
     "bsp-wn-plus-kd:nodes=wide,traversal=packet",
     "bvh-sah:width=4,traversal=tile",
     "bvh-sah:width=2,traversal=packet",
+    "obb:traversal=tile",
+    "obb:traversal=packet",
+    "obb:traversal=packet,leaves=indices",
     "bih:traversal=tile",
     "bih:traversal=packet,leaves=corners",
     "bih1:traversal=tile",

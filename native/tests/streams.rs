@@ -15,7 +15,7 @@ use halfspace::structure::way::Rays;
 use std::sync::Arc;
 
 /// Structures whose rays go in streams, one for each kind of nodes at least.
-const SPECS: [&str; 19] = [
+const SPECS: [&str; 21] = [
     "kd:traversal=stream",
     "bsp-wn-plus-kd:traversal=stream",
     "kd:nodes=wide,traversal=stream",
@@ -26,6 +26,8 @@ const SPECS: [&str; 19] = [
     "bvh-sah:traversal=stream",
     "bvh-sah:width=4,traversal=stream",
     "bvh-sah:width=2,traversal=stream",
+    "obb:traversal=stream",
+    "obb:traversal=stream,leaves=indices",
     "bih:traversal=stream",
     "bih5:traversal=stream,leaves=corners",
     "bih1:traversal=stream",

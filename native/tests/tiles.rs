@@ -14,7 +14,7 @@ use halfspace::oracle::levels;
 use halfspace::ray::frame::Frame;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 11] = [
+const SPECS: [&str; 12] = [
     "kd:traversal=tile",
     "kd:nodes=boxes,traversal=tile",
     "kd-sah:traversal=tile",
@@ -23,6 +23,7 @@ const SPECS: [&str; 11] = [
     "bvh-sah:traversal=tile",
     "bsp-wn-plus-kd:nodes=wide,traversal=tile",
     "bvh-sah:width=4,traversal=tile",
+    "obb:traversal=tile",
     "bih:traversal=tile",
     "octree-param:traversal=tile",
     "grid:traversal=tile",

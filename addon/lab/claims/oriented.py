@@ -16,7 +16,7 @@ PAPER = (
     "oriented bounding box trees (2023)"
 )
 
-TURNED, ALONG = "obb", "bvh-sah:traversal=ordered"
+TURNED, ALONG = "obb:traversal=ordered", "bvh-sah:traversal=ordered"
 """Oriented boxes, and boxes along the axes."""
 
 

@@ -113,7 +113,8 @@ impl Steps for BlockersFirst {
         masks: &mut Vec<u8x16<S>>,
     ) {
         let order = self.order(own.node.index(), stream.octant);
-        visit(simd, &self.tree, order, stream, own, states, masks);
+        let node = &self.tree.nodes[own.node.index()];
+        visit(simd, node, order, stream, own, states, masks);
     }
 
     fn bytes(&self) -> usize {

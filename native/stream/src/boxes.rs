@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Streams through nodes of eight boxes. The children of a node lie in slots named by its corners, so the rays of
-//! one octant share an order, the one of [`halfspace_single::steps::boxes`].
+//! one octant share an order, the one of [`halfspace_single::steps::boxes`]. At a turned node each ray is turned as
+//! [`halfspace_single::objects::obb`] does it.
 
 use crate::blockers::gather;
 use crate::lists::{Entry, Stream, small};
@@ -12,9 +13,13 @@ use fearless_simd::{
 };
 use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::Tree;
 use halfspace_nodes::box_corners::rank;
 use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
+use halfspace_nodes::obb_tree::{Boxes, Inner, ObbTree};
+use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
+use halfspace_single::objects::obb::Turned;
 
 /// Number of children of a node.
 const CHILDREN: usize = 8;
@@ -53,11 +58,20 @@ pub struct Child {
     /// Link and count, as in the node.
     link: u32,
     count: u32,
-    /// Sides of its box through which the rays enter.
+    /// Sides of its box through which the rays enter; NaN, which bounds nothing, for a turned box.
     near: [f32; 3],
 }
 
 impl Child {
+    /// The root of a tree: NaN bounds nothing, so all rays enter it.
+    fn root(count: u32) -> Self {
+        Self {
+            link: 0,
+            count,
+            near: [f32::NAN; 3],
+        }
+    }
+
     /// The index of an inner node.
     #[inline(always)]
     pub fn index(&self) -> usize {
@@ -71,12 +85,7 @@ impl Steps for BoxTree<CHILDREN> {
     const INTERVALS: bool = false;
 
     fn root(&self) -> Child {
-        Child {
-            link: 0,
-            count: INNER,
-            // NaN bounds nothing: all rays enter the root.
-            near: [f32::NAN; 3],
-        }
+        Child::root(INNER)
     }
 
     #[inline(always)]
@@ -112,11 +121,93 @@ impl Steps for BoxTree<CHILDREN> {
         masks: &mut Vec<u8x16<S>>,
     ) {
         let order = Corners(stream.octant);
-        visit(simd, self, order, stream, own, states, masks);
+        let node = &self.nodes[own.node.index()];
+        visit(simd, node, order, stream, own, states, masks);
     }
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+}
+
+impl Steps for ObbTree {
+    type Node = Child;
+    type Scratch<S: Simd> = Vec<u8x16<S>>;
+    const INTERVALS: bool = false;
+    const INDICES: bool = true;
+
+    fn root(&self) -> Child {
+        Child::root(self.root)
+    }
+
+    #[inline(always)]
+    fn leaf(&self, child: &Child) -> Option<Leaf> {
+        (self.inner(child.link, child.count).is_none()).then_some(Leaf {
+            first: child.link,
+            count: child.count as usize,
+        })
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, child: &Child, blocks: &Blocks) {
+        Boxes::fetch_ahead(self, child.link, child.count, blocks);
+    }
+
+    #[inline(always)]
+    fn enters(child: &Child, line: &Line) -> bool {
+        line.enters(child.near)
+    }
+
+    #[inline(always)]
+    fn count<C: Counters>(&self, child: &Child, counters: &mut C) {
+        match self.inner(child.link, child.count) {
+            Some(Inner { rotation: None, .. }) => counters.step_boxes(),
+            _ => counters.step_oblique(),
+        }
+    }
+
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream<Child>,
+        own: Entry<Child>,
+        states: &[RayState],
+        masks: &mut Vec<u8x16<S>>,
+    ) {
+        let order = Corners(stream.octant);
+        let Some(Inner { node, rotation }) = self.inner(own.node.link, own.node.count) else {
+            return;
+        };
+        let Some(rotation) = rotation else {
+            visit(simd, node, order, stream, own, states, masks);
+            return;
+        };
+        if ends_before(stream, &own, states) {
+            return;
+        }
+        let parent = Parent { node, turned: true };
+        spread(
+            simd,
+            parent,
+            order,
+            stream,
+            own,
+            masks,
+            #[inline(always)]
+            |ray| {
+                let state = &states[ray as usize];
+                let ([o_x, o_y, o_z, pad], [d_x, d_y, d_z, _]) = (state.origin, state.direction);
+                let line = [[o_x, o_y, o_z], [d_x, d_y, d_z]];
+                let turned = Turned::new(simd, rotation, line, pad);
+                let within = Interval::new(state.line.start, state.line.reach());
+                turned.test(simd, &node.bounds, within, &mut [0.0; CHILDREN])
+            },
+        );
+    }
+
+    fn bytes(&self) -> usize {
+        Tree::bytes(self)
     }
 }
 
@@ -156,26 +247,86 @@ impl Order for Corners {
     }
 }
 
-/// Visits an inner node, whose children are visited in this order.
+/// An inner node whose boxes rays are tested against.
+#[derive(Clone, Copy)]
+struct Parent<'a> {
+    node: &'a Wide<CHILDREN>,
+    /// Whether its boxes lie along other directions than the axes.
+    turned: bool,
+}
+
+impl Parent<'_> {
+    /// A child for rays of an octant.
+    #[inline(always)]
+    fn child(&self, octant: usize, child: usize) -> Child {
+        let node = self.node;
+        let side = |k: usize| {
+            if self.turned {
+                f32::NAN
+            } else {
+                node.bounds[k + 3 * (octant >> k & 1)][child]
+            }
+        };
+        Child {
+            link: node.link[child],
+            count: node.count[child],
+            near: [side(0), side(1), side(2)],
+        }
+    }
+}
+
+/// Visits an inner node of boxes along the axes, whose children are visited in this order.
 #[inline(always)]
 pub fn visit<S: Simd>(
     simd: S,
-    tree: &BoxTree<CHILDREN>,
+    node: &Wide<CHILDREN>,
     order: impl Order,
     stream: &mut Stream<Child>,
     own: Entry<Child>,
     states: &[RayState],
     masks: &mut Vec<u8x16<S>>,
 ) {
-    let node = &tree.nodes[own.node.link as usize];
+    if ends_before(stream, &own, states) {
+        return;
+    }
     let sides = Sides::new(simd, node, stream.octant);
+    let parent = Parent {
+        node,
+        turned: false,
+    };
+    spread(
+        simd,
+        parent,
+        order,
+        stream,
+        own,
+        masks,
+        #[inline(always)]
+        |ray| (states[ray as usize].line).meets(simd, &sides.near, &sides.far),
+    );
+}
+
+/// Whether the only ray of a node has its best hit before it.
+#[inline(always)]
+fn ends_before(stream: &Stream<Child>, own: &Entry<Child>, states: &[RayState]) -> bool {
+    let first = || stream.lists[own.first as usize] as usize;
+    own.rays == 1 && !states[first()].line.enters(own.node.near)
+}
+
+/// Spreads the rays of a node over its children; `meets` returns the mask of the children that a ray meets.
+#[inline(always)]
+fn spread<S: Simd>(
+    simd: S,
+    node: Parent<'_>,
+    order: impl Order,
+    stream: &mut Stream<Child>,
+    own: Entry<Child>,
+    masks: &mut Vec<u8x16<S>>,
+    meets: impl Fn(u32) -> u64,
+) {
     let list = stream.list(&own);
     if own.rays == 1 {
-        let line = &states[list[0] as usize].line;
-        if !line.enters(own.node.near) {
-            return;
-        }
-        let mut left = order.positions(line.meets(simd, &sides.near, &sides.far));
+        let mut left = order.positions(meets(list[0]));
         while let Some(child) = order.take(&mut left) {
             // All children share the parent's list.
             push(stream, node, child, own.first, 1);
@@ -183,20 +334,19 @@ pub fn visit<S: Simd>(
     } else if own.rays as usize <= FEW {
         let mut word = 0;
         for (i, &ray) in list.iter().enumerate().take(FEW) {
-            let line = &states[ray as usize].line;
-            word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
+            word |= meets(ray) << (8 * i);
         }
         distribute_few(simd, stream, node, order, own, word);
     } else if own.rays as usize <= GROUP {
         // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
-        let Met { masks, some } = met(simd, list, states, &sides);
+        let Met { masks, some } = met(simd, list, &meets);
         let masks = std::slice::from_ref(&masks);
         distribute(simd, stream, node, order, own, masks, some);
     } else {
         masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
         let mut some = 0;
         for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
-            let met = met(simd, group, states, &sides);
+            let met = met(simd, group, &meets);
             *masks = met.masks;
             some |= met.some;
         }
@@ -228,7 +378,7 @@ fn room_behind(stream: &mut Stream<Child>, first: usize, rays: usize, children: 
 fn distribute_few<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
-    node: &Wide<CHILDREN>,
+    node: Parent<'_>,
     order: impl Order,
     own: Entry<Child>,
     word: u64,
@@ -272,13 +422,8 @@ impl<S: Simd> Sides<S> {
 
 /// Pushes a child with its list of rays.
 #[inline(always)]
-fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: u32, rays: u32) {
-    let side = |k: usize| node.bounds[k + 3 * (stream.octant >> k & 1)][child];
-    let node = Child {
-        link: node.link[child],
-        count: node.count[child],
-        near: [side(0), side(1), side(2)],
-    };
+fn push(stream: &mut Stream<Child>, parent: Parent<'_>, child: usize, first: u32, rays: u32) {
+    let node = parent.child(stream.octant, child);
     // A ray whose bounds are NaN on every axis meets missing children, too.
     stream.push(Entry { node, first, rays }, node.count != 0);
 }
@@ -289,7 +434,7 @@ fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: 
 fn distribute<S: Simd>(
     simd: S,
     stream: &mut Stream<Child>,
-    node: &Wide<CHILDREN>,
+    node: Parent<'_>,
     order: impl Order,
     own: Entry<Child>,
     masks: &[u8x16<S>],
@@ -326,12 +471,11 @@ struct Met<S: Simd> {
 
 /// Tests at most sixteen rays against eight boxes.
 #[inline(always)]
-fn met<S: Simd>(simd: S, list: &[u32], states: &[RayState], sides: &Sides<S>) -> Met<S> {
+fn met<S: Simd>(simd: S, list: &[u32], meets: &impl Fn(u32) -> u64) -> Met<S> {
     let mut words = [0_u64; 2];
     for (word, rays) in words.iter_mut().zip(list.chunks(8)) {
         for (i, &ray) in rays.iter().enumerate() {
-            let line = &states[ray as usize].line;
-            *word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
+            *word |= meets(ray) << (8 * i);
         }
     }
     let some = union(words[0] | words[1]);

@@ -319,7 +319,7 @@ fn oblique<S: Simd, L: Width>(
 
 /// Dot products of a normal with one vector per lane.
 #[inline(always)]
-fn along<S: Simd, L: Width>(simd: S, [x, y, z]: [f32; 3], v: &[Row; 3]) -> L::Vector<S> {
+pub(super) fn along<S: Simd, L: Width>(simd: S, [x, y, z]: [f32; 3], v: &[Row; 3]) -> L::Vector<S> {
     let first = packet::load::<S, L>(simd, &v[0]) * L::Vector::splat(simd, x);
     let second = packet::load::<S, L>(simd, &v[1]) * L::Vector::splat(simd, y);
     let third = packet::load::<S, L>(simd, &v[2]) * L::Vector::splat(simd, z);

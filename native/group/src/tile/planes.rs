@@ -263,25 +263,7 @@ pub(super) fn oblique<S: Simd, const R: usize>(
     children: u32,
     empty: u32,
 ) -> Cut {
-    // Find the smallest and the largest speed along the normal among the active rays.
-    let mut low = splat(simd, f32::INFINITY);
-    let mut high = splat(simd, f32::NEG_INFINITY);
-    for row in 0..R {
-        let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
-        let [x, y, z] = &tile.d[row];
-        let planar = load(simd, z) * splat(simd, normal[2]);
-        let planar = load(simd, y).mul_add(splat(simd, normal[1]), planar);
-        let speed = load(simd, x).mul_add(splat(simd, normal[0]), planar);
-        let below: f32x16<S> = active.select(speed, splat(simd, f32::INFINITY));
-        let above: f32x16<S> = active.select(speed, splat(simd, f32::NEG_INFINITY));
-        low = low.min(below);
-        high = high.max(above);
-    }
-    // Include the rounding of the speeds.
-    let (low, high) = (
-        low.reduce_min() - SPEED_ERROR,
-        high.reduce_max() + SPEED_ERROR,
-    );
+    let [low, high] = speeds(simd, tile, normal);
     let o = tile.o;
     let gap = offset - (normal[0] * o[0] + normal[1] * o[1] + normal[2] * o[2]);
     // An origin within the error bound of the plane bounds nothing.
@@ -311,4 +293,30 @@ pub(super) fn oblique<S: Simd, const R: usize>(
         empty,
         crossing: Interval::new(first, last),
     }
+}
+
+/// The smallest and the largest speed of the active rays along a direction, with the errors of their rounding.
+#[inline(always)]
+pub(super) fn speeds<S: Simd, const R: usize>(
+    simd: S,
+    tile: &Tile<R>,
+    normal: [f32; 3],
+) -> [f32; 2] {
+    let mut low = splat(simd, f32::INFINITY);
+    let mut high = splat(simd, f32::NEG_INFINITY);
+    for row in 0..R {
+        let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
+        let [x, y, z] = &tile.d[row];
+        let planar = load(simd, z) * splat(simd, normal[2]);
+        let planar = load(simd, y).mul_add(splat(simd, normal[1]), planar);
+        let speed = load(simd, x).mul_add(splat(simd, normal[0]), planar);
+        let below: f32x16<S> = active.select(speed, splat(simd, f32::INFINITY));
+        let above: f32x16<S> = active.select(speed, splat(simd, f32::NEG_INFINITY));
+        low = low.min(below);
+        high = high.max(above);
+    }
+    [
+        low.reduce_min() - SPEED_ERROR,
+        high.reduce_max() + SPEED_ERROR,
+    ]
 }

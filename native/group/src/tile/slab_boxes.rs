@@ -2,7 +2,7 @@
 //! Tiles through the boxes that intervals leave: interval arithmetic over the whole tile culls a node whose box no ray
 //! of the tile can meet. The box of a node is derived from the parent's on the way down, once for all rays.
 
-use crate::tile::boxes::intersect;
+use crate::tile::boxes::{Along, intersect};
 use crate::tile::leaf::{self, Resolver};
 use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
@@ -75,6 +75,7 @@ fn between<const R: usize>(tile: &Tile<R>, region: &Aabb) -> Interval {
     let Aabb { min, max } = region;
     let bounds = [[min[0]], [min[1]], [min[2]], [max[0]], [max[1]], [max[2]]];
     let (mut enter, mut leave) = ([0.0], [0.0]);
-    intersect(tile, &bounds, &mut enter, &mut leave);
+    let axes = [0, 1, 2].map(|k: usize| Along::axis(tile, k));
+    intersect(tile, &axes, &bounds, &mut enter, &mut leave);
     Interval::new(enter[0], leave[0])
 }

@@ -33,6 +33,11 @@ macro_rules! kernels_of_all_nodes {
         }
 
         $make! {
+            /// through nodes of eight boxes that are turned together.
+            fn turned_boxes, shadow_turned_boxes(halfspace_nodes::obb_tree::ObbTree)
+        }
+
+        $make! {
             /// through wide nodes of split planes.
             fn wide_planes, shadow_wide_planes(halfspace_nodes::wide_tree::WideTree)
         }

@@ -19,6 +19,7 @@ use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Direction, Plane, PlaneSide};
 use halfspace_geom::region::Region;
 use halfspace_geom::vec3::{Vec3, dot, widen};
+use halfspace_leaf::blocks::Blocks;
 use std::collections::{BTreeSet, HashMap};
 
 /// Children per node.
@@ -73,6 +74,71 @@ impl Rotation {
     fn bits(&self) -> [u32; 9] {
         let rows = [self.row(0), self.row(1), self.row(2)];
         std::array::from_fn(|i| rows[i / 3][i % 3].to_bits())
+    }
+}
+
+/// An inner node of `W` boxes.
+#[derive(Debug, Clone, Copy)]
+pub struct Inner<'a, const W: usize> {
+    /// The node.
+    pub node: &'a Wide<W>,
+    /// The rotation along whose rows its boxes lie; `None` for the axes.
+    pub rotation: Option<&'a Rotation>,
+}
+
+/// A tree of boxes, along the axes or turned, which groups of rays traverse alike.
+pub trait Boxes<const W: usize>: Sync {
+    /// Returns the count of the link to node 0, the root.
+    fn root(&self) -> u32;
+
+    /// Returns the inner node with this link and count, `None` for a leaf.
+    fn inner(&self, link: u32, count: u32) -> Option<Inner<'_, W>>;
+
+    /// Prefetches the node or the leaf that a link and a count refer to.
+    fn fetch_ahead(&self, link: u32, count: u32, blocks: &Blocks);
+}
+
+impl<const W: usize> Boxes<W> for BoxTree<W> {
+    #[inline(always)]
+    fn root(&self) -> u32 {
+        box_tree::INNER
+    }
+
+    #[inline(always)]
+    fn inner(&self, link: u32, count: u32) -> Option<Inner<'_, W>> {
+        (count == box_tree::INNER).then(|| Inner {
+            node: &self.nodes[link as usize],
+            rotation: None,
+        })
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, link: u32, count: u32, blocks: &Blocks) {
+        BoxTree::fetch_ahead(self, link, count, blocks);
+    }
+}
+
+impl Boxes<WIDTH> for ObbTree {
+    #[inline(always)]
+    fn root(&self) -> u32 {
+        self.root
+    }
+
+    #[inline(always)]
+    fn inner(&self, link: u32, count: u32) -> Option<Inner<'_, WIDTH>> {
+        (count & INNER != 0).then(|| Inner {
+            node: &self.nodes[link as usize],
+            rotation: (count != INNER).then(|| self.rotation(count)),
+        })
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, link: u32, count: u32, blocks: &Blocks) {
+        if count & INNER == 0 {
+            blocks.fetch_ahead(link);
+        } else {
+            self.nodes[link as usize].fetch_ahead();
+        }
     }
 }
 

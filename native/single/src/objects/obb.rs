@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Single rays through oriented boxes, the nearest first: at a turned node the ray is rotated into the node's frame,
-//! and all children are then tested as axis-aligned boxes are.
+//! and all children are then tested as axis-aligned boxes are. If the tree has few rotations, the ray is turned into all
+//! of them at the first turned node, eight rows at a time.
 //!
 //! # Error bound
 //! Let `r` be a row of the rotation as stored, `|r| <= 1 + 2^-20`, so that the absolute values of its components sum to
@@ -19,15 +20,15 @@
 //! coordinate's error `b` in the space of an instance adds `1.7321 b`; the pad has `2 b`. So `slack = pad |I|`. The
 //! argument compares heights, not distances: it needs neither the sign of the exact `r.d` nor that rows are at right
 //! angles. `D` is moved off zero by the smallest normal float, which over `span` is far less than the rest. Where
-//! `4 span I` overflows, the row bounds nothing.
+//! `4 span I` overflows, the row bounds nothing. Packets and streams turn their rays with the same roundings.
 
 use crate::single_rays;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::obb_tree::{INNER, ObbTree, Rotation, WIDTH};
+use halfspace_nodes::obb_tree::{Boxes, INNER, ObbTree, Rotation, WIDTH};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_ray::frame::OBLIQUE_PAD;
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
@@ -49,49 +50,41 @@ impl Entry for BoxEntry {
     }
 }
 
+/// Four spans of a ray per unit of its error bound of heights: no product with a reciprocal that four spans do not
+/// overflow does.
+const SPANS: f32 = 4.0 / OBLIQUE_PAD;
+
 /// The slab test coefficients of a ray along the rows of a rotation, as [`Slabs`] has them along the axes: it crosses
 /// the plane `row . x = p` no sooner than `p * inv + near` and no later than `p * inv + far`. Lane 3 is unused.
-struct Turned {
+#[derive(Debug)]
+pub struct Turned {
     inv: [f32; 4],
     near: [f32; 4],
     far: [f32; 4],
-    /// Bit `k` is set if the ray enters through the upper walls of row `k`.
-    down: usize,
 }
 
 impl Turned {
-    /// Rotates a ray, a row per lane.
+    /// Rotates a ray from `o` along `d`, a row per lane; `pad` is [`FrameRay::oblique_pad`].
     #[inline(always)]
-    fn new<S: Simd>(simd: S, rotation: &Rotation, ray: &FrameRay) -> Self {
+    pub fn new<S: Simd>(simd: S, rotation: &Rotation, [o, d]: [[f32; 3]; 2], pad: f32) -> Self {
         let splat = |x: f32| f32x4::splat(simd, x);
         let [x, y, z] = [0, 1, 2].map(|k: usize| f32x4::from_slice(simd, &rotation.columns[k]));
         let rotate = |v: [f32; 3]| z.mul_add(splat(v[2]), y.mul_add(splat(v[1]), x * splat(v[0])));
-        // Divide by the speed along each row, moved off zero.
-        let speed = rotate(ray.d);
-        let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
-        // Fold the origin and the error bound into the added terms.
-        let shift = rotate(ray.o) * inv;
-        let slack = inv.abs() * splat(ray.oblique_pad);
-        // If a product with some height may overflow, the row bounds nothing.
-        let largest = inv.abs() * splat(4.0 * ray.span) + (slack + shift.abs());
-        let bounds = largest.simd_le(splat(f32::MAX));
+        let [inv, near, far] = coefficients(simd, rotate(d), rotate(o), splat(pad));
         let mut turned = Self {
             inv: [0.0; 4],
             near: [0.0; 4],
             far: [0.0; 4],
-            down: inv.simd_lt(splat(0.0)).to_bitmask() as usize,
         };
-        bounds.select(inv, splat(0.0)).store_slice(&mut turned.inv);
-        let near = bounds.select(-shift - slack, splat(f32::NEG_INFINITY));
+        inv.store_slice(&mut turned.inv);
         near.store_slice(&mut turned.near);
-        let far = bounds.select(slack - shift, splat(f32::INFINITY));
         far.store_slice(&mut turned.far);
         turned
     }
 
     /// Stores the entry distances of all boxes of a node; returns the mask of those the ray may hit within the range.
     #[inline(always)]
-    fn test<S: Simd>(
+    pub fn test<S: Simd>(
         &self,
         simd: S,
         bounds: &[[f32; WIDTH]; 6],
@@ -101,7 +94,8 @@ impl Turned {
         let splat = |x: f32| f32x8::splat(simd, x);
         let (mut enter, mut leave) = (splat(within.enter), splat(within.leave));
         for k in 0..3 {
-            let upper = 3 * (self.down >> k & 1);
+            // The ray enters through the upper walls of rows that it goes down along.
+            let upper = 3 * usize::from(self.inv[k] < 0.0);
             let near = f32x8::from_slice(simd, &bounds[k + upper]);
             let far = f32x8::from_slice(simd, &bounds[k + 3 - upper]);
             let inv = splat(self.inv[k]);
@@ -113,15 +107,109 @@ impl Turned {
     }
 }
 
+/// The coefficients of slab tests along rows: the reciprocal of the speed along each, and the terms added for walls of
+/// entry and of exit. `pad` is [`FrameRay::oblique_pad`].
+#[inline(always)]
+pub fn coefficients<S: Simd, V: SimdFloat<S, Element = f32>>(
+    simd: S,
+    speed: V,
+    height: V,
+    pad: V,
+) -> [V; 3] {
+    let splat = |x: f32| V::splat(simd, x);
+    // Divide by the speed along each row, moved off zero.
+    let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
+    // Fold the origin and the error bound into the added terms.
+    let shift = height * inv;
+    let slack = inv.abs() * pad;
+    // If a product with some height may overflow, the row bounds nothing.
+    let largest = slack * splat(SPANS) + (slack + shift.abs());
+    let bounds = largest.simd_le(splat(f32::MAX));
+    [
+        bounds.select(inv, splat(0.0)),
+        bounds.select(-shift - slack, splat(f32::NEG_INFINITY)),
+        bounds.select(slack - shift, splat(f32::INFINITY)),
+    ]
+}
+
+/// Most rotations of a tree whose rays are turned into all of them at once.
+const FEW: usize = 32;
+
+/// The rows of all rotations of a tree that has few, and a ray's coefficients along them.
+#[derive(Debug)]
+pub struct Columns {
+    /// Component `k` of the rows, three a rotation.
+    rows: [Vec<f32>; 3],
+    /// [`coefficients`] for each row.
+    turned: [Vec<f32>; 3],
+}
+
+impl Columns {
+    /// The rows of a tree; none if it has many rotations.
+    fn new(tree: &ObbTree) -> Self {
+        let few = if tree.rotations.len() <= FEW {
+            &*tree.rotations
+        } else {
+            &[]
+        };
+        let size = (3 * few.len()).next_multiple_of(WIDTH);
+        let rows = [0, 1, 2].map(|k: usize| {
+            let mut column: Vec<_> = (few.iter())
+                .flat_map(|rotation| [0, 1, 2].map(|row: usize| rotation.row(row)[k]))
+                .collect();
+            column.resize(size, 0.0);
+            column
+        });
+        let nothing = || vec![0.0; size];
+        Self {
+            rows,
+            turned: [nothing(), nothing(), nothing()],
+        }
+    }
+
+    /// Turns a ray into all rotations.
+    #[inline(always)]
+    fn turn<S: Simd>(&mut self, simd: S, ray: &FrameRay) {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        for i in (0..self.rows[0].len()).step_by(WIDTH) {
+            let lanes = i..i + WIDTH;
+            let row = |k: usize| f32x8::from_slice(simd, &self.rows[k][lanes.clone()]);
+            let [x, y, z] = [row(0), row(1), row(2)];
+            let along =
+                |v: [f32; 3]| z.mul_add(splat(v[2]), y.mul_add(splat(v[1]), x * splat(v[0])));
+            let found = coefficients(simd, along(ray.d), along(ray.o), splat(ray.oblique_pad));
+            for (to, from) in self.turned.iter_mut().zip(found) {
+                from.store_slice(&mut to[lanes.clone()]);
+            }
+        }
+    }
+
+    /// The turned ray for a rotation.
+    #[inline(always)]
+    fn ray(&self, number: usize) -> Turned {
+        let of = |column: &[f32]| {
+            let first = 3 * number;
+            [column[first], column[first + 1], column[first + 2], 0.0]
+        };
+        let [inv, near, far] = &self.turned;
+        Turned {
+            inv: of(inv),
+            near: of(near),
+            far: of(far),
+        }
+    }
+}
+
 /// The traversal of one tree by single rays.
 pub struct ObbTraversal<'a>(pub &'a ObbTree);
 
 impl SingleTraversal for ObbTraversal<'_> {
-    type Scratch = Vec<BoxEntry>;
+    type Scratch = (Vec<BoxEntry>, Columns);
 
     fn scratch(&self) -> Self::Scratch {
         // Each level leaves at most all children but one on the stack, and the lowest level all of them.
-        vec![BoxEntry::default(); (MAX_DEPTH + 1) * (WIDTH - 1) + 2 * WIDTH]
+        let stack = vec![BoxEntry::default(); (MAX_DEPTH + 1) * (WIDTH - 1) + 2 * WIDTH];
+        (stack, Columns::new(self.0))
     }
 
     #[inline(always)]
@@ -130,13 +218,15 @@ impl SingleTraversal for ObbTraversal<'_> {
         simd: S,
         job: Job<'_>,
         ray: RayRef<'_>,
-        scratch: &mut Self::Scratch,
+        (stack, columns): &mut Self::Scratch,
         counters: &mut C,
     ) -> Best {
         let frame = ray.frame;
         let slabs = Slabs::new(frame);
         let mut best = Best::new(frame);
-        let mut stack = Stack::new(scratch);
+        let mut stack = Stack::new(stack);
+        let few = !columns.rows[0].is_empty();
+        let mut is_turned = false;
         let (mut link, mut count) = (0, self.0.root);
         loop {
             if count & INNER == 0 {
@@ -159,7 +249,16 @@ impl SingleTraversal for ObbTraversal<'_> {
                     slabs.test::<S, f32x8<S>, WIDTH>(simd, &node.bounds, range, &mut enters)
                 } else {
                     counters.step_oblique();
-                    let turned = Turned::new(simd, self.0.rotation(count), frame);
+                    let turned = if few {
+                        if !is_turned {
+                            columns.turn(simd, frame);
+                            is_turned = true;
+                        }
+                        columns.ray((count & !INNER) as usize)
+                    } else {
+                        let line = [frame.o, frame.d];
+                        Turned::new(simd, self.0.rotation(count), line, frame.oblique_pad)
+                    };
                     turned.test(simd, &node.bounds, range, &mut enters)
                 };
                 if hits.is_power_of_two() {
@@ -182,7 +281,7 @@ impl SingleTraversal for ObbTraversal<'_> {
                         link: node.link[lane],
                         count: node.count[lane],
                     };
-                    self.fetch_ahead(&entry, job.blocks);
+                    (self.0).fetch_ahead(entry.link, entry.count, job.blocks);
                     stack.insert::<Q>(base, entry);
                 }
             }
@@ -191,18 +290,6 @@ impl SingleTraversal for ObbTraversal<'_> {
                 return best;
             };
             (link, count) = (child.link, child.count);
-        }
-    }
-}
-
-impl ObbTraversal<'_> {
-    /// Prefetches the node or the leaf of an entry.
-    #[inline(always)]
-    fn fetch_ahead(&self, entry: &BoxEntry, blocks: &Blocks) {
-        if entry.count & INNER == 0 {
-            blocks.fetch_ahead(entry.link);
-        } else {
-            self.0.nodes[entry.link as usize].fetch_ahead();
         }
     }
 }
@@ -258,7 +345,8 @@ mod tests {
         let walls = [low[0], low[1], low[2], high[0], high[1], high[2]];
         let mut enters = [0.0; WIDTH];
         let hits = dispatch!(Level::new(), simd => {
-            Turned::new(simd, rotation, ray).test(simd, &walls, range, &mut enters)
+            let turned = Turned::new(simd, rotation, [ray.o, ray.d], ray.oblique_pad);
+            turned.test(simd, &walls, range, &mut enters)
         });
         (hits != 0).then_some(enters[0])
     }

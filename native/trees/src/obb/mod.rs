@@ -17,21 +17,25 @@ mod rotations;
 mod turning;
 
 use crate::bih;
+use crate::boxes::{self, Boxes};
+use crate::list::List;
 use crate::objects;
 use crate::params;
-use crate::ways::only_singly;
+use crate::ways::{chosen, distinct, offer, together, traversal};
 use halfspace_base::error::Result;
 use halfspace_base::monitor::Monitor;
 use halfspace_builders::object;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::cost::Costs;
+use halfspace_nodes::nested;
 use halfspace_nodes::obb_tree::{ObbTree, WIDTH};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::triangles::Triangles;
 use halfspace_single::objects::obb::oriented_boxes;
+use halfspace_stream::order::Rule;
 use halfspace_structure::row::{
-    Family, Group, Kind, Menu, Need, Only, ParamSpec, StructureSpec, named,
+    Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec, named,
 };
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::Way;
@@ -42,7 +46,13 @@ use turning::Turning;
 
 const COSTS: Costs = Costs::BOXES;
 
-const WAYS: [Way; 1] = only_singly("boxes");
+/// The ways that both boxes along the axes and turned ones have.
+const WAYS: List<Way> = offer(
+    &boxes::TRAVERSALS,
+    &["auto", "ordered", "tile", "packet", "stream"],
+);
+
+const OPTIONS: List<Named> = distinct(WAYS.slice());
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -54,7 +64,9 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Vitsas, Evangelou, Papaioannou and Gkaravelis 2023, Parallel transformation of bounding volume hierarchies \
             into oriented bounding box trees; DOBB-BVH 2025, arXiv 2506.22849, for one rotation per node",
     params: &[
+        traversal(OPTIONS.slice()),
         FRAMES,
+        SET,
         LEAVES,
         params::ROBUST,
         params::step_cost(COSTS),
@@ -63,10 +75,13 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::triangle_cost(COSTS),
         params::LEAF_MAX,
     ],
-    ways: &WAYS,
-    no_groups: "each box lies along axes of its own, into which every ray is turned: a group shares the node, but none of the arithmetic",
+    ways: WAYS.slice(),
+    no_groups: "",
     menu: Menu::Boxes,
-    literature: &[("Oriented boxes (Vitsas et al.)", "")],
+    literature: &[
+        ("Oriented boxes (Vitsas et al.)", ""),
+        ("DOBB-BVH (Kern et al.)", "set=fixed"),
+    ],
     sweep: false,
     claims: &["oriented-boxes-fit"],
     build,
@@ -85,6 +100,21 @@ const FRAMES: ParamSpec = ParamSpec {
     default: Value::Integer(2 + FIXED as i64),
     group: Group::Main,
     needs: &[],
+};
+
+const SET: ParamSpec = ParamSpec {
+    name: "set",
+    label: "Set of Rotations",
+    doc: "any: that of the largest triangle below the node, and the fixed ones. fixed: the fixed ones alone, as \
+          published for DOBB-BVH; builds sooner",
+    unit: "",
+    kind: Kind::Choice(&[named("any", "Any"), named("fixed", "Fixed")]),
+    default: Value::Choice("any"),
+    group: Group::Main,
+    needs: &[Need {
+        key: "frames",
+        only: Only::Above(2.0),
+    }],
 };
 
 const LEAVES: ParamSpec = ParamSpec {
@@ -118,7 +148,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     // Build the hierarchy of axis-aligned boxes.
     let binary = monitor.during(0.5, || object::build(scene, &frame, &policy, monitor))?;
     let mut leaves = Leaves::new(params::keep(config));
-    let boxes = BoxTree::<WIDTH>::new(&binary, &mut leaves)?;
+    let boxes = BoxTree::<WIDTH>::new(&binary, &mut leaves)?.by_corners();
     let leaves = Arc::new(leaves.write(scene, &frame, &binary.ids));
     drop(binary);
 
@@ -131,17 +161,32 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         boxes: &boxes,
         costs: policy.costs,
         oblique_step: config.float("oblique_step_cost"),
-        own: frames > 1,
+        own: frames > 1 && config.choice(SET.name) == "any",
         fixed: &Rows::new(&fixed()[..frames.saturating_sub(2)]),
         monitor,
     };
     let turns = monitor.during(0.5, || turning.all())?;
-    let tree = Arc::new(ObbTree::new(boxes, &turns));
-
-    let shape = tree.shape(frame.bounds());
-    let plan = Plan::single("boxes", "ordered", oriented_boxes(&tree, &leaves));
-    let mut built = objects::built(config, frame, tree, leaves, plan, shape);
-    if frames > 1 && shape.nodes_oblique == 0 && !scene.live().is_empty() {
+    // Without a turned node the tree is that of `bvh-sah`, whose kernels take corners.
+    let corners = config.choice(LEAVES.name) == "corners";
+    let mut built = if turns.is_empty() && corners {
+        let any_order = Rule::Cost;
+        let tree = Arc::new(boxes);
+        let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&Boxes {
+            tree: tree.clone(),
+            leaves: leaves.clone(),
+            any_order,
+        });
+        let shape = nested::shape(&*tree, frame.bounds());
+        objects::built(config, frame, tree, leaves, plan, shape)
+    } else {
+        let tree = Arc::new(ObbTree::new(boxes, &turns));
+        let shape = tree.shape(frame.bounds());
+        let single = Plan::single("boxes", "ordered", oriented_boxes(&tree, &leaves));
+        let groups = together!(&tree, &leaves, turned_boxes, shadow_turned_boxes);
+        let plan = groups.plan(single, config.way().rays);
+        objects::built(config, frame, tree, leaves, plan, shape)
+    };
+    if frames > 1 && turns.is_empty() && !scene.live().is_empty() {
         let reason = "turned boxes: those along the axes were cheapest at every node";
         built.left_out.push(reason.to_owned());
     }

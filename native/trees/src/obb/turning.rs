@@ -72,7 +72,7 @@ pub struct Turning<'a> {
     pub costs: Costs,
     /// Cost of a step through a turned node.
     pub oblique_step: f32,
-    /// Whether the largest triangle's rotation is tried.
+    /// Whether the rotation of each node's largest triangle is tried.
     pub own: bool,
     /// The fixed set of rotations.
     pub fixed: &'a Rows,
@@ -86,7 +86,7 @@ impl Turning<'_> {
     /// # Errors
     /// Those of [`Monitor::check`] and [`Monitor::take`].
     pub fn all(&self) -> Result<Vec<Turn>> {
-        if !self.own {
+        if !self.own && self.fixed.rotations.is_empty() {
             self.monitor.advance(1.0);
             return Ok(Vec::new());
         }
@@ -114,7 +114,7 @@ impl Turning<'_> {
         self.monitor
             .advance(count as f64 / self.scene.live().len() as f64);
         Below {
-            ids,
+            ids: if self.own { ids } else { Vec::new() },
             heights,
             largest,
             price: f64::from(self.costs.leaf(count as f32)),
@@ -197,7 +197,7 @@ impl Turning<'_> {
         let largest = children
             .iter()
             .fold(Largest::NONE, |known, child| known.or(child.largest));
-        let own = (largest.size > 0.0)
+        let own = (self.own && largest.size > 0.0)
             .then(|| to_triangle(self.corners(largest.id)))
             .flatten();
         let own = own.map(|rotation| {
