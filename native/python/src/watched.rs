@@ -4,6 +4,7 @@
 use halfspace_base::Monitor;
 use halfspace_geom::Aabb;
 use halfspace_ray::counters::Log;
+use halfspace_ray::selection::HitFilter;
 use halfspace_ray::{Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 use halfspace_scene::Triangles;
 use std::ops::Range;
@@ -109,6 +110,10 @@ impl<T: Tracer + ?Sized> Tracer for Watched<'_, T> {
 
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
         self.tracer.leaf_depths(rays, depths);
+    }
+
+    fn sift(&self, rays: &[Ray], hits: &mut [Hit], filter: HitFilter<'_>) {
+        self.tracer.sift(rays, hits, filter);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {

@@ -5,7 +5,7 @@ use crate::cases::CASES;
 use crate::path::PathLeaf;
 use crate::ray::{Hit, RayCounters};
 use crate::replay::Record;
-use crate::selection::{Gathered, Visible};
+use crate::selection::{Gathered, Sieve, Visible};
 
 /// Observer of a traversal's events. By default each event is ignored.
 pub trait Counters {
@@ -109,6 +109,8 @@ pub enum Log<'a> {
     Hits(&'a mut Gathered),
     /// Nothing, but only triangles that the ray can see are hit.
     Visible(Visible<'a>),
+    /// Nothing, but a filter decides on each hit.
+    Filtered(Sieve<'a>),
 }
 
 impl Log<'_> {
@@ -120,6 +122,7 @@ impl Log<'_> {
             Self::Leaves(leaves) => Log::Leaves(leaves),
             Self::Hits(gathered) => Log::Hits(gathered),
             Self::Visible(visible) => Log::Visible(*visible),
+            Self::Filtered(sieve) => Log::Filtered(*sieve),
         }
     }
 }
@@ -245,6 +248,7 @@ impl Counters for Count<'_> {
                 Some(limit)
             }
             Log::Visible(visible) if !visible.sees(hit.triangle) => Some(f32::INFINITY),
+            Log::Filtered(sieve) => sieve.beyond(&hit),
             _ => None,
         }
     }

@@ -3,6 +3,7 @@
 
 use crate::cases::CASES;
 use crate::counters::Log;
+use crate::selection::{Filtered, HitFilter};
 use halfspace_geom::Aabb;
 use halfspace_scene::Triangles;
 
@@ -217,6 +218,28 @@ pub trait Tracer: Sync {
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
         let _ = rays;
         depths.fill(0);
+    }
+    /// Writes for each ray the nearest of the hits that a filter keeps, on the calling thread; the answer of a ray that it
+    /// ends means nothing. By default rays begin again behind each hit that they pass, so that of several hits at one
+    /// distance the filter is asked about the first alone.
+    fn sift(&self, rays: &[Ray], hits: &mut [Hit], filter: HitFilter<'_>) {
+        for (i, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            let mut rest = *ray;
+            loop {
+                let mut next = [Hit::MISS];
+                self.closest(&[rest], &mut next, None);
+                let verdict = next[0].is_hit().then(|| filter(i, &next[0]));
+                *hit = match verdict {
+                    Some(Filtered::Ended) => Hit::MISS,
+                    Some(Filtered::Passed) => {
+                        rest.t_min = next[0].t.next_up();
+                        continue;
+                    }
+                    _ => next[0],
+                };
+                break;
+            }
+        }
     }
     /// Writes whether each ray hits any triangle, on the calling thread. All slices have the length of `rays`.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Which hits answer a ray: all of them, or only those with triangles that the ray can see.
 
+use crate::counters::Counters;
 use crate::ray::{Hit, HitKey};
 
 /// Length of a list of hits that is not yet sorted (chosen).
@@ -79,6 +80,49 @@ impl Visible<'_> {
     /// Returns whether the ray can see a triangle.
     pub fn sees(&self, triangle: u32) -> bool {
         self.triangles[triangle as usize] & self.ray != 0
+    }
+}
+
+/// What a hit means to a ray.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Filtered {
+    /// It may be the answer of the ray.
+    Kept,
+    /// The ray goes on as if it were not there.
+    Passed,
+    /// The ray needs no other hit.
+    Ended,
+}
+
+/// Returns what a hit means to the ray with an index. It is called while the ray is traced, for its hits in no particular
+/// order, more than once for a triangle in several leaves, and maybe again after [`Filtered::Ended`].
+pub type HitFilter<'a> = &'a dyn Fn(usize, &Hit) -> Filtered;
+
+/// Counts nothing, and passes the hits of one ray to a filter.
+#[derive(Clone, Copy)]
+pub struct Sieve<'a> {
+    /// The filter.
+    pub filter: HitFilter<'a>,
+    /// Index of the ray.
+    pub ray: usize,
+}
+
+impl Sieve<'_> {
+    /// Returns the distance up to which the ray goes on without a hit, or `None` if the hit is kept.
+    #[inline(always)]
+    pub fn beyond(&self, hit: &Hit) -> Option<f32> {
+        match (self.filter)(self.ray, hit) {
+            Filtered::Kept => None,
+            Filtered::Passed => Some(f32::INFINITY),
+            Filtered::Ended => Some(f32::NEG_INFINITY),
+        }
+    }
+}
+
+impl Counters for Sieve<'_> {
+    #[inline(always)]
+    fn set_aside(&mut self, hit: Hit) -> Option<f32> {
+        self.beyond(&hit)
     }
 }
 

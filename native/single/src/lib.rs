@@ -12,9 +12,10 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Any, AsPublished, Closest, Count, OneByOne, Query};
 use halfspace_ray::replay::{Record, Recording};
+use halfspace_ray::selection::HitFilter;
 use halfspace_ray::{Hit, RayCounters};
-use halfspace_trace::batch::{Batch, SingleTraversal, Write};
-use halfspace_trace::kernel::{Kernel, SingleRays, store};
+use halfspace_trace::batch::{Batch, Launch, SingleTraversal, Write};
+use halfspace_trace::kernel::{Kernel, SingleRays, filtered, store};
 use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -34,6 +35,11 @@ pub trait OwnedTraversal: Debug + Send + Sync + 'static {
 pub trait Leaves: Debug + Send + Sync + 'static {
     /// The query of its traversals.
     type Of<Q: Query>: Query<Answer = Q::Answer>;
+
+    /// As [`Launch::sifted`], where that is compiled.
+    fn sift<T: SingleTraversal>(_: &Launch<'_>, _: &T, _: Write<'_>, _: HitFilter<'_>) -> bool {
+        false
+    }
 }
 
 /// Eight triangles at a time.
@@ -42,6 +48,15 @@ pub struct Eight;
 
 impl Leaves for Eight {
     type Of<Q: Query> = Q;
+
+    fn sift<T: SingleTraversal>(
+        launch: &Launch<'_>,
+        traversal: &T,
+        write: Write<'_>,
+        filter: HitFilter<'_>,
+    ) -> bool {
+        launch.sifted::<_, Closest>(traversal, write, filter)
+    }
 }
 
 /// One triangle at a time.
@@ -132,6 +147,13 @@ impl<T: OwnedTraversal, L: Leaves> SingleRays for Single<T, L> {
             launch.counted::<_, L::Of<Any>>(&traversal, write, count);
         } else {
             launch.counted::<_, L::Of<Closest>>(&traversal, write, count);
+        }
+    }
+
+    fn sift(&self, batch: &Batch<'_>, write: Write<'_>, filter: HitFilter<'_>) {
+        let launch = batch.on(&self.leaves);
+        if !L::sift(&launch, &self.traversal.borrowed(), write, filter) {
+            filtered(self, batch, write, filter);
         }
     }
 

@@ -14,6 +14,7 @@ use halfspace_ray::counters::Log;
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Any, Closest, Count, Query};
 use halfspace_ray::replay::{Record, Recording};
+use halfspace_ray::selection::HitFilter;
 use halfspace_ray::{FrameRay, Hit, Order, Ray, RayCounters, SelectiveTracer, Tracer};
 use halfspace_scene::Triangles;
 use halfspace_trace::batch::{Batch, Write};
@@ -350,6 +351,25 @@ impl Tracer for AtLevel<'_> {
     }
 }
 
+impl Structure {
+    /// As [`Tracer::sift`], by single rays through one tree after the other.
+    fn sift_parts(&self, rays: &[Ray], hits: &mut [Hit], filter: HitFilter<'_>) {
+        hits.fill(Hit::MISS);
+        let mut rest = rays.to_vec();
+        for built in self.apart.iter().chain([&self.built]) {
+            let batch = Batch {
+                shadow_cache: false,
+                ..self.batch(built, simd::level(), &rest)
+            };
+            let mut join = |i: usize, hit: Hit| Closest::join(&mut hits[i], hit);
+            built.plan.single.sift(&batch, &mut join, filter);
+            for ((rest, ray), hit) in rest.iter_mut().zip(rays).zip(&*hits) {
+                *rest = Closest::rest(ray, hit);
+            }
+        }
+    }
+}
+
 impl Tracer for Structure {
     fn triangles(&self) -> Option<&Triangles> {
         Some(&self.scene)
@@ -389,6 +409,20 @@ impl Tracer for Structure {
     fn near_rays(&self, any: bool) -> Option<Aabb> {
         let bytes = self.built.plan.working_set(any)?;
         (bytes > IN_CACHE).then(|| self.scene.bounds())
+    }
+
+    fn sift(&self, rays: &[Ray], hits: &mut [Hit], filter: HitFilter<'_>) {
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        if !self.apart.is_empty() {
+            return self.sift_parts(rays, hits, filter);
+        }
+        let batch = Batch {
+            // A remembered blocker may be one that the next ray passes.
+            shadow_cache: false,
+            ..self.batch(&self.built, simd::level(), rays)
+        };
+        let single = &self.built.plan.single;
+        single.sift(&batch, &mut |i, hit| hits[i] = hit, filter);
     }
 
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {

@@ -5,8 +5,9 @@
 use crate::batch::{Batch, Write};
 use halfspace_base::error::Result;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Closest, Count, Query};
+use halfspace_ray::query::{Any, Closest, Count, Log, Query};
 use halfspace_ray::replay::{Record, Recording};
+use halfspace_ray::selection::{HitFilter, Sieve};
 use halfspace_ray::{Hit, RayCounters};
 use std::fmt::Debug;
 
@@ -67,6 +68,12 @@ pub trait SingleRays: Kernel<Closest> + Kernel<Any> {
         count: &mut dyn FnMut(usize) -> Count<'c>,
     );
 
+    /// Finds the nearest of the hits that a filter keeps, and passes it to `write`; what a ray that it ends has found means
+    /// nothing.
+    fn sift(&self, batch: &Batch<'_>, write: Write<'_>, filter: HitFilter<'_>) {
+        filtered(self, batch, write, filter);
+    }
+
     /// The nearest hit of the only ray of the batch, or its hit as an any-hit ray, and the leaves on its path.
     ///
     /// # Panics
@@ -89,6 +96,21 @@ pub trait SingleRays: Kernel<Closest> + Kernel<Any> {
     /// Returns the seconds that each chunk of rays took, and the number of rays that did not visit the recorded leaves,
     /// which is 0 unless there is a bug.
     fn replay(&self, batch: &Batch<'_>, recording: &Recording) -> (Vec<f64>, usize);
+}
+
+/// [`SingleRays::sift`] by the compiled traversal that counts.
+pub fn filtered<K: SingleRays + ?Sized>(
+    kernel: &K,
+    batch: &Batch<'_>,
+    write: Write<'_>,
+    filter: HitFilter<'_>,
+) {
+    let mut unused = vec![RayCounters::default(); batch.rays.len()];
+    let mut unused = unused.iter_mut();
+    kernel.observe(batch, false, write, &mut |ray| {
+        let log = Log::Filtered(Sieve { filter, ray });
+        Count::with(unused.next().expect("one set of counters per ray"), log)
+    });
 }
 
 /// Stores the answer of ray `i` in `answers[i]`.

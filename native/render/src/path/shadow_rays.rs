@@ -18,6 +18,10 @@ use crate::values::view::History;
 use crate::values::visibility::RayKind;
 use halfspace_ray::{Hit, Ray};
 
+mod passed;
+
+use passed::PassedSurfaces;
+
 /// The light of a shadow ray and the pixel sample of the tile's batch it belongs to.
 #[derive(Clone, Copy)]
 struct Light {
@@ -154,6 +158,7 @@ pub struct ShadowRays {
     scattered: Vec<Scattered>,
     blocked: Vec<bool>,
     hits: Vec<Hit>,
+    passed: PassedSurfaces,
     /// The media of each ray; empty if the scene has none.
     media: Vec<Passing>,
     scratch: Scratch,
@@ -216,11 +221,14 @@ impl ShadowRays {
         calls: &mut Calls,
         samples: &mut Samples<'_>,
     ) -> Result<u64, Cancelled> {
-        // Any-hit traversal is faster, but cannot see what it passes.
-        let cast = if context.scene.features().transparency || !self.media.is_empty() {
+        let (scene, features) = (context.scene, context.scene.features());
+        let in_media = !self.media.is_empty();
+        let cast = if !features.transparency && !in_media {
+            self.cast_opaque(context, calls, samples)?
+        } else if in_media || scene.touches() || features.counts_passed {
             self.cast_through(context, calls, samples)?
         } else {
-            self.cast_opaque(context, calls, samples)?
+            self.cast_filtered(context, calls, samples)?
         };
         self.clear();
         Ok(cast)
@@ -271,6 +279,32 @@ impl ShadowRays {
             }
             *answer += 1;
         }
+        Ok(rays.len() as u64)
+    }
+
+    /// One traversal of each ray, which asks at each surface whether light passes, see [`passed`].
+    fn cast_filtered(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut Samples<'_>,
+    ) -> Result<u64, Cancelled> {
+        let Self {
+            rays,
+            light,
+            scattered,
+            passed,
+            ..
+        } = self;
+        calls.cover(rays.len(), context.stop, |range| {
+            passed.trace(context, &rays[range.clone()], &light[range.clone()]);
+            for (i, at) in range.enumerate() {
+                if let Some(value) = passed.arriving(i, light[at].value) {
+                    let arrived = Light { value, ..light[at] };
+                    samples.add(&arrived, scattered.get(at));
+                }
+            }
+        })?;
         Ok(rays.len() as u64)
     }
 
@@ -367,15 +401,8 @@ impl Light {
             return None;
         }
         if blocks && !(in_media && surface.material.boundary) {
-            let point = || {
-                let mut point = surface.shading_point(scene, d, RayKind::Shadow);
-                point.view = Some(context.camera.view());
-                point.history = self.history;
-                point
-            };
-            let material = surface.material;
-            let unscattered = material.unscattered_reduced(&scene.images, point, registers);
-            self.value = self.value * unscattered.transparent;
+            let transparent = self.transparency(context, &surface, d, self.history, registers);
+            self.value = self.value * transparent;
             self.history.transparent += 1;
             self.passed += 1;
         } else {
@@ -388,6 +415,27 @@ impl Light {
             && self.value.max_abs() > 0.0
             && ray.t_max > hit.t;
         goes_on.then(|| surface.continued(ray, hit))
+    }
+
+    /// Returns the transparency of a surface seen along the unit direction `d`.
+    fn transparency(
+        &self,
+        context: &Context<'_>,
+        surface: &Surface<'_>,
+        d: Vec3,
+        history: History,
+        registers: &mut Vec<Value>,
+    ) -> Vec3 {
+        let scene = context.scene;
+        let point = || {
+            let mut point = surface.shading_point(scene, d, RayKind::Shadow);
+            point.view = Some(context.camera.view());
+            point.history = history;
+            point
+        };
+        let material = surface.material;
+        let unscattered = material.unscattered_reduced(&scene.images, point, registers);
+        unscattered.transparent
     }
 }
 

@@ -32,6 +32,7 @@ use crate::scene::RenderScene;
 use crate::scene::features::Features;
 use crate::settings::{Integrator, Pass, Settings};
 use crate::values::program::Value;
+use halfspace_ray::selection::Filtered;
 use halfspace_ray::{Hit, Order as RayOrder, Ray, RayCounters};
 
 /// 2³² divided by the golden ratio.
@@ -357,6 +358,11 @@ impl Wavefront {
                 self.settle(context);
                 return Ok(());
             }
+            if self.walks.iter().any(Option::is_some) {
+                self.trace_walks(context)?;
+                self.settle(context);
+                return Ok(());
+            }
         }
         let counts = primary && context.film.counts();
         if counts {
@@ -414,6 +420,38 @@ impl Wavefront {
                 *hit = scene.first(ray, *hit, path.left);
             }
         }
+    }
+
+    /// Finds the nearest hits of rays of which some are parts of walks: those meet their object alone.
+    fn trace_walks(&mut self, context: &Context<'_>) -> Result<(), Cancelled> {
+        let (scene, stop) = (context.scene, context.stop);
+        let Self {
+            rays, walks, hits, ..
+        } = self;
+        let (inside, outside): (Vec<usize>, Vec<usize>) =
+            (0..rays.len()).partition(|&i| walks[i].is_some());
+        for (indices, walk) in [(inside, true), (outside, false)] {
+            let rays: Vec<_> = indices.iter().map(|&i| rays[i]).collect();
+            let mut found = vec![Hit::MISS; rays.len()];
+            self.calls.cover(rays.len(), stop, |range| {
+                let first = range.start;
+                let (rays, found) = (&rays[range.clone()], &mut found[range]);
+                if !walk {
+                    return scene.tracer.closest(rays, found, None);
+                }
+                scene.tracer.sift(rays, found, &|i, hit| {
+                    let object = scene.attributes.at(hit.triangle).object();
+                    match &walks[indices[first + i]] {
+                        Some(walk) if walk.object != object => Filtered::Passed,
+                        _ => Filtered::Kept,
+                    }
+                });
+            })?;
+            for (&i, found) in indices.iter().zip(found) {
+                hits[i] = found;
+            }
+        }
+        Ok(())
     }
 
     /// Finds the nearest hits of secondary rays, beam by beam, those in no beam together. Reorders rays and paths.

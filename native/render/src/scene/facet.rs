@@ -127,8 +127,24 @@ impl Facet {
     /// direction for its origin. A direction that rounding has turned to the other side meets the triangle itself.
     #[inline(always)]
     pub fn ray(&self, side: f64, direction: impl Fn([f32; 3]) -> [f32; 3], t_max: f32) -> Ray {
-        // Start on the plane or behind it.
-        let (o, height) = self.rounded(self.point, -side);
+        self.ray_from(self.start(side), side, direction, t_max)
+    }
+
+    /// Returns where rays to a side begin: a point on the plane or behind it, and its height above the plane.
+    #[inline(always)]
+    pub fn start(&self, side: f64) -> ([f32; 3], f64) {
+        self.rounded(self.point, -side)
+    }
+
+    /// As [`Self::ray`], with [`Self::start`] of the side known.
+    #[inline(always)]
+    pub fn ray_from(
+        &self,
+        (o, height): ([f32; 3], f64),
+        side: f64,
+        direction: impl Fn([f32; 3]) -> [f32; 3],
+        t_max: f32,
+    ) -> Ray {
         let d = direction(o);
         let start = self
             .behind(o, d, [height, side])

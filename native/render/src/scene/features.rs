@@ -5,6 +5,7 @@
 use crate::light::Lights;
 use crate::light::world::World;
 use crate::material::Material;
+use crate::values::program::Op;
 use crate::values::visibility::RayKind;
 
 /// The features that the scene's materials and lights need.
@@ -32,6 +33,8 @@ pub struct Features {
     /// At least one material is not opaque, does not shade all lights, or is that of shadow catchers: rays pass through
     /// surfaces, shadow rays accumulate their transmittance.
     pub transparency: bool,
+    /// A program reads the number of transparent surfaces that a ray has passed.
+    pub counts_passed: bool,
     /// At least one material is invisible to some kinds of rays, which pass through it.
     pub hidden: bool,
     /// At least one material is a hole in the picture.
@@ -75,6 +78,7 @@ impl Features {
             transparency: any(|m| m.transparent || m.catcher || !m.visible.to(RayKind::Shadow))
                 || any(|m| !m.portals.is_empty() || m.strands.is_some())
                 || lights.any_blockers(),
+            counts_passed: any(|m| m.ops().any(Op::counts_passed)),
             hidden: any(|m| !m.visible.is_all() || m.strands.is_some()),
             holes: any(|m| m.hole),
             portals: any(|m| !m.portals.is_empty()),

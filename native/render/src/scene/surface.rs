@@ -274,6 +274,20 @@ impl<'a> Surface<'a> {
             .unwrap_or_else(|| self.facet.ray(self.side(direction), |_| d, t_max))
     }
 
+    /// Returns the rays that leave in these directions.
+    pub fn rays(&self, directions: &[Vec3], t_max: f32) -> Vec<Ray> {
+        let starts = [1.0, -1.0].map(|side| self.facet.start(side));
+        let ray = |&direction: &Vec3| {
+            let d = direction.array();
+            self.leaving(direction, &|_| d, t_max).unwrap_or_else(|| {
+                let side = self.side(direction);
+                let start = starts[usize::from(side < 0.0)];
+                self.facet.ray_from(start, side, |_| d, t_max)
+            })
+        };
+        directions.iter().map(ray).collect()
+    }
+
     /// Returns the ray from `eye` through the point that begins here, near the direction `towards`; `None` if rounding
     /// moves it off the triangle.
     pub fn ray_through(&self, eye: Vec3, towards: Vec3) -> Option<Ray> {

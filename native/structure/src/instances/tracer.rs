@@ -7,6 +7,7 @@ use fearless_simd::Level;
 use halfspace_base::{Monitor, simd};
 use halfspace_ray::counters::Log;
 use halfspace_ray::query::{Any, Closest};
+use halfspace_ray::selection::{HitFilter, Sieve};
 use halfspace_ray::{Hit, Ray, RayCounters, SelectiveTracer, Tracer};
 
 impl Instances {
@@ -89,6 +90,13 @@ impl Tracer for Instances {
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
         self.at_level(simd::level()).closest(rays, hits, counters);
+    }
+
+    fn sift(&self, rays: &[Ray], hits: &mut [Hit], filter: HitFilter<'_>) {
+        let write = &mut |i: usize, hit: Hit| hits[i] = hit;
+        let log = &mut |ray| Log::Filtered(Sieve { filter, ray });
+        let run = self.watched(None);
+        self.trace::<Closest>(run.run(), rays, write, log, None);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {

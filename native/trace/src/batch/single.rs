@@ -9,6 +9,7 @@ use halfspace_ray::columns::{Columns, TOGETHER};
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Best, Count, Counters, Log, NoCountLate, Query};
 use halfspace_ray::replay::{CHUNK, Record};
+use halfspace_ray::selection::{HitFilter, Sieve};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 use std::time::{Duration, Instant};
 
@@ -103,6 +104,26 @@ impl<'a> Launch<'a> {
         fearless_simd::dispatch!(self.level, simd => {
             self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate);
         });
+    }
+
+    /// Traces the rays one by one, and passes the nearest hit of each that the filter keeps to `write`. Returns `false`, and
+    /// does nothing, on processors without AVX2: rays that are counted answer the same, see [`Log::Filtered`].
+    pub fn sifted<T: SingleTraversal, Q: Query>(
+        &self,
+        traversal: &T,
+        write: Write<'_>,
+        filter: HitFilter<'_>,
+    ) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.level.as_avx2() {
+            simd.vectorize(
+                #[inline(always)]
+                || self.each::<_, _, Q, _>(simd, traversal, write, |ray| Sieve { filter, ray }),
+            );
+            return true;
+        }
+        let _ = (traversal, write, filter);
+        false
     }
 
     /// Traces the rays one by one, counts the work of each and records the answers of its leaves.

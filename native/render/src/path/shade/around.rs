@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The rays of nodes that explore what lies around a surface point, traced one by one while its program runs.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 
 use crate::math::sampler::PixelSampler;
 use crate::math::vector::Vec3;
@@ -13,10 +13,8 @@ use crate::scene::surface::{Surface, outward_normals};
 use crate::values::rays::{Met, Purpose, SHARP, Search, Surroundings};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::visibility::RayKind;
-use halfspace_ray::{Hit, Ray};
-
-/// Largest number of surfaces that one ray passes because they do not count.
-const MOST_PASSED: u32 = 1000;
+use halfspace_ray::selection::{Filtered, HitFilter};
+use halfspace_ray::{Hit, HitKey, Ray};
 
 /// Distance from the point to be shaded up to which a ray begins there, relative to its largest coordinate: programs
 /// compute positions in world space and back.
@@ -72,59 +70,68 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Calls `met` with the nearest hit of each ray that counts and with the ray's index. A ray goes on behind a hit that
-    /// does not count, or for which `met` returns `true`.
-    fn each(
-        &self,
-        mut rays: Vec<Ray>,
-        counts: impl Fn(u32) -> bool,
-        mut met: impl FnMut(usize, &Hit) -> bool,
-    ) {
-        let mut indices: Vec<_> = (0..rays.len()).collect();
-        let mut hits = Vec::new();
-        for _ in 0..MOST_PASSED {
-            if rays.is_empty() {
-                return;
-            }
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            self.scene.tracer.closest(&rays, &mut hits, None);
-            self.rays.set(self.rays.get() + rays.len() as u64);
-            // Keep the rays that go on.
-            let mut kept = 0;
-            for (i, hit) in hits.iter().enumerate() {
-                if hit.is_hit() && (!counts(hit.triangle) || met(indices[i], hit)) {
-                    rays[kept] = Ray {
-                        t_min: hit.t.next_up(),
-                        ..rays[i]
-                    };
-                    indices[kept] = indices[i];
-                    kept += 1;
-                }
-            }
-            rays.truncate(kept);
-            indices.truncate(kept);
-        }
+    /// Traces rays once, with a filter that does not depend on the order of their hits.
+    fn sift(&self, rays: &[Ray], filter: HitFilter<'_>) -> Vec<Hit> {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        self.scene.tracer.sift(rays, &mut hits, filter);
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        hits
     }
 
     /// Returns the nearest hit that counts.
     fn first(&self, ray: Ray, counts: impl Fn(u32) -> bool) -> Option<Hit> {
-        let mut found = None;
-        self.each(vec![ray], counts, |_, hit| {
-            found = Some(*hit);
-            false
-        });
-        found
+        let kept = |_: usize, hit: &Hit| match counts(hit.triangle) {
+            true => Filtered::Kept,
+            false => Filtered::Passed,
+        };
+        let [hit] = self.sift(&[ray], &kept)[..] else {
+            return None;
+        };
+        hit.is_hit().then_some(hit)
     }
 
     /// Returns the number of rays without a hit that counts.
-    fn missing(&self, rays: Vec<Ray>, counts: impl Fn(u32) -> bool) -> usize {
-        let mut free = rays.len();
-        self.each(rays, counts, |_, _| {
-            free -= 1;
-            false
+    fn missing(&self, rays: &[Ray], counts: impl Fn(u32) -> bool) -> usize {
+        let met: Vec<_> = rays.iter().map(|_| Cell::new(false)).collect();
+        self.sift(rays, &|i, hit| {
+            if !counts(hit.triangle) {
+                return Filtered::Passed;
+            }
+            met[i].set(true);
+            Filtered::Ended
         });
-        free
+        met.iter().filter(|met| !met.get()).count()
+    }
+
+    /// Returns all hits that count with the indices of their rays: the nearest of each ray, then the next ones. Of several
+    /// at one distance only the one with the smallest number.
+    fn each(&self, rays: &[Ray], counts: impl Fn(u32) -> bool) -> Vec<(usize, Hit)> {
+        let found = RefCell::new(Vec::new());
+        self.sift(rays, &|i, hit| {
+            if counts(hit.triangle) {
+                found.borrow_mut().push((i, *hit));
+            }
+            Filtered::Passed
+        });
+        // Sort the hits ray by ray, and number those of each ray.
+        let mut found = found.into_inner();
+        let key = |hit: &Hit| HitKey::new(hit.t, hit.triangle);
+        found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(key(&a.1).order(key(&b.1))));
+        found.dedup_by(|a, b| a.0 == b.0 && a.1.t == b.1.t);
+        let mut numbered: Vec<(usize, usize, Hit)> = Vec::with_capacity(found.len());
+        for (ray, hit) in found {
+            let number = match numbered.last() {
+                Some(&(before, last, _)) if last == ray => before + 1,
+                _ => 0,
+            };
+            numbered.push((number, ray, hit));
+        }
+        // The sort is stable: hits of equal number keep the order of their rays.
+        numbered.sort_by_key(|&(number, ..)| number);
+        numbered
+            .into_iter()
+            .map(|(_, ray, hit)| (ray, hit))
+            .collect()
     }
 
     /// Whether a triangle belongs to the point's object.
@@ -153,13 +160,12 @@ impl Around<'_> {
 
 impl Surroundings for Around<'_> {
     fn free(&self, directions: &[Vec3], length: f32, local: bool) -> usize {
-        let ray = |&direction: &Vec3| self.surface.ray(direction, length);
-        let rays: Vec<_> = directions.iter().map(ray).collect();
+        let rays = self.surface.rays(directions, length);
         if local {
-            return self.missing(rays, |triangle| self.is_own(triangle));
+            return self.missing(&rays, |triangle| self.is_own(triangle));
         }
         if self.scene.features().hidden {
-            return self.missing(rays, |triangle| self.is_seen(triangle, RayKind::Shadow));
+            return self.missing(&rays, |triangle| self.is_seen(triangle, RayKind::Shadow));
         }
         let mut occluded = vec![false; rays.len()];
         self.scene.tracer.occluded(&rays, &mut occluded, None);
@@ -209,14 +215,9 @@ impl Surroundings for Around<'_> {
             t_max: search.span[1],
         };
         let rays: Vec<_> = searches.iter().map(ray).collect();
-        self.each(
-            rays.clone(),
-            |triangle| self.is_own(triangle),
-            |index, hit| {
-                found(index, self.met(&rays[index], hit));
-                true
-            },
-        );
+        for (index, hit) in self.each(&rays, |triangle| self.is_own(triangle)) {
+            found(index, self.met(&rays[index], &hit));
+        }
     }
 
     fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Subsurface scattering: a path enters a surface, walks below it until it meets the same object, and leaves through a
-//! Lambertian lobe there (Chiang, Kutz and Burley 2016). Rays of walks go through the structure like all others, and
-//! pass the surfaces of other objects.
+//! Lambertian lobe there (Chiang, Kutz and Burley 2016). Rays of walks go through the structure like all others, which
+//! passes the surfaces of other objects on the way.
 
 use crate::light::Receiver;
 use crate::material::bsdf::{Bsdf, Entrance};

@@ -364,6 +364,11 @@ impl Op {
         matches!(self, Self::Occlusion(_) | Self::Bevel(_) | Self::Raycast(_))
     }
 
+    /// Whether the operation reads the number of transparent surfaces that the ray has passed.
+    pub fn counts_passed(&self) -> bool {
+        matches!(self, Self::Coordinate(Coordinate::TransparentDepth, _))
+    }
+
     /// Returns the number of arguments.
     pub fn arity(&self) -> usize {
         match self {
