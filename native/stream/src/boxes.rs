@@ -516,7 +516,7 @@ mod tests {
                 for (ray, state) in states.iter().enumerate().take(rays) {
                     stream.put(ray, &state.line, false);
                 }
-                assert!(stream.begin(tree.root()));
+                assert!(stream.begin(Steps::root(&tree)));
                 let root = stream.pop().expect("it waits");
                 dispatch!(Level::new(), simd => {
                     tree.visit(simd, &mut stream, root, &states, &mut Vec::new());

@@ -165,10 +165,8 @@ fn trace<S: Simd, T: Boxes<W>, Q: Query, C: Counters, L: Width, const W: usize>(
                 }
                 break inner;
             }
-            let own = Leaf {
-                first: next.link,
-                count: next.count as usize,
-            };
+            let (first, count) = (next.link, next.count as usize);
+            let own = Leaf { first, count };
             // Prefetch the leaf, and the entry that follows it.
             input.blocks.fetch_ahead(own.first);
             if let Some(further) = stack[..size].last() {

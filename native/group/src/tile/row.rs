@@ -2,7 +2,7 @@
 //! Sixteen rays in structure-of-arrays layout, one vector per quantity.
 
 use crate::tile::ray_index;
-use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
+use fearless_simd::{Bytes, Simd, SimdBase, f32x4, f32x16, mask32x16, u32x16};
 use halfspace_ray::Ray;
 use halfspace_ray::columns::transposed;
 use halfspace_ray::frame::ToFrame;

@@ -27,7 +27,6 @@ const END: i64 = (f32::NEG_INFINITY.to_bits() as i32 as i64) << 32 | u32::MAX as
 
 /// Distance where the ray enters a box on the stack.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the upper half")]
 #[expect(clippy::cast_sign_loss, reason = "bits")]
 fn enter(entry: i64) -> f32 {
     f32::from_bits((entry >> 32) as u32)
