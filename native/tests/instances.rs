@@ -322,7 +322,7 @@ fn instances_of_instances_answer_like_brute_force_over_the_flattened_scene() {
         flattened(&one).vertices()[..40],
         flattened(&tree).vertices()[..40]
     );
-    // What is known of meshes is listed by part.
+    // The properties of meshes are listed by part.
     let group = Part::Group(Arc::clone(&row));
     assert_eq!(
         nested::expand(&[mesh(0), group, mesh(0)], &[])

@@ -127,7 +127,7 @@ impl Segment {
         let end = end.min(start + 1e3 * ((foot - start).abs() + height));
         let (before, after) = (start - foot, end - foot);
         let angle = about_angle((end - start) * height, height * height + before * after);
-        // What is left of the light at the point nearest the sphere.
+        // Attenuate the light up to the point nearest the sphere.
         let depth = self.extinction * (foot - sphere.radius).clamp(start, end);
         let through = (1.0 / (1.0 + depth * (1.0 + 0.5 * depth))).max(DIMMEST);
         sphere.brightness * through * (angle.max(1e-7) / height)

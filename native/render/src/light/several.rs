@@ -170,7 +170,7 @@ mod tests {
                 _ => lamps += 1,
             });
         }
-        // What brings more than a quarter of the light is always sampled.
+        // A lamp that brings more than a quarter of the light is always sampled.
         let of_lamps = [0, 1].map(|lamp| f64::from(lights.probability(receiver, lamp)));
         assert!(of_lamps[0] == 1.0 && of_lamps[1] < 0.9, "{of_lamps:?}");
         let found = f64::from(lamps) / f64::from(n);

@@ -60,7 +60,7 @@ impl Transmitter {
         if f0 == Vec3::splat(own) {
             return plain;
         }
-        // What is not reflected passes and `Reflected::at` is linear in `f0`, so the albedo is linear in `f0` too:
+        // Interpolate the albedo: the rest of the light passes and `Reflected::at` is linear in `f0`, so the albedo is, too:
         // it equals `single` at `f0 = own` and `white` at `f0 = 1`.
         let white = white();
         let share = (f0 - Vec3::splat(own)) * (1.0 / (1.0 - own).max(1e-6));

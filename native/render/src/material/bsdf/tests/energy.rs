@@ -67,7 +67,7 @@ fn a_coat_lets_through_what_it_does_not_reflect() {
             let through = material.closures[0].through_coat(&[], cos).mean();
             let reflected = albedo(&material, cos, false);
             let all = f64::from(through) + reflected;
-            // What Cycles' estimate of the reflection takes too much is lost.
+            // The excess of Cycles' estimate of the reflection is lost.
             assert!(
                 (0.985..1.004).contains(&all),
                 "{roughness} {ior} {cos}: {all}"

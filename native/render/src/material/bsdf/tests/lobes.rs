@@ -141,7 +141,7 @@ fn densities_and_values_integrate_to_what_is_sampled() {
 
 #[test]
 fn a_furnace_is_white() {
-    // What a layer of sheen does not reflect reaches the base, and a toon cone returns all light.
+    // The light that a layer of sheen does not reflect reaches the base, and a toon cone returns all light.
     for roughness in [0.1, 0.5, 1.0] {
         for weight in [0.3, 1.0] {
             let sheen = [

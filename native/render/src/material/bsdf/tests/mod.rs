@@ -175,7 +175,7 @@ fn white_furnace_of_every_shader_node() {
             for cos in [0.1, 0.4, 0.7, 1.0] {
                 for inside in [false, true] {
                     let a = albedo(&material, cos, inside);
-                    // What Cycles' estimate of a layer's reflection takes too much is lost; near the horizon it takes
+                    // The excess of Cycles' estimate of a layer's reflection is lost; near the horizon it takes
                     // a little less than is reflected.
                     let layered = ["rough base", "Principled", "mixed", "coated"].contains(&name);
                     let range = if layered {
