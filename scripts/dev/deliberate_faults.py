@@ -183,7 +183,7 @@ FAULTS = (
         "native/single/src/objects/obb.rs",
         "inv.abs() * pad",
         "inv.abs() * splat(0.0)",
-        ("lib", "single::objects::obb::tests"),
+        ("lib", "objects::obb::tests"),
     ),
     Fault(
         "boxes that packets turn without their error bound",
@@ -225,7 +225,7 @@ FAULTS = (
         "native/scene/src/triangles.rs",
         "v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0",
         "true",
-        ("lib", "scene::tests"),
+        ("lib", "triangles::tests"),
     ),
     Fault(
         "of equally near triangles the larger number",

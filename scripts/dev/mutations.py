@@ -111,6 +111,15 @@ def build(copy: Path, faults: Sequence[Fault]) -> dict[str, list[Path]]:
     return found
 
 
+def finds(programs: Mapping[str, Sequence[Path]], test: tuple[str, str], folder: Path) -> bool:
+    """Whether a program of a test's name has a test that it selects."""
+    listed = [
+        subprocess.run([str(program), test[1], "--list"], cwd=folder, capture_output=True, text=True, check=True).stdout
+        for program in programs[test[0]]
+    ]
+    return any(": test" in text for text in listed)
+
+
 def passes(programs: Mapping[str, Sequence[Path]], test: tuple[str, str], folder: Path, number: int) -> bool:
     """Whether a test passes in time with a fault switched on, in all programs of its name."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
@@ -161,6 +170,8 @@ def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
     programs = build(copy, [fault for _, fault in chosen])
     survived = []
     for test in sorted({fault.test for _, fault in chosen}):
+        if not finds(programs, test, copy / "native"):
+            raise StaleError(f"no test is named {' '.join(test)}")
         if not passes(programs, test, copy / "native", 0):
             print(f"FAILS without any fault: {' '.join(test)}", flush=True)
             survived.append(0)

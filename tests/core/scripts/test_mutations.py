@@ -34,18 +34,30 @@ def test_a_fault_in_a_part_of_an_expression_is_told(part: str) -> None:
             mutations.seeded(old, Fault("half", "native/x.rs", old, new, ("lib", "x")), 1)
 
 
+def seed_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str, listed: str) -> Fault:
+    """Replace the build by a shell script that lists `listed` and else does `body`. Returns a fault."""
+    program = folder / "program"
+    program.write_text(f'#!/bin/sh\nif [ "$2" = --list ]; then echo {listed}; exit; fi\n{body}\n')
+    program.chmod(0o700)
+    (folder / "native").mkdir()
+    monkeypatch.setattr(mutations, "seed", lambda _: None)
+    monkeypatch.setattr(mutations, "build", lambda _copy, _faults: {"lib": [program]})
+    return Fault("minus", "native/x.rs", "a + b", "a - b", ("lib", "x"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the script needs a shell")
+def test_a_fault_without_a_test_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = seed_nothing(tmp_path, monkeypatch, "true", "0 tests, 0 benchmarks")
+    with pytest.raises(mutations.StaleError, match="no test is named lib x"):
+        mutations.run(tmp_path, [(1, fault)])
+
+
 @pytest.mark.skipif(os.name == "nt", reason="the script needs a shell")
 @pytest.mark.parametrize(("condition", "survived"), [("false", [1]), ("[ $HALFSPACE_FAULT = 1 ]", []), ("true", [0])])
 def test_a_survivor_is_told(
     condition: str, survived: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    program = tmp_path / "program"
-    program.write_text(f"#!/bin/sh\n! {condition}\n")
-    program.chmod(0o700)
-    (tmp_path / "native").mkdir()
-    monkeypatch.setattr(mutations, "seed", lambda _: None)
-    monkeypatch.setattr(mutations, "build", lambda _copy, _faults: {"lib": [program]})
-    fault = Fault("minus", "native/x.rs", "a + b", "a - b", ("lib", "x"))
+    fault = seed_nothing(tmp_path, monkeypatch, f"! {condition}", "x::adds: test")
     assert mutations.run(tmp_path, [(1, fault)]) == survived
     told = capsys.readouterr().out
     assert ("SURVIVED" in told) == (survived == [1])
