@@ -108,3 +108,17 @@ fn counters_change_no_answer() {
         assert!(found == expected, "{spec}");
     }
 }
+
+#[test]
+fn qualities_build_the_trees_of_other_configurations() {
+    let scene = soup(beams(400));
+    for (quality, spec) in [
+        ("fast", "bvh-hlbvh"),
+        ("medium", "bvh-sah"),
+        ("high", "bvh-sah:splits=0.3"),
+    ] {
+        let built = build(&scene, &format!("bvh-sah:quality={quality}"));
+        let expected = build(&scene, spec);
+        assert!(built.built().same_nodes(expected.built()), "{quality}");
+    }
+}

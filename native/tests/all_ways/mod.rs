@@ -27,7 +27,9 @@ pub fn with(spec: &str, pair: &str) -> String {
 }
 
 /// Forms of trees that other values than the defaults select.
-const FORMS: [&str; 13] = [
+const FORMS: [&str; 15] = [
+    "bvh-sah:quality=fast",
+    "bvh-sah:quality=high",
     "bvh-sah:splits=1",
     "bvh-sah:splits=4,traversal=ordered",
     "bvh-sah:splits=0.3,traversal=flight",

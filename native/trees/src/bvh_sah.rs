@@ -9,7 +9,7 @@ use crate::ways::{all, chosen, distinct, together, traversal};
 use crate::{objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
-use halfspace_builders::{object, spatial};
+use halfspace_builders::{hlbvh, object, spatial};
 use halfspace_leaf::keep::Keep;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
@@ -44,6 +44,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         WIDTH,
         TRAVERSAL,
         ANY_ORDER,
+        QUALITY,
         params::ROBUST,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
@@ -115,6 +116,38 @@ pub(crate) const ANY_ORDER: ParamSpec = ParamSpec {
     ],
 };
 
+/// Levels of other libraries (bvh by madmann91, obvhs) for the builders of this row and of `bvh-hlbvh`.
+const QUALITY: ParamSpec = ParamSpec {
+    name: "quality",
+    label: "Build Quality",
+    doc: "How much work the build spends on a tree that is traced faster",
+    unit: "",
+    kind: Kind::Choice(&[
+        Named {
+            doc: "every node by the heuristic, cutting triangles only as splits permits",
+            ..named("medium", "Medium")
+        },
+        Named {
+            doc: "as bvh-hlbvh, along a space-filling curve, with the heuristic only near the root and for leaves",
+            ..named("fast", "Fast")
+        },
+        Named {
+            doc: "as splits=0.3, with triangles cut",
+            needs: &[Need {
+                key: "width",
+                only: Only::Options(&["8"]),
+            }],
+            ..named("high", "High")
+        },
+    ]),
+    default: Value::Choice("medium"),
+    group: Group::Builder,
+    needs: &[],
+};
+
+/// Spatial splits of the highest quality, as in the row's entry of the literature.
+const HIGH_SPLITS: f32 = 0.3;
+
 fn any_order(config: &Config) -> Rule {
     config.pick(
         "any_order",
@@ -129,7 +162,15 @@ fn any_order(config: &Config) -> Rule {
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
     let policy = params::surface_area(config, Costs::BOXES);
-    let share = config.float(params::SPLITS.name);
+    // Build over whole triangles, unless planes may cut them.
+    let share = match config.choice(QUALITY.name) {
+        "fast" => {
+            let binary = hlbvh::build(scene, &frame, &policy, monitor)?;
+            return whole(scene, config, frame, binary);
+        }
+        "high" => HIGH_SPLITS,
+        _ => config.float(params::SPLITS.name),
+    };
     if share == 0.0 {
         let binary = object::build(scene, &frame, &policy, monitor)?;
         return whole(scene, config, frame, binary);

@@ -77,10 +77,16 @@ pub const SPLITS: ParamSpec = ParamSpec {
     kind: Kind::Float { min: 0.0, max: 4.0 },
     default: Value::Float(0.0),
     group: Group::Builder,
-    needs: &[Need {
-        key: "width",
-        only: Only::Options(&["8"]),
-    }],
+    needs: &[
+        Need {
+            key: "width",
+            only: Only::Options(&["8"]),
+        },
+        Need {
+            key: "quality",
+            only: Only::Options(&["medium"]),
+        },
+    ],
 };
 
 const fn cost(name: &'static str, label: &'static str, doc: &'static str, value: f32) -> ParamSpec {

@@ -38,6 +38,8 @@ def test_the_parameter_is_shown_for_eight_boxes_only() -> None:
         ("bvh-sah:splits=-0.1", "splits=-0.1 is not a number from 0 to 4"),
         ("bvh-sah:splits=some", "splits=some is not a number from 0 to 4"),
         ("bvh-sah:splits=1,width=2", "splits=1 has no effect in 'bvh-sah' with width=2; it needs width=8"),
+        ("bvh-sah:quality=fast,splits=1", "with quality=fast; it needs quality=medium"),
+        ("bvh-sah:quality=high,width=4", "quality=high needs width=8 in 'bvh-sah', got width=4"),
         ("kd:splits=1", "'kd' has no key 'splits'"),
     ],
 )
@@ -45,6 +47,14 @@ def test_mistakes_are_named(spec: str, message: str) -> None:
     with pytest.raises(native.SpecError) as raised:
         native.build(*beams(4), spec)
     assert message in str(raised.value)
+
+
+def test_a_quality_leaves_out_what_its_tree_has_not() -> None:
+    assert native.effective("bvh-sah:splits=0.3")["splits"] == 0.3
+    assert native.effective("bvh-sah:splits=0.3,quality=fast")["splits"] is None
+    assert native.effective("bvh-sah:width=4,quality=high")["quality"] == "medium"
+    high = native.build(*beams(2000), "bvh-sah:quality=high").statistics
+    assert high["references"] == native.build(*beams(2000), "bvh-sah:splits=0.3").statistics["references"] > 2000
 
 
 def test_references_are_counted_and_bounded() -> None:
