@@ -13,6 +13,7 @@
 use crate::binned::SurfaceArea;
 use crate::morton;
 use crate::object::{self, Object};
+use crate::reach::Reach;
 use fearless_simd::{Select, Simd, SimdBase, dispatch, f32x8, u32x8};
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, footprint, simd};
@@ -26,8 +27,11 @@ use rayon::prelude::*;
 /// Largest search radius.
 pub const FARTHEST: usize = 128;
 
-/// Number of neighbours that are compared at once.
+/// Number of clusters that are compared at once.
 const LANES: usize = 8;
+
+/// Clusters whose pairs are measured together (chosen): with the usual radius, their areas fit into the first cache.
+const STRIPE: usize = 256;
 
 /// Clusters that one task unites (chosen).
 const PART: usize = 1 << 12;
@@ -44,7 +48,7 @@ pub struct Clustering {
 }
 
 /// Two clusters that became one.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Union {
     /// The numbers of both: of an object, or, from the number of objects on, of a union.
     parts: [u32; 2],
@@ -76,14 +80,9 @@ const ENDLESS: [f32; 6] = [f32::MIN, f32::MIN, f32::MIN, f32::MAX, f32::MAX, f32
 impl Clusters {
     /// Makes room for `count` clusters, between boxes without end.
     fn new(count: usize) -> Self {
-        let column = |end: f32| {
-            let mut column = Vec::with_capacity(count + 2 * AROUND);
-            column.resize(AROUND, end);
-            column
-        };
         Self {
-            bounds: ENDLESS.map(column),
-            numbers: Vec::with_capacity(count),
+            bounds: ENDLESS.map(|end| vec![end; count + 2 * AROUND]),
+            numbers: vec![0; count],
         }
     }
 
@@ -94,41 +93,42 @@ impl Clusters {
     /// Returns the box of a cluster.
     #[inline(always)]
     fn bounds(&self, i: usize) -> Aabb {
-        let [a, b, c, d, e, f] = self.bounds.each_ref().map(|column| column[AROUND + i]);
+        let end = |k: usize| self.bounds[k][AROUND + i];
         Aabb {
-            min: [a, b, c],
-            max: [d, e, f],
+            min: [end(0), end(1), end(2)],
+            max: [end(3), end(4), end(5)],
         }
     }
 
-    /// Removes all clusters.
-    fn clear(&mut self) {
-        for column in &mut self.bounds {
-            column.truncate(AROUND);
-        }
-        self.numbers.clear();
-    }
-
-    /// Appends the clusters of a part.
-    fn append(&mut self, part: &Part) {
-        for (k, column) in self.bounds.iter_mut().enumerate() {
-            let end = |bounds: &Aabb| {
-                if k < 3 {
-                    bounds.min[k]
-                } else {
-                    bounds.max[k - 3]
-                }
-            };
-            column.extend(part.bounds.iter().map(end));
-        }
-        self.numbers.extend(&part.numbers);
-    }
-
-    /// Appends boxes without end.
-    fn close(&mut self) {
+    /// Keeps the first `count` places, and ends them with boxes without end.
+    fn shorten(&mut self, count: usize) {
+        self.numbers.truncate(count);
         for (column, end) in self.bounds.iter_mut().zip(ENDLESS) {
-            column.resize(column.len() + AROUND, end);
+            column.truncate(count + 2 * AROUND);
+            column[AROUND + count..].fill(end);
         }
+    }
+
+    /// Divides the places, and those of `unions`, the first of which has number `next`, among the parts of a round.
+    fn divide<'a>(
+        &'a mut self,
+        mut unions: &'a mut [Union],
+        mut next: usize,
+        sizes: &[Size],
+    ) -> Vec<Part<'a>> {
+        let end = AROUND + self.len();
+        let mut bounds = (self.bounds.each_mut()).map(|column| &mut column[AROUND..end]);
+        let mut numbers = self.numbers.as_mut_slice();
+        let part = |size: &Size| {
+            next += size.unions;
+            Part {
+                bounds: (bounds.each_mut()).map(|column| first(column, size.clusters)),
+                numbers: first(&mut numbers, size.clusters),
+                unions: first(&mut unions, size.unions),
+                next: index(next - size.unions),
+            }
+        };
+        sizes.iter().map(part).collect()
     }
 
     /// Writes the best neighbours of the clusters from `from` on to `best`: those with the smallest common box, of equal
@@ -136,55 +136,118 @@ impl Clusters {
     /// pair that is first in this order find each other.
     #[inline(always)]
     fn neighbours<S: Simd>(&self, simd: S, radius: usize, from: usize, best: &mut [u32]) {
-        let splat = |x: f32| f32x8::splat(simd, x);
-        let lanes = u32x8::from_slice(simd, &[0, 1, 2, 3, 4, 5, 6, 7]);
-        for (i, best) in (from..).zip(best) {
-            let own = self
-                .bounds
-                .each_ref()
-                .map(|column| splat(column[AROUND + i]));
-            let position = u32x8::splat(simd, index(i));
-            let mut least = splat(f32::INFINITY);
-            let mut nearest = u32x8::splat(simd, u32::MAX);
-            for first in [AROUND + i - radius, AROUND + i + 1] {
-                for step in (0..radius).step_by(LANES) {
-                    let start = first + step;
-                    let [a, b, c, d, e, f] = std::array::from_fn(|k| {
-                        let other = f32x8::from_slice(simd, &self.bounds[k][start..start + LANES]);
-                        if k < 3 {
-                            own[k].min(other)
-                        } else {
-                            own[k].max(other)
-                        }
-                    });
-                    let (x, y, z) = (d - a, e - b, f - c);
-                    let area = x * y + (x + y) * z;
-                    // Positions before the first wrap around; their boxes have no end.
-                    let other =
-                        lanes + u32x8::splat(simd, index(start).wrapping_sub(index(AROUND)));
-                    let apart = other ^ position;
-                    let within = lanes.simd_lt(u32x8::splat(simd, index(radius - step)));
-                    let better =
-                        area.simd_lt(least) | (area.simd_eq(least) & apart.simd_lt(nearest));
-                    let better = better & within;
-                    least = better.select(area, least);
-                    nearest = better.select(apart, nearest);
-                }
+        let before = radius.next_multiple_of(LANES);
+        let mut areas = vec![0.0; radius * (before + STRIPE)];
+        for (stripe, best) in best.chunks_mut(STRIPE).enumerate() {
+            let first = from + stripe * STRIPE;
+            let width = before + best.len().next_multiple_of(LANES);
+            for start in (0..width).step_by(LANES) {
+                // Clusters before the first are boxes without end.
+                let at = AROUND + first + start - before;
+                self.measure(simd, radius, at, &mut areas[start..], width);
             }
-            // Take the best of the lanes.
-            let smallest = least.simd_eq(splat(least.reduce_min()));
-            let apart = smallest.select(nearest, u32x8::splat(simd, u32::MAX));
-            *best = apart.reduce_min() ^ index(i);
+            for (start, best) in (before..).step_by(LANES).zip(best.chunks_mut(LANES)) {
+                let found = choose(simd, radius, &areas[..radius * width], start, first);
+                best.copy_from_slice(&found[..best.len()]);
+            }
+        }
+    }
+
+    /// Writes the area of the common box of each of the [`LANES`] clusters from row `at` of the columns on and the
+    /// cluster `apart` places after it to `areas[(apart - 1) * width + lane]`, for all `apart` up to `radius`.
+    #[inline(always)]
+    fn measure<S: Simd>(&self, simd: S, radius: usize, at: usize, areas: &mut [f32], width: usize) {
+        // Functions of arrays that take a closure would be compiled without the instructions of `simd`.
+        let mut own = [f32x8::splat(simd, 0.0); 6];
+        for (own, column) in own.iter_mut().zip(&self.bounds) {
+            *own = f32x8::from_slice(simd, &column[at..at + LANES]);
+        }
+        for (apart, areas) in (1..=radius).zip(areas.chunks_mut(width)) {
+            let mut sides = [own[0]; 3];
+            for (k, side) in sides.iter_mut().enumerate() {
+                let [low, high] = [&self.bounds[k], &self.bounds[3 + k]];
+                let from = at + apart;
+                let low = own[k].min(f32x8::from_slice(simd, &low[from..from + LANES]));
+                let high = own[3 + k].max(f32x8::from_slice(simd, &high[from..from + LANES]));
+                *side = high - low;
+            }
+            let [x, y, z] = sides;
+            let area = x * y + (x + y) * z;
+            areas[..LANES].copy_from_slice(area.as_slice());
         }
     }
 }
 
-/// The clusters of one task after a round, and the unions that it made.
-#[derive(Default)]
-struct Part {
-    bounds: Vec<Aabb>,
-    numbers: Vec<u32>,
-    unions: Vec<Union>,
+/// Returns the best neighbours of the [`LANES`] clusters in the columns from `start` on of a table of areas, as
+/// [`Clusters::measure`] writes it. The first of the stripe, in column `radius` rounded up to lanes, is `first`.
+#[inline(always)]
+fn choose<S: Simd>(
+    simd: S,
+    radius: usize,
+    areas: &[f32],
+    start: usize,
+    first: usize,
+) -> [u32; LANES] {
+    let width = areas.len() / radius;
+    let before = radius.next_multiple_of(LANES);
+    // Find the smallest areas. A pair stands in the column of its first cluster.
+    let mut least = [f32x8::splat(simd, f32::INFINITY); 2];
+    for apart in 1..=radius {
+        let row = &areas[(apart - 1) * width..apart * width];
+        let after = f32x8::from_slice(simd, &row[start..start + LANES]);
+        let before = f32x8::from_slice(simd, &row[start - apart..start - apart + LANES]);
+        least = [least[0].min(after), least[1].min(before)];
+    }
+    let least = least[0].min(least[1]);
+    // Find the nearest by position of the neighbours with these areas.
+    let lanes = u32x8::from_slice(simd, &[0, 1, 2, 3, 4, 5, 6, 7]);
+    let position = lanes + u32x8::splat(simd, index(first + start - before));
+    let farthest = u32x8::splat(simd, u32::MAX);
+    let mut nearest = [farthest; 2];
+    for apart in 1..=radius {
+        let row = &areas[(apart - 1) * width..apart * width];
+        let after = f32x8::from_slice(simd, &row[start..start + LANES]);
+        let before = f32x8::from_slice(simd, &row[start - apart..start - apart + LANES]);
+        let apart = u32x8::splat(simd, index(apart));
+        let after = (after.simd_eq(least)).select((position + apart) ^ position, farthest);
+        // Positions before the first wrap around; their boxes have no end.
+        let before = (before.simd_eq(least)).select((position - apart) ^ position, farthest);
+        nearest = [nearest[0].min(after), nearest[1].min(before)];
+    }
+    *(nearest[0].min(nearest[1]) ^ position)
+}
+
+/// Takes the first `count` values off a slice.
+fn first<'a, T>(values: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    values.split_off_mut(..count).expect("room for all parts")
+}
+
+/// Number of clusters that a part of a round leaves, and of the unions that it makes.
+#[derive(Debug, Clone, Copy)]
+struct Size {
+    clusters: usize,
+    unions: usize,
+}
+
+/// The places of the clusters that a part of a round leaves, and of the unions that it makes.
+struct Part<'a> {
+    bounds: [&'a mut [f32]; 6],
+    numbers: &'a mut [u32],
+    unions: &'a mut [Union],
+    /// Number of the first union.
+    next: u32,
+}
+
+impl Part<'_> {
+    /// Writes a cluster to a place.
+    #[inline(always)]
+    fn put(&mut self, place: usize, bounds: &Aabb, number: u32) {
+        for k in 0..3 {
+            self.bounds[k][place] = bounds.min[k];
+            self.bounds[3 + k][place] = bounds.max[k];
+        }
+        self.numbers[place] = number;
+    }
 }
 
 /// The clusters of a build.
@@ -226,7 +289,7 @@ pub fn build(
         clustering,
         monitor,
         objects: &objects,
-        unions: Vec::with_capacity(n - 1),
+        unions: Vec::new(),
         parallel: object::parallel_from(n),
     };
     let root = builder.unite()?;
@@ -247,48 +310,48 @@ impl Builder<'_> {
     fn unite(&mut self) -> Result<u32> {
         let n = self.objects.len();
         let (mut clusters, mut next) = (Clusters::new(n), Clusters::new(n));
-        for part in self.objects.chunks(PART) {
-            let first = index(clusters.len());
-            clusters.append(&Part {
-                bounds: part.iter().map(|object| object.bounds).collect(),
-                numbers: (first..first + index(part.len())).collect(),
-                unions: Vec::new(),
-            });
-        }
-        clusters.close();
+        self.begin(&mut clusters);
         let mut best = vec![0; n];
+        let (mut unions, mut made) = (vec![Union::default(); n - 1], 0);
         while clusters.len() > 1 {
             self.monitor.check()?;
             let best = &mut best[..clusters.len()];
-            let pairs = self.find(&clusters, best);
-            // Number the unions of each part after those of the parts before it.
-            let mut first = n + self.unions.len();
-            let firsts: Vec<_> = pairs
-                .iter()
-                .map(|pairs| {
-                    let own = first;
-                    first += pairs;
-                    index(own)
-                })
-                .collect();
-            let parts: Vec<_> = (firsts.par_iter().enumerate())
-                .map(|(part, &first)| self.part(&clusters, best, part * PART, first))
-                .collect();
-            next.clear();
-            for part in &parts {
-                next.append(part);
-                self.unions.extend(&part.unions);
-            }
-            next.close();
+            let sizes = self.find(&clusters, best);
+            next.shorten(sizes.iter().map(|size| size.clusters).sum());
+            let (done, left) = unions.split_at_mut(made);
+            let parts = next.divide(left, n + made, &sizes);
+            parts.into_par_iter().enumerate().for_each(|(k, part)| {
+                self.part(&clusters, best, k * PART, done, part);
+            });
             let united = clusters.len() - next.len();
+            made += united;
             self.monitor.advance(united as f64 / (n - 1) as f64);
             std::mem::swap(&mut clusters, &mut next);
         }
+        self.unions = unions;
         Ok(clusters.numbers[0])
     }
 
-    /// Writes the neighbour that each cluster chooses to `best`; returns the number of pairs that begin in each part.
-    fn find(&self, clusters: &Clusters, best: &mut [u32]) -> Vec<usize> {
+    /// Writes one cluster for each object.
+    fn begin(&self, clusters: &mut Clusters) {
+        let chunks = self.objects.chunks(PART);
+        let sizes: Vec<_> = chunks
+            .map(|objects| Size {
+                clusters: objects.len(),
+                unions: 0,
+            })
+            .collect();
+        let parts = clusters.divide(&mut [], 0, &sizes).into_par_iter();
+        let filled = parts.zip(self.objects.par_chunks(PART)).enumerate();
+        filled.for_each(|(k, (mut part, objects))| {
+            for (place, object) in objects.iter().enumerate() {
+                part.put(place, &object.bounds, index(k * PART + place));
+            }
+        });
+    }
+
+    /// Writes the neighbour that each cluster chooses to `best`; returns the size of each part.
+    fn find(&self, clusters: &Clusters, best: &mut [u32]) -> Vec<Size> {
         let radius = self.clustering.radius;
         let level = simd::level();
         best.par_chunks_mut(PART)
@@ -296,17 +359,22 @@ impl Builder<'_> {
             .for_each(|(part, best)| {
                 dispatch!(level, simd => clusters.neighbours(simd, radius, part * PART, best));
             });
-        let pairs = |best: &[u32]| -> Vec<usize> {
+        let sizes = |best: &[u32]| -> Vec<Size> {
             (0..best.len().div_ceil(PART))
                 .into_par_iter()
                 .map(|part| {
                     let own = part * PART..best.len().min(part * PART + PART);
-                    own.filter(|&i| is_first(best, i)).count()
+                    let unions = own.clone().filter(|&i| is_first(best, i)).count();
+                    let paired = own.clone().filter(|&i| has_pair(best, i)).count();
+                    Size {
+                        clusters: own.len() + unions - paired,
+                        unions,
+                    }
                 })
                 .collect()
         };
-        let found = pairs(best);
-        if found.iter().sum::<usize>() * FEWEST >= best.len() {
+        let found = sizes(best);
+        if found.iter().map(|size| size.unions).sum::<usize>() * FEWEST >= best.len() {
             return found;
         }
         // Pair the clusters that are left by position.
@@ -316,33 +384,37 @@ impl Builder<'_> {
                 (best[i], best[i + 1]) = (index(i + 1), index(i));
             }
         }
-        pairs(best)
+        sizes(best)
     }
 
-    /// Unites the pairs that begin among the [`PART`] clusters from `from` on; their first number is `number`.
-    fn part(&self, clusters: &Clusters, best: &[u32], from: usize, mut number: u32) -> Part {
-        let mut part = Part::default();
-        let own = from..best.len().min(from + PART);
-        part.bounds.reserve(own.len());
-        part.numbers.reserve(own.len());
-        for i in own {
+    /// Unites the pairs that begin among the [`PART`] clusters from `from` on; `done` are the unions before.
+    fn part(
+        &self,
+        clusters: &Clusters,
+        best: &[u32],
+        from: usize,
+        done: &[Union],
+        mut part: Part<'_>,
+    ) {
+        let (mut place, mut made) = (0, 0);
+        for i in from..best.len().min(from + PART) {
             if is_first(best, i) {
-                let (bounds, union) = self.union(clusters, [i, best[i] as usize]);
-                part.bounds.push(bounds);
-                part.numbers.push(number);
-                part.unions.push(union);
-                number += 1;
-            } else if !has_pair(best, i) {
-                part.bounds.push(clusters.bounds(i));
-                part.numbers.push(clusters.numbers[i]);
+                let (bounds, union) = self.union(clusters, [i, best[i] as usize], done);
+                part.unions[made] = union;
+                part.put(place, &bounds, part.next + index(made));
+                made += 1;
+            } else if has_pair(best, i) {
+                continue;
+            } else {
+                part.put(place, &clusters.bounds(i), clusters.numbers[i]);
             }
+            place += 1;
         }
-        part
     }
 
     /// Unites two clusters: returns their box and the union.
     #[expect(clippy::cast_possible_truncation, reason = "a cost")]
-    fn union(&self, clusters: &Clusters, pair: [usize; 2]) -> (Aabb, Union) {
+    fn union(&self, clusters: &Clusters, pair: [usize; 2], done: &[Union]) -> (Aabb, Union) {
         let boxes = pair.map(|i| clusters.bounds(i));
         let mut parts = pair.map(|i| clusters.numbers[i]);
         let bounds = boxes[0].union(&boxes[1]);
@@ -363,7 +435,8 @@ impl Builder<'_> {
         }
         // Compare the cost of both parts with that of a leaf.
         let SurfaceArea { costs, leaf_max } = &self.clustering.heuristic;
-        let [below, above] = [0, 1].map(|k| self.measure(clusters.numbers[pair[k]], &boxes[k]));
+        let [below, above] =
+            [0, 1].map(|k| self.measure(done, clusters.numbers[pair[k]], &boxes[k]));
         let count = below.0 + above.0;
         let divided = f64::from(costs.step) * bounds.area() + below.1 + above.1;
         let whole = self.clustering.heuristic.leaf(count as usize) * bounds.area();
@@ -385,18 +458,18 @@ impl Builder<'_> {
 
     /// Returns the number of objects, the cost and the height of a cluster.
     #[inline(always)]
-    fn measure(&self, number: u32, bounds: &Aabb) -> (u32, f64, u8) {
-        match self.union_of(number) {
+    fn measure(&self, done: &[Union], number: u32, bounds: &Aabb) -> (u32, f64, u8) {
+        match self.union_of(done, number) {
             None => (1, self.clustering.heuristic.leaf(1) * bounds.area(), 0),
             Some(union) => (union.count, f64::from(union.cost), union.height),
         }
     }
 
-    /// Returns the union with this number; `None` for an object.
-    fn union_of(&self, number: u32) -> Option<&Union> {
+    /// Returns the union with this number among all; `None` for an object.
+    fn union_of<'u>(&self, unions: &'u [Union], number: u32) -> Option<&'u Union> {
         (number as usize)
             .checked_sub(self.objects.len())
-            .map(|union| &self.unions[union])
+            .map(|union| &unions[union])
     }
 
     /// Appends the nodes of a cluster in preorder, and writes the numbers of its triangles.
@@ -407,10 +480,15 @@ impl Builder<'_> {
         ids: &mut [u32],
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let union = match self.union_of(number) {
+        let union = match self.union_of(&self.unions, number) {
             Some(union) if !union.leaf => union,
             _ => {
-                items.push(object::leaf(&self.objects_of(number, ids)));
+                let (mut reach, mut places) = (Reach::EMPTY, ids.iter_mut());
+                self.visit(number, |object| {
+                    reach = reach.union(&Reach::new(&object.bounds));
+                    *places.next().expect("a place for each object") = object.id;
+                });
+                items.push(Item::leaf(reach.bounds(), ids.len()));
                 return Ok(());
             }
         };
@@ -419,7 +497,8 @@ impl Builder<'_> {
         if usize::from(union.height) > room
             && room <= ids.len().next_power_of_two().ilog2() as usize
         {
-            let mut objects = self.objects_of(number, ids);
+            let mut objects = Vec::with_capacity(ids.len());
+            self.visit(number, |object| objects.push(*object));
             let policy = &self.clustering.heuristic;
             object::build_subtree(&mut objects, (), depth, policy, self.monitor, items)?;
             for (id, object) in ids.iter_mut().zip(&objects) {
@@ -431,7 +510,7 @@ impl Builder<'_> {
         items.push(Item::inner(usize::from(union.axis)));
         let both = ids.len() >= self.parallel;
         let [below, above] = union.parts;
-        let count = self.union_of(below).map_or(1, |union| union.count as usize);
+        let count = (self.union_of(&self.unions, below)).map_or(1, |union| union.count as usize);
         let (first, second) = ids.split_at_mut(count);
         let distance = object::grow_both(
             items,
@@ -443,20 +522,19 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Returns the objects of a cluster, and writes their numbers.
-    fn objects_of(&self, number: u32, ids: &mut [u32]) -> Vec<Object> {
-        let mut objects = Vec::with_capacity(ids.len());
-        let mut open = vec![number];
+    /// Visits the objects of a cluster.
+    fn visit(&self, number: u32, mut visit: impl FnMut(&Object)) {
+        let Some(union) = self.union_of(&self.unions, number) else {
+            visit(&self.objects[number as usize]);
+            return;
+        };
+        let mut open = vec![union.parts[1], union.parts[0]];
         while let Some(number) = open.pop() {
-            match self.union_of(number) {
+            match self.union_of(&self.unions, number) {
                 Some(union) => open.extend([union.parts[1], union.parts[0]]),
-                None => objects.push(self.objects[number as usize]),
+                None => visit(&self.objects[number as usize]),
             }
         }
-        for (id, object) in ids.iter_mut().zip(&objects) {
-            *id = object.id;
-        }
-        objects
     }
 }
 
