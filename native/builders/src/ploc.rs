@@ -614,6 +614,53 @@ mod tests {
         assert_eq!(depth(&[1.0, 2.0, 4.0]), 2);
     }
 
+    /// Boxes from numbers that look random; of four equal ones, the nearest by position counts.
+    #[test]
+    fn neighbours_are_those_of_a_plain_search() {
+        let spread = |i: usize| (index(i).wrapping_mul(2_654_435_761) >> 20) as f32 / 64.0;
+        let count = 2 * STRIPE + 77;
+        let mut clusters = Clusters::new(count);
+        for i in 0..count {
+            for k in 0..3 {
+                let low = spread(3 * (i / 4) + k);
+                clusters.bounds[k][AROUND + i] = low;
+                clusters.bounds[3 + k][AROUND + i] = low + 1.0;
+            }
+        }
+        for radius in [1, 5, 8, 16, FARTHEST] {
+            let mut best = vec![0; count];
+            let level = simd::level();
+            dispatch!(level, simd => clusters.neighbours(simd, radius, 0, &mut best));
+            for (i, &best) in best.iter().enumerate() {
+                let near = i.saturating_sub(radius)..count.min(i + radius + 1);
+                let area = |j: usize| {
+                    let both = clusters.bounds(i).union(&clusters.bounds(j));
+                    let [x, y, z] = [0, 1, 2].map(|k| both.max[k] - both.min[k]);
+                    x * y + (x + y) * z
+                };
+                let key = |&j: &usize| (area(j).to_bits(), i ^ j);
+                let expected = near.filter(|&j| j != i).min_by_key(key);
+                assert_eq!(expected, Some(best as usize), "{radius}: {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_threads_do_not_change_the_tree() {
+        let spread = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0;
+        let at = |i: u32| [spread(3 * i), spread(3 * i + 1), spread(3 * i + 2)];
+        let vertices = (0..90_000).map(at).collect();
+        let indices = (0..30_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let scene = Triangles::new(vertices, indices).unwrap();
+        let frame = Frame::new(scene.bounds());
+        let [one, two] = [1, 2].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().unwrap();
+            pool.install(|| build(&scene, &frame, &CLUSTERING, &Monitor::new()).unwrap())
+        });
+        assert_eq!((one.items, one.ids), (two.items, two.ids));
+    }
+
     #[test]
     fn none_and_one_are_leaves() {
         assert_eq!(depth(&[]), 0);
