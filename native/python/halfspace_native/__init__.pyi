@@ -876,6 +876,16 @@ def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.
     Two NaN are 0 apart, NaN and a number 2**63 - 1. Raises ShapeError if the lengths differ.
     """
 
+class RecordedRays(TypedDict):
+    """Rays of one kind, as `RenderJob.recorded` returns them."""
+
+    origins: npt.NDArray[np.float32]
+    directions: npt.NDArray[np.float32]
+    t_min: npt.NDArray[np.float32]
+    t_max: npt.NDArray[np.float32]
+    any: bool
+    traced: int
+
 class RenderStatistics(TypedDict):
     """Statistics of a render so far; final once it has ended.
 
@@ -1069,6 +1079,17 @@ class RenderJob:
     def statistics(self) -> RenderStatistics:
         """Statistics of the render so far."""
 
+    def recorded(self) -> dict[str, RecordedRays]:
+        """The rays recorded so far, by kind: "camera", "shadow 0", "diffuse 1", ..., with the number of times that
+        their path has scattered (8: at least 8 times), "nearest" for shadow rays that may pass surfaces, and
+        "continued" behind such a surface. Empty without the setting "record_rays".
+
+        Each kind is a dictionary of "origins" and "directions", (n, 3) float32 in the structure's space, "t_min" and
+        "t_max", (n,) float32, "any", whether any hit answers the rays, and "traced", the number of rays of the kind,
+        of which these n are a uniform choice in random order. Once the render has ended, it is the same for all
+        structures and numbers of threads. Rays of the node programs and of media around the camera are not recorded.
+        """
+
     def copy_into(self, name: str, out: npt.NDArray[np.float32], *, keep: bool = False) -> None:
         """Writes the current state of a pass: rows from the bottom up, channels innermost.
 
@@ -1138,7 +1159,8 @@ def render(
         of Combined. "noise_threshold" (0: off): blocks of
         8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
         biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
-        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
+        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass. "record_rays"
+        (0): largest number of rays of each kind for RenderJob.recorded(), at most 65536; costs time.
     threads: 0 = one per core.
     points: the points of surfaces that the pixels show in place of what the camera sees, to bake pictures, row by row
         from the bottom; for scenes without instances: "triangle" (n,) uint32, 2^32 - 1 = none, "place" (n, 6) float32,

@@ -6,16 +6,18 @@ use crate::args::integers::{Milliseconds, Threads};
 use crate::args::{camera_settings, points, scene as scene_args, shader, surface, volume};
 use crate::errors::raise;
 use crate::float_mode::DefaultMode;
+use crate::inspection;
 use crate::instances::Instances;
 use crate::structure::Structure;
 use halfspace_base::error::{Error, Result};
+use halfspace_ray::Ray;
 use halfspace_render::film::Unsampled;
 use halfspace_render::job::{Job, Moments};
 use halfspace_render::scene::attributes::InstancedAttributes;
 use halfspace_render::scene::{self, SceneParams, Shared, SharedTracer};
 use halfspace_render::settings::Pass;
 use halfspace_render::values::varying::Varying;
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -304,6 +306,32 @@ impl RenderJob {
         Ok(dict)
     }
 
+    /// The rays recorded so far, by kind: "camera", "shadow 0", "diffuse 1", ..., with the number of times that their
+    /// path has scattered (8: at least 8 times), "nearest" for shadow rays that may pass surfaces, and "continued"
+    /// behind such a surface. Empty without the setting "record_rays".
+    ///
+    /// Each kind is a dictionary of "origins" and "directions", (n, 3) float32 in the structure's space, "t_min" and
+    /// "t_max", (n,) float32, "any", whether any hit answers the rays, and "traced", the number of rays of the kind,
+    /// of which these n are a uniform choice in random order. Once the render has ended, it is the same for all
+    /// structures and numbers of threads. Rays of the node programs and of media around the camera are not recorded.
+    fn recorded<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let kinds = PyDict::new(py);
+        for kind in py.detach(|| self.0.recorded()) {
+            let dict = PyDict::new(py);
+            let vectors =
+                |of: fn(&Ray) -> [f32; 3]| -> Vec<_> { kind.rays.iter().map(of).collect() };
+            let numbers = |of: fn(&Ray) -> f32| -> Vec<_> { kind.rays.iter().map(of).collect() };
+            dict.set_item("origins", inspection::points(py, &vectors(|ray| ray.o))?)?;
+            dict.set_item("directions", inspection::points(py, &vectors(|ray| ray.d))?)?;
+            dict.set_item("t_min", numbers(|ray| ray.t_min).to_pyarray(py))?;
+            dict.set_item("t_max", numbers(|ray| ray.t_max).to_pyarray(py))?;
+            dict.set_item("any", kind.any)?;
+            dict.set_item("traced", kind.traced)?;
+            kinds.set_item(kind.name, dict)?;
+        }
+        Ok(kinds)
+    }
+
     /// Writes the current state of a pass: rows from the bottom up, channels innermost.
     ///
     /// out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
@@ -418,7 +446,8 @@ enum Moving<'py> {
 ///     of Combined. "noise_threshold" (0: off): blocks of
 ///     8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
 ///     biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
-///     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
+///     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass. "record_rays"
+///     (0): largest number of rays of each kind for RenderJob.recorded(), at most 65536; costs time.
 /// threads: 0 = one per core.
 /// points: the points of surfaces that the pixels show in place of what the camera sees, to bake pictures, row by row
 ///     from the bottom; for scenes without instances: "triangle" (n,) uint32, 2^32 - 1 = none, "place" (n, 6) float32,

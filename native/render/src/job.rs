@@ -17,6 +17,7 @@ use crate::check::{Error, Result};
 use crate::film::{Film, Unsampled};
 use crate::path::beams::polygons::Polygons;
 use crate::path::points::Points;
+use crate::path::record::{Recorded, Recorder};
 use crate::path::wavefront::{Context, Wavefront};
 use crate::path::work::Work;
 use crate::scene::RenderScene;
@@ -43,6 +44,8 @@ struct Shared {
     polygons: Vec<Polygons>,
     /// The points of surfaces that the pixels show, in place of what the camera sees.
     points: Option<Points>,
+    /// Records rays, if the settings request it.
+    recorder: Option<Recorder>,
     /// Samples done per tile; locked while a step of the tile is rendered.
     tile_samples: Vec<Mutex<u32>>,
     /// Number of steps handed out so far, over all tiles.
@@ -156,6 +159,8 @@ impl Job {
         let threads = threads.min(tiles).max(1);
         let with_beams = scenes.iter().filter(|_| settings.secondary_beams);
         let polygons = with_beams.map(|scene| Polygons::of(scene)).collect();
+        let recorder =
+            (settings.record_rays > 0).then(|| Recorder::new(settings.record_rays as usize));
         let shared = Arc::new(Shared {
             tile_samples: (0..tiles).map(|_| Mutex::new(0)).collect(),
             next: AtomicUsize::new(0),
@@ -175,6 +180,7 @@ impl Job {
             film,
             polygons,
             points,
+            recorder,
         });
         let mut job = Self {
             shared: Arc::clone(&shared),
@@ -257,6 +263,12 @@ impl Job {
         self.shared.film.copy_into(pass, unsampled, out)
     }
 
+    /// Returns the rays recorded so far, by kind; none unless the settings request it.
+    pub fn recorded(&self) -> Vec<Recorded> {
+        let recorder = self.shared.recorder.as_ref();
+        recorder.map(Recorder::recorded).unwrap_or_default()
+    }
+
     /// Returns the statistics so far.
     pub fn statistics(&self) -> Statistics {
         let state = self.shared.state();
@@ -327,6 +339,7 @@ impl Shared {
             polygons: self.polygons.first(),
             all_polygons: &self.polygons,
             points: self.points.as_ref(),
+            recorder: self.recorder.as_ref(),
             stop: &self.stop,
         };
         let mut active = Vec::new();

@@ -359,6 +359,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         },
         filter_width: bytes.number(),
         exposure: bytes.number(),
+        record_rays: u32::from(bytes.byte() % 4),
     }
 }
 

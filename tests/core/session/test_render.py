@@ -95,6 +95,28 @@ def test_passes_and_statistics():
     assert job.samples_done == 4
 
 
+def test_rays_are_recorded_by_kind():
+    def render(limit, threads=1):
+        how = settings(width=80, height=40, max_bounces=2, record_rays=limit)
+        job = finish(native.render(scene(world={"color": (0.1, 0.2, 0.3)}), camera(), how, threads=threads))
+        return job.recorded(), job.statistics
+
+    kinds, statistics = render(1 << 16, threads=2)
+    assert list(kinds)[:3] == ["camera", "shadow 0", "diffuse 1"]
+    assert kinds["camera"]["traced"] == statistics["rays_primary"] == len(kinds["camera"]["origins"])
+    assert sum(kind["traced"] for name, kind in kinds.items() if "shadow" in name) == statistics["rays_shadow"]
+    assert [kind["any"] for kind in kinds.values()] == ["shadow" in name for name in kinds]
+    for name, few in render(30)[0].items():
+        every = kinds[name]
+        assert few["traced"] == every["traced"]
+        for key in ("origins", "directions", "t_min", "t_max"):
+            assert few[key].dtype == np.float32
+            np.testing.assert_array_equal(few[key], every[key][:30])
+    assert not render(0)[0]
+    with pytest.raises(native.SpecError, match="record_rays"):
+        render((1 << 16) + 1)
+
+
 @pytest.mark.parametrize(
     ("hidden", "bounces", "depth", "light", "sky"),
     [

@@ -184,10 +184,10 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "filter",
         "filter_width",
         "exposure",
+        "record_rays",
     ];
     let keys = Keys::new(dict, "settings".into(), &known)?;
     let default = Settings::default();
-    let border = border(&keys)?;
     let passes = passes(&keys)?.unwrap_or(default.passes);
     // Names of choices.
     let filters = [
@@ -203,7 +203,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
     Ok(Settings {
         width: keys.count("width")?,
         height: keys.count("height")?,
-        border,
+        border: border(&keys)?,
         samples: keys.count("samples")?,
         integrator: match keys.find("integrator") {
             None => default.integrator,
@@ -235,6 +235,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         },
         filter_width: keys.number_or("filter_width", default.filter_width)?,
         exposure: keys.number_or("exposure", default.exposure)?,
+        record_rays: optional("record_rays")?.unwrap_or(default.record_rays),
     })
 }
 

@@ -6,6 +6,7 @@ pub mod calls;
 pub mod media;
 pub mod points;
 pub mod random;
+pub mod record;
 mod shade;
 mod shadow_rays;
 pub mod state;

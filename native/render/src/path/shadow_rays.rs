@@ -9,6 +9,7 @@ use crate::math::vector::Vec3;
 use crate::medium::stack::Stack;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::media::{Scratch, Through};
+use crate::path::record::{Purpose, Recorder};
 use crate::path::state::{MAX_INVISIBLE, Path};
 use crate::path::wavefront::Context;
 use crate::scene::media::MediumRay;
@@ -250,6 +251,7 @@ impl ShadowRays {
             blocked,
             ..
         } = self;
+        record(context.recorder, rays, light, true);
         let tracer = &*context.scene.tracer;
         let is_far = |ray: &Ray| ray.t_max == f32::INFINITY;
         apart.clear();
@@ -329,6 +331,7 @@ impl ShadowRays {
         let mut cast = 0;
         // Trace all remaining rays; keep those that continue behind their hit.
         while !rays.is_empty() {
+            record(context.recorder, rays, light, false);
             cast += rays.len() as u64;
             hits.clear();
             hits.resize(rays.len(), Hit::MISS);
@@ -372,6 +375,18 @@ impl ShadowRays {
         }
         Ok(cast)
     }
+}
+
+/// Records rays that are about to be traced. `any`: whether any hit answers them.
+fn record(recorder: Option<&Recorder>, rays: &[Ray], light: &[Light], any: bool) {
+    let Some(recorder) = recorder else {
+        return;
+    };
+    // The history's length grows only behind surfaces that the ray has passed.
+    let purposes = light
+        .iter()
+        .map(|of| Purpose::of_shadow(of.history.bounces.all, of.history.length > 0.0, any));
+    recorder.take(purposes.zip(rays));
 }
 
 impl Light {

@@ -23,6 +23,7 @@ use crate::path::beams::source::Source;
 use crate::path::calls::{Calls, Cancelled};
 use crate::path::media::{Scratch, enclosure};
 use crate::path::points::Points;
+use crate::path::record::{Purpose, Recorder};
 use crate::path::shade::{self, Buffers, Shade};
 use crate::path::shadow_rays::{Samples, ShadowRays};
 use crate::path::state::Path;
@@ -61,6 +62,8 @@ pub struct Context<'a> {
     pub all_polygons: &'a [Polygons],
     /// The points of surfaces that the pixels show, in place of what the camera sees.
     pub points: Option<&'a Points>,
+    /// Records rays, if they are to be recorded.
+    pub recorder: Option<&'a Recorder>,
     /// Set to cancel the render.
     pub stop: &'a AtomicBool,
 }
@@ -348,6 +351,9 @@ impl Wavefront {
         if primary && context.points.is_some() {
             return Ok(());
         }
+        if let Some(recorder) = context.recorder {
+            self.record(recorder);
+        }
         // Reset the outputs; only camera rays are ever counted.
         self.hits.clear();
         self.hits.resize(n, Hit::MISS);
@@ -410,6 +416,16 @@ impl Wavefront {
             }
         }
         Ok(())
+    }
+
+    /// Records all rays.
+    fn record(&self, recorder: &Recorder) {
+        let purposes = self.paths.iter().enumerate().map(|(i, path)| {
+            let walks = self.walks.get(i).is_some_and(Option::is_some);
+            // The ray starts away from the last vertex only behind surfaces that the path has passed.
+            Purpose::of_path(path.kind, path.bounce, path.passed > 0.0, walks)
+        });
+        recorder.take(purposes.zip(&self.rays));
     }
 
     /// Orders surfaces that lie on each other.

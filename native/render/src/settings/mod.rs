@@ -93,6 +93,8 @@ pub struct Settings {
     pub filter_width: f32,
     /// Factor on the colours of the combined pass, not on its alpha.
     pub exposure: f32,
+    /// Largest number of rays of each kind to record; 0 = none is recorded. The image does not depend on it.
+    pub record_rays: u32,
 }
 
 impl Default for Settings {
@@ -125,6 +127,7 @@ impl Default for Settings {
             filter: FilterKind::BlackmanHarris,
             filter_width: 1.5,
             exposure: 1.0,
+            record_rays: 0,
         }
     }
 }
@@ -163,6 +166,9 @@ pub const MAX_STEP_SAMPLES: u32 = 64;
 
 /// Number of samples between two estimates of the noise.
 pub const CHECK_SAMPLES: u32 = 16;
+
+/// Largest number of rays of a kind to record: 40 bytes each, of at most some hundred kinds.
+const MAX_RECORDED: u32 = 1 << 16;
 
 /// Largest number of pixels of a film, to catch mistyped sizes.
 const MAX_PIXELS: u64 = 1 << 30;
@@ -207,6 +213,12 @@ impl Settings {
             if got > 1024 {
                 return spec(format!("settings['{key}'] must lie in 0..1024, got {got}"));
             }
+        }
+        if self.record_rays > MAX_RECORDED {
+            let got = self.record_rays;
+            return spec(format!(
+                "settings['record_rays'] must lie in 0..{MAX_RECORDED}, got {got}"
+            ));
         }
         if let Some(step) = self.step_samples
             && !(1..=MAX_STEP_SAMPLES).contains(&step)

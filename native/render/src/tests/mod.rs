@@ -12,6 +12,7 @@ mod motion;
 mod negative;
 mod passes;
 mod programs_ahead;
+mod record;
 mod same_picture;
 mod secondary_beams;
 pub(crate) mod setup;
