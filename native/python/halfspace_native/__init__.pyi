@@ -980,7 +980,7 @@ class RenderScene:
     "frame" is a list of one object, the light's own space. world: {"color": (3,)}, radiance of the background; None =
     black. With "program" and "radiance",     an argument as in a material, the radiance of each direction.
     "hidden_from" and "volume", which must not     vary, as for materials. "group", "max_bounces" and "casts_shadow" as
-    for lights. images: dictionaries of "name", "pixels", (h, w, 4 or 1) uint8, uint16, float16 or float32, rows from
+    for lights. images: dictionaries of "name", "pixels", (h, w, 1 to 4) uint8, uint16, float16 or float32, rows from
     the bottom,     and "srgb", whether colours are decoded after interpolation. An image without pixels is missing:
     pink. Arrays     that view a `bytes` object are not copied. With "tiles", such dictionaries with a "number" each
     (UDIM), the     image consists of these. layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for

@@ -42,6 +42,25 @@ def test_an_image_lies_on_the_surface_as_its_coordinates_say():
     assert any("textures" in line for line in scene().left_out)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float16, np.float32])
+def test_images_of_fewer_channels_are_those_of_four(dtype):
+    most = 1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max
+    pixels = (np.random.default_rng(2).random((4, 8, 4)) * most).astype(dtype)
+
+    def seen(stored):
+        found = scene(materials=[SHOW], images=[{"name": "", "pixels": stored}], layers=[np.ascontiguousarray(UV)])
+        view = camera(window=(-8.9, 8.9, -8.9, 8.9))
+        job = finish(native.render(found, view, settings(filter="box", filter_width=0.01, samples=1)))
+        return image(job)
+
+    opaque, grey = pixels.copy(), pixels[..., [0, 0, 0, 3]]
+    opaque[..., 3] = most
+    np.testing.assert_array_equal(seen(pixels[..., :3]), seen(opaque))
+    np.testing.assert_array_equal(seen(pixels[..., [0, 3]]), seen(grey))
+    with pytest.raises(ValueError, match="1 to 4"):
+        seen(np.zeros((4, 8, 5), dtype))
+
+
 def test_bad_images_and_values_give_a_picture():
     assert (shown(np.zeros((0, 0, 4), np.float32)) == [1, 0, 1]).all(), "missing: pink"
     nan = np.full((1, 1, 4), np.nan, np.float32)

@@ -233,7 +233,7 @@ fn object_values(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
         .map_err(|_| keys.wrong("values", "rows of four floats", &value))
 }
 
-/// Reads images: dictionaries of `name`, `pixels`, (h, w, 4 or 1) float32, float16, uint16 or uint8, rows from the
+/// Reads images: dictionaries of `name`, `pixels`, (h, w, 1 to 4) float32, float16, uint16 or uint8, rows from the
 /// bottom up, and `srgb`, whether colours are encoded; or `tiles`, such dictionaries with a `number`.
 pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
     list("images", value, |dict, index| {
@@ -255,7 +255,7 @@ pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
 /// Reads one image, whose memory is shared if the array views a `bytes` object.
 fn image(keys: &Keys<'_, '_>) -> Result<Image> {
     let pixels = keys.need("pixels")?;
-    let expected = "an (h, w, 4 or 1) array of float32, float16, uint16 or uint8";
+    let expected = "an (h, w, 1 to 4) array of float32, float16, uint16 or uint8";
     let wrong = || keys.wrong("pixels", expected, &pixels);
     // Read shape and type.
     let array = pixels.cast::<PyUntypedArray>().map_err(|_| wrong())?;
@@ -266,7 +266,7 @@ fn image(keys: &Keys<'_, '_>) -> Result<Image> {
         .and_then(|name| name.extract::<String>())
         .map_err(|_| wrong())?;
     let named = Format::NAMED.iter().find(|(name, _)| *name == format);
-    let Some(&(_, format)) = named.filter(|_| [1, 4].contains(&channels)) else {
+    let Some(&(_, format)) = named.filter(|_| (1..=4).contains(&channels)) else {
         return Err(wrong());
     };
     // Share the memory, or copy it if that fits.

@@ -61,7 +61,7 @@ impl Image {
     /// missing images.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the memory does not match, or the texels have neither one nor four channels.
+    /// [`Error::Shape`] if the memory does not match, or the texels do not have one to four channels.
     pub fn new(
         width: usize,
         height: usize,
@@ -73,9 +73,9 @@ impl Image {
         let count = width.checked_mul(height);
         let needed = count.and_then(|n| n.checked_mul(texels.channels * texels.format.size()));
         let got = texels.memory.bytes().len();
-        if needed != Some(got) || ![1, 4].contains(&texels.channels) {
+        if needed != Some(got) || !(1..=4).contains(&texels.channels) {
             return Err(Error::Shape(format!(
-                "{name}: expected {width} x {height} texels of 1 or 4 numbers, got {got} bytes"
+                "{name}: expected {width} x {height} texels of 1 to 4 numbers, got {got} bytes"
             )));
         }
         Ok(Self {
@@ -244,13 +244,30 @@ impl Image {
         decode: impl Fn([u8; B]) -> f32,
     ) -> [f32; 4] {
         let numbers = bytes.as_chunks::<B>().0;
-        if self.texels.channels == 1 {
-            // Grey is opaque, also outside of a clipped image.
-            let [grey] = self.weighted(around, |index| [decode(numbers[index])]);
-            return [grey, grey, grey, 1.0];
+        match self.texels.channels {
+            1 => {
+                // Grey is opaque, also outside of a clipped image.
+                let [grey] = self.weighted(around, |index| [decode(numbers[index])]);
+                [grey, grey, grey, 1.0]
+            }
+            2 => {
+                let texels = numbers.as_chunks::<2>().0;
+                let [grey, alpha] = self.weighted(around, |index| texels[index].map(&decode));
+                [grey, grey, grey, alpha]
+            }
+            3 => {
+                // Alpha is that of opaque texels, 0 outside of a clipped image.
+                let texels = numbers.as_chunks::<3>().0;
+                self.weighted(around, |index| {
+                    let [red, green, blue] = texels[index].map(&decode);
+                    [red, green, blue, 1.0]
+                })
+            }
+            _ => {
+                let texels = numbers.as_chunks::<4>().0;
+                self.weighted(around, |index| texels[index].map(&decode))
+            }
         }
-        let texels = numbers.as_chunks::<4>().0;
-        self.weighted(around, |index| texels[index].map(&decode))
     }
 
     /// The weighted sum of texels of `C` numbers. `texel`: returns the one with this index.
@@ -446,6 +463,50 @@ mod tests {
             at(&stored(Format::Halves, 4, halves), 0.0),
             [1.0, -2.0, 0.0, 0.5]
         );
+    }
+
+    #[test]
+    fn fewer_channels_are_those_of_a_texel_of_four() {
+        // Grey with alpha, and opaque colours, each beside the same texels widened.
+        let (two, three) = ([[10_u8, 200], [90, 35]], [[10_u8, 20, 30], [200, 90, 255]]);
+        let narrow = [two.as_flattened().to_vec(), three.as_flattened().to_vec()];
+        let wide = [
+            two.map(|[grey, alpha]| [grey, grey, grey, alpha]),
+            three.map(|[red, green, blue]| [red, green, blue, 255]),
+        ];
+        for (k, (narrow, wide)) in narrow.into_iter().zip(wide).enumerate() {
+            let shorts = |bytes: &[u8]| -> Vec<u8> {
+                let wider = bytes.iter().map(|&b| u16::from(b) * 257);
+                wider.flat_map(u16::to_ne_bytes).collect()
+            };
+            let wide = wide.as_flattened().to_vec();
+            let pairs = [
+                (Format::Shorts, shorts(&narrow), shorts(&wide)),
+                (Format::Bytes, narrow, wide),
+            ];
+            for (format, narrow, wide) in pairs {
+                let (narrow, wide) = (stored(format, k + 2, narrow), stored(format, 4, wide));
+                for interpolation in [
+                    Interpolation::Closest,
+                    Interpolation::Linear,
+                    Interpolation::Cubic,
+                ] {
+                    for extension in [Extension::Clip, Extension::Repeat] {
+                        for u in [-0.1, 0.25, 0.4, 0.99, 7.3] {
+                            let at =
+                                |image: &Image| image.at(u, 0.3, interpolation, extension, k == 0);
+                            assert_eq!(at(&narrow), at(&wide), "{format:?} {u} {extension:?}");
+                        }
+                    }
+                }
+            }
+        }
+        let five = Texels {
+            format: Format::Bytes,
+            channels: 5,
+            memory: Memory::new(vec![0; 5]),
+        };
+        assert!(Image::new(1, 1, five, false, "five").is_err());
     }
 
     #[test]

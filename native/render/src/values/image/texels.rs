@@ -71,7 +71,7 @@ impl fmt::Debug for Memory {
 pub struct Texels {
     /// How numbers are stored.
     pub format: Format,
-    /// Numbers of a texel: 1, a grey without alpha, or 4.
+    /// Numbers of a texel: 1, a grey; 2, a grey and alpha; 3, a colour; or 4, a colour and alpha.
     pub channels: usize,
     /// The stored numbers.
     pub memory: Memory,
