@@ -43,6 +43,40 @@ pub struct Errors {
     floor: f32,
 }
 
+/// Errors of a ray whose origin and direction, and the vertices that it meets, have errors of their own.
+///
+/// Let `s`, `d`, `e1` and `e2` be what the test reads, and `s'`, `d'`, `e1'` and `e2'` the true vectors: offsets and
+/// edges differ by at most the blur `B` per component, directions by the drift `D`. No bound is needed for triangles
+/// that are missed. For one that is hit at the distance `T`, `s' = w - T d'`, where `w` leads from the first vertex to
+/// the point hit, so that `|w| <= E` if `E` includes the blur. Hence the errors do not grow with the offset, although
+/// the products do:
+///
+/// - `u - u' = s' . ((d - d') x e2') + (s - s') . (d x e2) + s' . (d x (e2 - e2'))`. The first term is at most 6 D S E,
+///   the second 2 B E |d| with `|d|` the sum of the direction's components. In the third `s' x d` is
+///   `w x d + T (d - d') x d`, so it is at most 2 B E |d| + 2 B T D |d|, and `T <= 1.02 (S + E)`.
+/// - The same holds for `v`, and for the third weight with twice the edges. The determinant has 4 B E |d| + 6 D E^2.
+/// - `t - det T = (s + T d) . (e1 x e2)`, and `s + T d = w + (s - s') + T (d - d')`, where `w` is perpendicular to
+///   `e1' x e2'`: at most 12 B E^2 + 6 B E^2 + 6 D T E^2. The sign of the determinant does not matter.
+///
+/// A weight, and the determinant's part for a wrong sign, have at most 12 B E |d| + 12 B D (S + E) |d| together.
+struct Blurred {
+    /// 6 D.
+    drift: f32,
+    /// `B |d| / 6`, with room for its rounding.
+    turned: f32,
+}
+
+impl Blurred {
+    /// Computes them for a ray.
+    #[inline(always)]
+    fn new(ray: &FrameRay) -> Self {
+        Self {
+            drift: 6.0 * ray.drift,
+            turned: 0.17 * (ray.d[0].abs() + ray.d[1].abs() + ray.d[2].abs()) * ray.blur,
+        }
+    }
+}
+
 impl Errors {
     /// Computes the bounds for triangles with these coefficients and distances up to `reach`.
     #[inline(always)]
@@ -61,16 +95,15 @@ impl Errors {
             let t = offset * edges.t[0] + edges.t[1];
             (edges.det, uv, t, zero_or_nan + UNDERFLOW)
         } else {
-            // Offsets and edges have the blur as an error, directions the drift. The errors of
-            // the rows of a determinant add up, each multiplied by 6 for its products and by the size of the other
-            // rows.
-            let (blur, drift) = (ray.blur, 6.0 * ray.drift);
-            let size = size + blur;
-            let span = keep_min((2.0 + drift) * farthest + size, ray.span) + blur;
+            // Offsets and edges have the blur as an error, directions the drift; [`Blurred`] derives the terms.
+            let Blurred { drift, turned } = Blurred::new(ray);
+            let size = size + ray.blur;
+            let span = keep_min((2.0 + drift) * farthest + size, ray.span) + ray.blur;
             let floor = UNDERFLOW + 0.0 * (64.0 * span * size * keep_max(size, 1.0));
-            let det = ((DET_ERROR + drift) * size + 24.0 * blur) * size + UNDERFLOW;
-            let t = (T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor;
-            let uv = 2.0 * ((UV_ERROR + drift) * span * size + 12.0 * blur * (span + size))
+            let det = (DET_ERROR + drift) * size * size + UNDERFLOW;
+            let t = (T_ERROR * span + 18.0 * ray.blur) * size * size + floor;
+            let uv = 2.0 * ((UV_ERROR + drift) * size + UNDERFLOW) * span
+                + 12.0 * turned * (6.0 * size + drift * (span + size))
                 + 3.0 * det
                 + floor;
             (det, uv, t, floor)
@@ -277,9 +310,11 @@ impl<S: Simd> Candidates<S> {
             let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
             span.mul_add(size * splat(2.0 * UV_ERROR) + splat(UNDERFLOW), sides)
         } else {
-            let (blur, drift) = (ray.blur, 6.0 * ray.drift);
-            let (size, span) = (size + splat(blur), span + splat(blur));
-            let blurred = (span + size * splat(4.0)).mul_add(splat(24.0 * blur), floor);
+            let Blurred { drift, turned } = Blurred::new(ray);
+            let (size, span) = (size + splat(ray.blur), span + splat(ray.blur));
+            let sides = size.mul_add(splat(6.0), (span + size) * splat(drift));
+            let lost = span.mul_add(splat(2.0 * UNDERFLOW), floor);
+            let blurred = sides.mul_add(splat(12.0 * turned), lost);
             size.mul_add(
                 size * splat(3.0 * (DET_ERROR + drift)),
                 size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),

@@ -9,6 +9,7 @@ use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Closest, NoCountLate};
 use halfspace_scene::Triangles;
 use halfspace_strategies::{near_triangle, point, tiny_from_afar};
+use proptest::array::{uniform3, uniform5};
 use proptest::prelude::*;
 
 proptest! {
@@ -106,5 +107,79 @@ proptest! {
             })
         });
         prop_assert_eq!(kept, [true; 2]);
+    }
+}
+
+/// A direction with its largest component in [1, 2), as in a frame.
+fn unit_direction() -> impl Strategy<Value = [f32; 3]> {
+    let side = || -1.0f32..1.0;
+    ([side(), side(), side()], 0..3usize, 1.0f32..2.0).prop_map(|(mut d, axis, longest)| {
+        d[axis] = longest.copysign(d[axis]);
+        d
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #[test]
+    fn no_hit_of_a_blurred_ray_is_rejected(
+        corners in uniform3(uniform3(-1.0f32..1.0)),
+        size in -8i32..2,
+        d in unit_direction(),
+        [s, t] in [0.0f32..1.0, 0.0f32..1.0],
+        on_edge in any::<bool>(),
+        distance in 0.0f32..8.0,
+        errors in uniform5(uniform3(-1i8..2)),
+        [blurred, turned] in [-20i32..-2, -24i32..-7],
+    ) {
+        // Make a ray that hits a triangle, inside or on an edge.
+        let corners = corners.map(|p| p.map(|x| x * 2.0_f32.powi(size)));
+        let weights = if on_edge { [s, 1.0 - s] } else { [s, t] };
+        let target = near_triangle(corners, weights);
+        let o: [f32; 3] = std::array::from_fn(|k| target[k] - distance * d[k]);
+        let Some(hit) = verdict(o, d, corners).filter(|hit| hit.t >= 0.0) else {
+            return Ok(());
+        };
+        // What the test reads differs from it by errors of which most are as large as they may be.
+        let [blurred, turned] = [2.0_f32.powi(blurred + size), 2.0_f32.powi(turned)];
+        let moved = |p: [f32; 3], error: [i8; 3], by: f32| -> [f32; 3] {
+            std::array::from_fn(|k| p[k] + f32::from(error[k]) * by)
+        };
+        let read: [[f32; 3]; 3] = std::array::from_fn(|i| moved(corners[i], errors[i], 0.25 * blurred));
+        let read_ray = [moved(o, errors[3], 0.5 * blurred), moved(d, errors[4], turned)];
+        let largest = |a: [f32; 3], b: [f32; 3]| {
+            (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).abs()).fold(0.0, f64::max)
+        };
+        let of_corner = (0..3).map(|i| largest(read[i], corners[i])).fold(0.0, f64::max);
+        let blur = ((largest(read_ray[0], o) + 2.0 * of_corner) as f32).next_up();
+        let drift = (largest(read_ray[1], d) as f32).next_up();
+        prop_assume!(read_ray[1].iter().all(|x| x.abs() <= 2.0));
+        let scene = Triangles::new(read.to_vec(), vec![[0, 1, 2]]).unwrap();
+        prop_assume!(!scene.live().is_empty());
+        let frame = Frame::new(scene.bounds());
+        prop_assume!(frame.is_unscaled() && frame.map().origin() == [0.0; 3]);
+        let far = read_ray[0].map(f32::abs).into_iter().fold(0.0, f32::max);
+        let framed = FrameRay {
+            o: read_ray[0],
+            d: read_ray[1],
+            t_min: 0.0,
+            span: far + frame.bounds().magnitude(),
+            blur,
+            drift,
+            ..FrameRay::NOTHING
+        };
+        let mut blocks = Blocks::new();
+        let first = blocks.push_leaf(&scene, &frame, &[0]);
+        blocks.seal();
+        let kept = dispatch!(Level::new(), simd => {
+            let edges = Edges::new(simd, blocks.block_words(first as usize), 1);
+            [f32::MAX, framed.reach(hit.t)].map(|reach| {
+                let mut open = Candidates::new(simd, &edges, &framed, reach);
+                open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
+                open.drop_beyond(simd, framed.reach(hit.t));
+                open.any()
+            })
+        });
+        prop_assert_eq!(kept, [true; 2], "{:?} {} {}", framed, hit.t, hit.u);
     }
 }
