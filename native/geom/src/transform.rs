@@ -101,7 +101,11 @@ impl Transform {
         // The exact inverse is (1 - R)^-1 rows, where R is the residual, so it differs from `rows` by at most the
         // factor |R| / (1 - |R|).
         let error = largest / (1.0 - largest);
-        Some(Inverse { rows, scale, error })
+        Some(Inverse {
+            rows,
+            unscale: scale.map(|s| 1.0 / s),
+            error,
+        })
     }
 }
 
@@ -109,8 +113,8 @@ impl Transform {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inverse {
     rows: [Vec3; 3],
-    /// Powers of two by which the coordinates are finally divided.
-    scale: Vec3,
+    /// Powers of two by which the coordinates are finally multiplied.
+    unscale: Vec3,
     /// Bound on the error of the product of `rows` and any vector, relative to the product's largest component.
     error: f64,
 }
@@ -132,8 +136,8 @@ impl Inverse {
         let common = self.error * out[0].abs().max(out[1].abs()).max(out[2].abs());
         let mut error = [0.0; 3];
         for k in 0..3 {
-            out[k] /= self.scale[k];
-            error[k] = (common * (1.0 + 1e-6) + PRODUCT * size[k]) / self.scale[k];
+            out[k] *= self.unscale[k];
+            error[k] = (common * (1.0 + 1e-6) + PRODUCT * size[k]) * self.unscale[k];
         }
         (out, error)
     }
@@ -146,7 +150,7 @@ impl Inverse {
             terms.iter().sum::<f64>()
         });
         let common = self.error * sums[0].max(sums[1]).max(sums[2]);
-        [0, 1, 2].map(|k| (sums[k] + common) * (1.0 + 1e-6) / self.scale[k])
+        [0, 1, 2].map(|k| (sums[k] + common) * (1.0 + 1e-6) * self.unscale[k])
     }
 }
 

@@ -64,6 +64,9 @@ pub struct Frame {
     bounds: Aabb,
     /// Largest absolute coordinate of `bounds`.
     magnitude: f32,
+    /// Middle of `bounds`, and half the length of its diagonal.
+    middle: Vec3,
+    radius: f64,
     /// Scale of all error bounds: 1 or 0.
     robust: f32,
 }
@@ -73,10 +76,14 @@ impl Frame {
     pub fn new(bounds: Aabb) -> Self {
         let to_frame = ToFrame::new(&bounds);
         let bounds = to_frame.bounds(&bounds);
+        let [min, max] = [widen(bounds.min), widen(bounds.max)];
+        let half = [0, 1, 2].map(|k: usize| 0.5 * (max[k] - min[k]));
         Self {
             to_frame,
             bounds,
             magnitude: bounds.magnitude(),
+            middle: [0, 1, 2].map(|k| 0.5 * (min[k] + max[k])),
+            radius: dot(half, half).sqrt(),
             robust: 1.0,
         }
     }
@@ -239,18 +246,17 @@ impl Frame {
         if unit == 0.0 {
             return Placed::ExactOnly;
         }
-        let d = map(d, |x| x / unit);
-        let d_error = map(d_error, |x| x / unit);
+        // The reciprocal of a power of two is exact.
+        let inverse = 1.0 / unit;
+        let d = map(d, |x| x * inverse);
+        let d_error = map(d_error, |x| x * inverse);
 
         // Move a far origin along the ray to near the mesh, so that rounding to f32 loses little.
-        let bounds = self.bounds;
-        let end = |k: usize| (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
-        let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
-        let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
-        let size = |v: Vec3| dot(v, v).sqrt();
-        let to_middle = map([0, 1, 2], |k: usize| middle(k) - (o[k] - origin[k]) * scale);
-        let ahead =
-            dot(to_middle, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
+        let to_middle = map([0, 1, 2], |k: usize| {
+            self.middle[k] - (o[k] - origin[k]) * scale
+        });
+        let length = dot(d, d);
+        let ahead = (dot(to_middle, d) - 1.25 * self.radius * length.sqrt()) / length;
         let shift = if ahead > 0.0 { ahead } else { 0.0 };
 
         let mut out = FrameRay {
