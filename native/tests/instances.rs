@@ -375,6 +375,49 @@ fn copies_are_of_meshes_with_an_area_as_many_as_their_limit_allows() {
 }
 
 #[test]
+fn instances_in_one_another_share_a_structure() {
+    let mut numbers = Numbers(Random(12));
+    let mut crowd: Vec<_> = (0..120)
+        .map(|i| Instance {
+            mesh: u32::from(i % 7 == 0),
+            transform: Transform {
+                offset: [3.0, 0.0, 1.0],
+                ..numbers.transform(1.0, 0.0, usize::from(i % 3 == 0))
+            },
+        })
+        .collect();
+    // A dropped instance interrupts the numbers, single ones lie before, beside and after the crowd.
+    crowd[50].transform.linear = [[0.0; 3]; 3];
+    let single = |x: f64| Instance {
+        mesh: 0,
+        transform: translation([x, 0.5, 0.0]),
+    };
+    crowd.splice(0..0, [single(-9.0), single(9.0)]);
+    crowd.push(single(3.0));
+    crowd.push(single(-9.0));
+    let scenes = [ball(3, [0.0; 3]), ball(2, [0.0; 3])];
+    for spec in ["kd", "bvh-sah", "bih"] {
+        let meshes = scenes.iter().map(|scene| build(scene, spec)).collect();
+        let instances = Instances::build(meshes, &crowd, &Monitor::new()).unwrap();
+        assert!(
+            (119..=120).contains(&instances.copied()),
+            "{}",
+            instances.copied()
+        );
+        let flat = flattened(&instances);
+        let rays = rays(&flat, 800, &mut Random(6));
+        let mut expected = vec![Hit::MISS; rays.len()];
+        build(&flat, "brute").closest(&rays, &mut expected, None);
+        assert_eq!(differences(&instances, &rays, &expected), 0, "{spec}");
+        // A ray enters the crowd once.
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        instances.closest(&rays, &mut expected, Some(&mut counters));
+        let leaves: u32 = counters.iter().map(|one| one.leaves).sum();
+        assert!(leaves < 60 * rays.len() as u32, "{spec}: {leaves} leaves");
+    }
+}
+
+#[test]
 fn rays_at_a_far_instance_test_what_they_test_at_the_origin() {
     let scene = ball(24, [0.0; 3]);
     for spec in ["bvh-sah", "kd", "bih"] {
@@ -410,9 +453,9 @@ fn rays_at_a_far_instance_test_what_they_test_at_the_origin() {
         };
         let (near, verdicts, copied) = tested(0.0);
         assert_eq!(copied, 0);
-        for away in [3e5, 1e6] {
+        for away in [3e3, 3e5, 1e6] {
             let (far, decided, copied) = tested(away);
-            assert_eq!(copied, 1);
+            assert_eq!(copied, usize::from(away > 1e4));
             // Coarse rounding makes triangles larger and many of them lines.
             assert!(
                 far < 3 * near,

@@ -31,6 +31,8 @@ pub struct Outline {
     pub flat: Vec<TriangleGroup>,
     /// Frame around all groups of `flat`.
     pub flat_frame: Frame,
+    /// Mean over the triangles with area of the largest extent along an axis; 0 without any.
+    pub detail: f64,
 }
 
 impl Outline {
@@ -64,6 +66,11 @@ impl Outline {
             .map(|group| group.bounds)
             .collect();
         boxes.extend(flat.iter().map(|group| group.bounds));
+        let extent = |&id: &u32| {
+            let bounds = Aabb::of_triangle(scene.corners(id));
+            bounds.extent(0).max(bounds.extent(1)).max(bounds.extent(2))
+        };
+        let extents: f64 = scene.live().iter().map(extent).sum();
         let around = flat
             .iter()
             .fold(Aabb::EMPTY, |all, group| all.union(&group.bounds));
@@ -71,6 +78,7 @@ impl Outline {
             boxes,
             flat,
             flat_frame: Frame::new(around),
+            detail: extents / scene.live().len().max(1) as f64,
         }
     }
 }

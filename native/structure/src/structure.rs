@@ -332,6 +332,14 @@ impl Structure {
     pub fn outline(&self) -> &Outline {
         self.outline.get_or_init(|| Outline::new(&self.scene))
     }
+
+    /// Returns the same structure for an instance that rounds no vertex, so that triangles without area stay without.
+    pub(crate) fn unrounded(mut self) -> Self {
+        let mut outline = Outline::new(&self.scene);
+        outline.flat.clear();
+        self.outline = OnceLock::from(outline);
+        self
+    }
 }
 
 /// Returns the statistics of several trees.

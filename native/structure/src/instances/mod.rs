@@ -15,7 +15,7 @@ pub mod top;
 mod tracer;
 mod tracing;
 
-use crate::instances::copies::Copy;
+use crate::instances::copies::Copies;
 use crate::instances::top::Top;
 pub use crate::instances::tracer::AtLevel;
 use crate::structure::Structure;
@@ -50,9 +50,7 @@ pub struct Instances {
     frame: Frame,
     tree: ObjectTree,
     tree_firsts: Vec<u32>,
-    /// Index into `copies` of each place, or [`NOWHERE`]; empty without copies.
-    copy_of: Vec<u32>,
-    copies: Vec<Copy>,
+    copies: Copies,
     top: Top,
     build_seconds: f64,
 }
@@ -147,19 +145,21 @@ impl Instances {
         let bounds = (places.iter().filter(|place| seen(place)))
             .fold(Aabb::EMPTY, |all, place| all.union(&place.bounds));
         let frame = Frame::new(bounds);
+        let copies = Copies::build(&meshes, &places, monitor)?;
         let objects: Vec<_> = (0..)
             .zip(&places)
             .filter(|(_, place)| seen(place))
-            .map(|(id, place)| Object {
+            .filter_map(|(id, place)| Some((id, copies.bounds(id as usize, place)?)))
+            .map(|(id, bounds)| Object {
                 bounds: Aabb {
-                    min: frame.point(place.bounds.min),
-                    max: frame.point(place.bounds.max),
+                    min: frame.point(bounds.min),
+                    max: frame.point(bounds.max),
                 },
                 id,
             })
             .collect();
         let tree = top.build(objects, frame.bounds(), monitor)?;
-        let mut built = Self {
+        Ok(Self {
             meshes,
             places,
             firsts,
@@ -168,14 +168,10 @@ impl Instances {
             frame,
             tree_firsts: tree.firsts(),
             tree,
-            copy_of: Vec::new(),
-            copies: Vec::new(),
+            copies,
             top,
-            build_seconds: 0.0,
-        };
-        built.copy_coarse(monitor)?;
-        built.build_seconds = start.elapsed().as_secs_f64();
-        Ok(built)
+            build_seconds: start.elapsed().as_secs_f64(),
+        })
     }
 
     /// Returns the instances in their order; a dropped one has no finite transform.
@@ -192,7 +188,7 @@ impl Instances {
         })
     }
 
-    /// Returns the number of instances that have a structure of their own, see [`copies`].
+    /// Returns the number of instances that have a structure of their own or share one, see [`copies`].
     pub fn copied(&self) -> usize {
         self.copies.len()
     }
@@ -243,10 +239,8 @@ impl Instances {
         size_of_val(&*self.places)
             + size_of_val(&*self.tree.items)
             + 4 * (self.tree.ids.len() + self.tree_firsts.len())
-            + 4 * (self.firsts.len() + 2 * self.place_of.len() + self.copy_of.len())
-            + (self.copies.iter())
-                .map(|copy| copy.structure.bytes())
-                .sum::<usize>()
+            + 4 * (self.firsts.len() + 2 * self.place_of.len())
+            + self.copies.bytes()
     }
 
     /// Returns the instance of a triangle, and the triangle's number within its mesh.
