@@ -14,7 +14,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -267,6 +267,7 @@ impl<'a, R, const PUBLISHED: bool> OriginTraversal<'a, R, PUBLISHED> {
 
 impl<R: Rule, const PUBLISHED: bool> SingleTraversal for OriginTraversal<'_, R, PUBLISHED> {
     type Scratch = [NodeEntry; MAX_DEPTH + 1];
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         [NodeEntry::blank(0); MAX_DEPTH + 1]

@@ -17,7 +17,7 @@ use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_leaf::Job;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::projected_tree::{CODES, Projected, ProjectedTree};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::planes::dir::{self, Crossing, oblique};
 use halfspace_single::single_rays;
@@ -106,6 +106,7 @@ pub struct Scratch {
 
 impl<const PUBLISHED: bool> SingleTraversal for ProjectedTraversal<'_, PUBLISHED> {
     type Scratch = Scratch;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         Scratch {

@@ -19,7 +19,7 @@ use halfspace_geom::vec3::map;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisTree, SharedAxisTree};
 use halfspace_nodes::ropes::{OUTSIDE, Ropes, Step};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::planes::dir::{Entries, PlaneTraversal};
 use halfspace_single::single_rays;
@@ -169,6 +169,7 @@ fn nearest(distances: &[Distance; 3]) -> usize {
 
 impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
     type Scratch = Entries<u32>;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         PlaneTraversal(self.tree.tree()).scratch()

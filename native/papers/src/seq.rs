@@ -12,7 +12,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -84,6 +84,7 @@ impl RestartTraversal<'_> {
 
 impl SingleTraversal for RestartTraversal<'_> {
     type Scratch = ();
+    type Uncounted = NoCount;
 
     fn scratch(&self) {}
 

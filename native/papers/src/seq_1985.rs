@@ -9,7 +9,7 @@ use fearless_simd::Simd;
 use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -70,6 +70,7 @@ fn exit(frame: &FrameRay, cell: &Aabb) -> f32 {
 
 impl SingleTraversal for PointTraversal<'_> {
     type Scratch = ();
+    type Uncounted = NoCount;
 
     fn scratch(&self) {}
 

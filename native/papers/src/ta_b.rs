@@ -19,7 +19,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, near_child};
 use halfspace_ray::cases::{Turn, case};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -117,6 +117,7 @@ pub struct TaBTraversal<'a>(pub AxisTree<'a>);
 
 impl SingleTraversal for TaBTraversal<'_> {
     type Scratch = [SegmentEntry; MAX_DEPTH + 1];
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         [SegmentEntry::default(); MAX_DEPTH + 1]

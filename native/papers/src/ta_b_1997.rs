@@ -12,7 +12,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::axis_tree::{AxisNode, AxisTree, SharedAxisTree};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::cases::{Turn, case};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -42,6 +42,7 @@ fn point(frame: &FrameRay, t: f32) -> [f32; 3] {
 
 impl SingleTraversal for PublishedTaB<'_> {
     type Scratch = [Crossing; MAX_DEPTH + 1];
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         [Crossing::default(); MAX_DEPTH + 1]

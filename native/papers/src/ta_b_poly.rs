@@ -16,7 +16,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_single::single_rays;
 use halfspace_trace::batch::SingleTraversal;
@@ -72,6 +72,7 @@ pub struct HeightTraversal<'a>(pub &'a PlaneTree);
 
 impl SingleTraversal for HeightTraversal<'_> {
     type Scratch = [SegmentEntry; MAX_DEPTH + 1];
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         [SegmentEntry::default(); MAX_DEPTH + 1]

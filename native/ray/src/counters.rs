@@ -81,7 +81,7 @@ pub trait Counters {
 }
 
 /// Counts nothing.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct NoCount;
 
 impl Counters for NoCount {
@@ -89,6 +89,7 @@ impl Counters for NoCount {
 }
 
 /// [`NoCount`] for traversals with deferred verdicts.
+#[derive(Default)]
 pub struct NoCountLate;
 
 impl Counters for NoCountLate {

@@ -18,7 +18,7 @@ use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_nodes::grid::Grid;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 
@@ -170,6 +170,7 @@ pub struct GridTraversal<'a>(pub &'a Grid);
 
 impl SingleTraversal for GridTraversal<'_> {
     type Scratch = ();
+    type Uncounted = NoCount;
 
     fn scratch(&self) {}
 

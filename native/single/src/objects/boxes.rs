@@ -7,7 +7,7 @@ use fearless_simd::{Simd, f32x4, f32x8};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::box_tree::{BoxTree, INNER, WIDEST, Wide};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCountLate, Query};
 use halfspace_ray::{Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
@@ -101,6 +101,7 @@ impl<const W: usize> BoxTraversal<'_, W> {
 
 impl<const W: usize> SingleTraversal for BoxTraversal<'_, W> {
     type Scratch = Box<[i64; STACK]>;
+    type Uncounted = NoCountLate;
 
     fn scratch(&self) -> Self::Scratch {
         Box::new([END; STACK])

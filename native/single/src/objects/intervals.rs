@@ -4,7 +4,7 @@
 
 use fearless_simd::Simd;
 use halfspace_leaf::{Job, Leaf};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{self, NodeEntry};
@@ -59,6 +59,7 @@ pub struct IntervalTraversal<'a, T>(pub &'a T);
 
 impl<T: IntervalTree> SingleTraversal for IntervalTraversal<'_, T> {
     type Scratch = T::Entries;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         T::entries()

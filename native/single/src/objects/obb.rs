@@ -29,7 +29,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::obb_tree::{Boxes, INNER, ObbTree, Rotation, WIDTH};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::frame::OBLIQUE_PAD;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
@@ -205,6 +205,7 @@ pub struct ObbTraversal<'a>(pub &'a ObbTree);
 
 impl SingleTraversal for ObbTraversal<'_> {
     type Scratch = (Vec<BoxEntry>, Columns);
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         // Each level leaves at most all children but one on the stack, and the lowest level all of them.

@@ -11,7 +11,7 @@ use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::{Double, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
@@ -48,6 +48,7 @@ impl<'a, N> SlabBoxTraversal<'a, N> {
 
 impl<N: SlabNode> SingleTraversal for SlabBoxTraversal<'_, N> {
     type Scratch = [RegionEntry; MAX_DEPTH + 1];
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         let none = RegionEntry {

@@ -14,7 +14,7 @@ use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_nodes::octants::MAX_DEPTH;
 use halfspace_nodes::octree_nodes::Octree;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::Stack;
@@ -77,6 +77,7 @@ pub struct OctreeTraversal<'a>(pub &'a Octree);
 
 impl SingleTraversal for OctreeTraversal<'_> {
     type Scratch = Entries;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Entries {
         [OctantEntry::default(); STACK]

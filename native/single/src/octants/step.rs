@@ -23,7 +23,7 @@ use halfspace_geom::vec3::map;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::RayRef;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_trace::batch::SingleTraversal;
 
 /// A leaf and its number among the nodes.
@@ -182,6 +182,7 @@ pub struct Position {
 
 impl<N: Neighbours> SingleTraversal for NeighbourTraversal<'_, N> {
     type Scratch = Entries;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         OctreeTraversal(self.0).scratch()

@@ -13,7 +13,7 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::stack::{NodeEntry, Stack};
@@ -37,6 +37,7 @@ pub struct Crossing {
 
 impl<T: Planes> SingleTraversal for PlaneTraversal<T> {
     type Scratch = Entries<T::At>;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         [NodeEntry::blank(self.0.root()); MAX_DEPTH + 1]

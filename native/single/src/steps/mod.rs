@@ -10,7 +10,7 @@ use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::next::Next;
 use halfspace_nodes::wide_tree::WideTree;
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use planes::PlaneSteps;
@@ -89,6 +89,7 @@ pub struct SingleSteps<T>(pub T);
 
 impl<T: Steps> SingleTraversal for SingleSteps<T> {
     type Scratch = T::State;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         self.0.blank()

@@ -7,7 +7,7 @@ use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::columns::{Columns, TOGETHER};
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Best, Count, Counters, Log, NoCountLate, Query};
+use halfspace_ray::query::{Best, Count, Counters, Log, Query};
 use halfspace_ray::replay::{CHUNK, Record};
 use halfspace_ray::selection::{HitFilter, Sieve};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
@@ -17,6 +17,9 @@ use std::time::{Duration, Instant};
 pub trait SingleTraversal: Sync {
     /// Memory that rays use one after another, such as a stack.
     type Scratch;
+
+    /// Counts nothing: [`halfspace_ray::query::NoCountLate`] where it pays to defer the verdict on a hit.
+    type Uncounted: Counters + Default;
 
     /// Allocates this memory.
     fn scratch(&self) -> Self::Scratch;
@@ -89,12 +92,12 @@ impl<'a> Launch<'a> {
         if let Some(simd) = self.level.as_avx512() {
             simd.vectorize(
                 #[inline(always)]
-                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate),
+                || self.each::<_, _, Q, _>(simd, traversal, write, |_| T::Uncounted::default()),
             );
         } else if let Some(simd) = self.level.as_avx2() {
             simd.vectorize(
                 #[inline(always)]
-                || self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate),
+                || self.each::<_, _, Q, _>(simd, traversal, write, |_| T::Uncounted::default()),
             );
         } else {
             let mut unused = vec![RayCounters::default(); self.rays.len()];
@@ -102,7 +105,7 @@ impl<'a> Launch<'a> {
         }
         #[cfg(not(target_arch = "x86_64"))]
         fearless_simd::dispatch!(self.level, simd => {
-            self.each::<_, _, Q, _>(simd, traversal, write, |_| NoCountLate);
+            self.each::<_, _, Q, _>(simd, traversal, write, |_| T::Uncounted::default());
         });
     }
 

@@ -6,7 +6,7 @@ use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::dop_tree::{DopTree, INNER, NORMALS, Node};
-use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::query::{Best, Counters, NoCount, Query};
 use halfspace_ray::{FrameRay, Interval, RayRef};
 use halfspace_trace::batch::SingleTraversal;
 use halfspace_trace::slabs::Slabs;
@@ -128,6 +128,7 @@ pub struct DopTraversal<'a, const D: usize>(pub &'a DopTree<D>);
 
 impl<const D: usize> SingleTraversal for DopTraversal<'_, D> {
     type Scratch = BinaryHeap<HeapEntry>;
+    type Uncounted = NoCount;
 
     fn scratch(&self) -> Self::Scratch {
         BinaryHeap::new()
