@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..measure import costmap, counting
+from ..measure.analysis import fitting
 from ..overlay import cells
 from ..scene.rays import RaySet
 from ..scene.workload import Workload
@@ -58,12 +59,16 @@ class Level:
 
 @dataclass(frozen=True)
 class Prices:
-    """Fitted nanoseconds of a step and of a test, of `measured` nanoseconds per ray; explained: R² of the fit."""
+    """Fitted nanoseconds of a step and of a test, of `measured` nanoseconds per ray; explained: R² of the fit.
+
+    ends: the lower and upper ends of the intervals of both, where they may be negative.
+    """
 
     step: float
     test: float
     measured: float
     explained: float
+    ends: tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -133,33 +138,20 @@ def _by_level(structure: Structure, table: Table, primary: RayCosts, depth: int)
 
 
 def _prices(structure: Structure, view: RaySet) -> Prices:
-    """The fit of the measured time of each block of rays; a price that would be negative is 0."""
+    """The fit of the measured time of each block of rays."""
     nanoseconds, counters = costmap.nanoseconds(structure, view), counting.counters(structure, view, 0)
     blocks = len(nanoseconds)
     if not blocks:
-        return Prices(0.0, 0.0, 0.0, 0.0)
+        return Prices(0.0, 0.0, 0.0, 0.0, ((-np.inf, np.inf), (-np.inf, np.inf)))
     both = (counters[name][: blocks * BLOCK].reshape(blocks, BLOCK) for name in ("visits", "tests"))
     counts = [values.mean(axis=1, dtype=np.float64) for values in both]
     columns, wanted = np.stack(counts, axis=1), nanoseconds.astype(np.float64)
-    fitted = _positive(columns, wanted)
+    fitted = fitting.positive(columns, wanted)
     spread = float(((wanted - wanted.mean()) ** 2).sum())
     rest = float(((wanted - columns @ fitted) ** 2).sum())
-    return Prices(float(fitted[0]), float(fitted[1]), float(wanted.mean()), 1 - rest / spread if spread else 1.0)
-
-
-def _positive(columns: F64, wanted: F64) -> F64:
-    """Least squares of two columns with coefficients of at least 0."""
-    both = np.linalg.lstsq(columns, wanted, rcond=None)[0]
-    if (both >= 0).all():
-        return both
-    # With one coefficient at 0, the better of the two single fits.
-    fits = []
-    for k in (0, 1):
-        one = np.zeros(2)
-        square = float(columns[:, k] @ columns[:, k])
-        one[k] = max(float(columns[:, k] @ wanted) / square, 0.0) if square else 0.0
-        fits.append(one)
-    return min(fits, key=lambda fit: float(((wanted - columns @ fit) ** 2).sum()))
+    step, test = ((float(low), float(high)) for low, high in fitting.intervals(columns, wanted))
+    explained = 1 - rest / spread if spread else 1.0
+    return Prices(float(fitted[0]), float(fitted[1]), float(wanted.mean()), explained, (step, test))
 
 
 def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequence[str]:
@@ -167,7 +159,10 @@ def sentences(found: Levels, wrong: int | None = None, checked: int = 0) -> Sequ
     prices = found.prices
     answers = "" if wrong is None else f"; {wrong:,} of {checked:,} answers wrong"
     total = sum(level.overlap for level in found.levels)
-    fitted = f"Fitted: {prices.step:.1f} ns a node, {prices.test:.1f} ns a test (R² = {prices.explained:.2f})"
+    step, test = (
+        fitting.told(price, *ends) for price, ends in zip((prices.step, prices.test), prices.ends, strict=True)
+    )
+    fitted = f"Fitted: a node {step}, a test {test} (R² = {prices.explained:.2f})"
     if prices.explained < LEAST_EXPLAINED:
         fitted = f"No time per level: nodes and tests explain too little of it (R² = {prices.explained:.2f})"
     elif prices.explained < CERTAIN:

@@ -5,7 +5,6 @@ and how well the surface area heuristic orders these times.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..measure import counting, yardstick
-from ..measure.analysis import field
+from ..measure.analysis import field, fitting
 from ..measure.rows import Row, agrees
 
 PARTS = {
@@ -28,64 +27,95 @@ PARTS = {
 with the visits of leaves.
 """
 
-LEAST_ROWS = 4
-"""Smallest number of structures for a fit."""
+LEAST_FREEDOM = 2
+"""Number of structures beyond that of the parts that occur, at least, for a fit: the intervals come from the residuals.
+"""
+
+ALONE, GROUPS = "one by one", "in groups"
+"""How rays go: a step of a group is shared, so it has another cost than one of a single ray."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A linear cost model. nanoseconds: cost of one of each of PARTS. measured: (rows,) ns per ray, mean over the ray
-    sets. parts: (rows, parts) ns.
+    """A linear cost model of the rays that go in one way, ALONE or GROUPS. nanoseconds: cost of one of each of PARTS
+    that occur. intervals: of the same costs where they may be negative. measured: (rows,) ns per ray, mean over the ray
+    sets. parts: (rows, len(nanoseconds)) ns.
 
     explained: the share of the variance of the measured times that the fit explains, R². residual: root mean square of
     the relative residuals.
     """
 
+    rays: str
     specs: tuple[str, ...]
     nanoseconds: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
     measured: NDArray[np.float64]
     parts: NDArray[np.float64]
     explained: float
     residual: float
 
-    def priced(self) -> list[tuple[str, float]]:
-        """Singular label and nanoseconds of each part that takes time."""
-        return [(PARTS[key].removesuffix("s"), each) for key, each in self.nanoseconds.items() if each > 0]
+    def told(self, key: str) -> str:
+        """The cost of a part with its interval."""
+        return fitting.told(self.nanoseconds[key], *self.intervals[key])
 
 
-def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over those of one scene's rows whose counters belong to the timed traversal.
-
-    None with fewer such rows than LEAST_ROWS, or with no more of them than parts that occur.
+def fits(rows: Sequence[Row]) -> list[Fit]:
+    """The fits of rays that go alone and of rays in groups, over those of one scene's rows whose counters belong to the
+    timed traversal; without those of too few rows, see LEAST_FREEDOM.
     """
+    return [found for rays in (ALONE, GROUPS) if (found := _fit(rows, rays)) is not None]
+
+
+def _fit(rows: Sequence[Row], rays: str) -> Fit | None:
     # Collect counts and times per ray of the rows that have both.
-    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not lacks_timed_counts(row)]
+    found = [(row["spec"], *_per_ray(row, rays)) for row in rows if row["rays"] and not lacks_timed_counts(row, rays)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
-    if len(kept) < LEAST_ROWS:
+    if not kept:
         return None
     counts = np.array([one for _, one, _ in kept], np.float64)
     times = np.array([time for _, _, time in kept])
-    if len(kept) <= int(counts.any(axis=0).sum()):
+    occur = counts.any(axis=0)
+    if len(kept) < int(occur.sum()) + LEAST_FREEDOM:
         return None
     # Minimize relative errors, so that the slowest structure does not dominate.
-    prices = least_squares(counts / times[:, None], np.ones(len(times)))
+    counts = counts[:, occur]
+    relative, ones = counts / times[:, None], np.ones(len(times))
+    prices = fitting.positive(relative, ones)
+    ends = [(float(low), float(high)) for low, high in fitting.intervals(relative, ones)]
     parts = counts * prices
     spread = float(((times - times.mean()) ** 2).sum())
     explained = 1.0 - float(((parts.sum(axis=1) - times) ** 2).sum()) / spread if spread else 0.0
     residual = float(np.sqrt((((parts.sum(axis=1) - times) / times) ** 2).mean()))
-    specs = tuple(spec for spec, _, _ in kept)
-    return Fit(specs, dict(zip(PARTS, prices, strict=True)), times, parts, explained, residual)
+    keys = [key for key, one in zip(PARTS, occur, strict=True) if one]
+    return Fit(
+        rays,
+        tuple(spec for spec, _, _ in kept),
+        dict(zip(keys, map(float, prices), strict=True)),
+        dict(zip(keys, ends, strict=True)),
+        times,
+        parts,
+        explained,
+        residual,
+    )
 
 
-def lacks_timed_counts(row: Row) -> bool:
-    """Whether some rays were counted in another traversal than the timed one, so that counts and times do not match."""
-    timed = (name for name, one in row["rays"].items() if one["mrays_s"])
-    return not all(counting.counts_timed_traversal(row, name) for name in timed)
+def lacks_timed_counts(row: Row, rays: str) -> bool:
+    """Whether some rays that go in this way were counted in another traversal than the timed one, so that counts and
+    times do not match.
+    """
+    return not all(counting.counts_timed_traversal(row, name) for name in _timed(row, rays))
 
 
-def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
+def _timed(row: Row, rays: str) -> list[str]:
+    """The timed ray sets of a row whose rays go in this way; those of rows without ways go alone."""
+    ways = row["ways"] or {}
+    grouped = {name for name, way in ways.items() if way["rays"] not in ("single", "flight")}
+    return [name for name, one in row["rays"].items() if one["mrays_s"] and (name in grouped) == (rays == GROUPS)]
+
+
+def _per_ray(row: Row, rays: str) -> tuple[NDArray[np.float64] | None, float]:
     """Counts and nanoseconds per ray, each the mean over the ray sets."""
-    sets = [(name, one) for name, one in row["rays"].items() if one["mrays_s"]]
+    sets = [(name, row["rays"][name]) for name in _timed(row, rays)]
     found = [[_count(row, name, key) for key in PARTS] for name, _ in sets]
     kept = [(counts, one) for counts, (_, one) in zip(found, sets, strict=True) if None not in counts]
     if not kept:
@@ -102,20 +132,6 @@ def _count(row: Row, name: str, key: str) -> float | None:
     if known is None:
         return 0.0 if key == "leaves" else None
     return float(known)
-
-
-def least_squares(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The x >= 0 that minimizes |matrix x - right|, by trying all subsets of its few components."""
-    columns = range(matrix.shape[1])
-    best, best_error = np.zeros(matrix.shape[1]), float((right**2).sum())
-    for size in range(1, matrix.shape[1] + 1):
-        for chosen in itertools.combinations(columns, size):
-            x = np.zeros(matrix.shape[1])
-            x[list(chosen)] = np.linalg.lstsq(matrix[:, chosen], right, rcond=None)[0]
-            error = float(((matrix @ x - right) ** 2).sum())
-            if (x >= 0).all() and error < best_error:
-                best, best_error = x, error
-    return best
 
 
 LEAST_CORRELATED = 3

@@ -32,7 +32,8 @@ Target = Callable[[Row, str], str]
 @dataclass(frozen=True)
 class Picture:
     """A plot. svg: the element; caption: its content and how to read it. narrow: the same for a page as narrow as a
-    telephone; "" where the wide one scrolls instead. leads: whether a scene begins with it.
+    telephone; "" where the wide one scrolls instead. leads: whether a scene begins with it. other: the label of a
+    switch, and the element that it shows instead.
     """
 
     title: str
@@ -40,6 +41,7 @@ class Picture:
     caption: str
     narrow: str = ""
     leads: bool = False
+    other: tuple[str, str] | None = None
 
 
 ERRORS = {
@@ -129,6 +131,12 @@ def _figure(picture: Picture) -> str:
     drawn = f'<div class="wide plot">{picture.svg}</div>'
     if picture.narrow:
         drawn = f'<div class="broad">{picture.svg}</div><div class="narrow">{picture.narrow}</div>'
+    if picture.other is not None:
+        label, svg = picture.other
+        drawn = (
+            f'<label class="switch"><input type="checkbox"> {safe(label)}</label>'
+            f'<div class="usual">{drawn}</div><div class="other"><div class="wide plot">{svg}</div></div>'
+        )
     return f"<figure><h3>{safe(picture.title)}</h3>{drawn}<figcaption>{safe(picture.caption)}</figcaption></figure>"
 
 
@@ -223,7 +231,7 @@ def _cell(column: Column, row: Row, target: Target, *, is_best: bool) -> str:
 def _statistics(rows: Sequence[Row], target: Target) -> str:
     """The statistics of trees and rays of one scene, closed at first; "" without any."""
     found = statistics.tables(rows, set_names(rows))
-    sentences = list(statistics.sentences(costs.correlation(rows), costs.fit(rows)))
+    sentences = list(statistics.sentences(costs.correlation(rows), costs.fits(rows)))
     if not found and not sentences:
         return ""
     listed = f"<ul>{_items(sentences)}</ul>" if sentences else ""

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..measure.analysis import field
 from ..measure.rows import Row
-from .costs import Correlation, Fit
+from .costs import PARTS, Correlation, Fit
 from .report import signed
 
 Value = float | None
@@ -133,7 +133,7 @@ def _table(title: str, note: str, columns: tuple[Column, ...], rows: Sequence[Ro
     return Table(title, note, kept, known)
 
 
-def sentences(expected: Correlation | None, fit: Fit | None) -> Iterator[str]:
+def sentences(expected: Correlation | None, fits: Sequence[Fit]) -> Iterator[str]:
     """Sentences on how well expected costs and counts explain the measured times."""
     if expected is not None:
         if expected.pearson == expected.pearson:
@@ -143,9 +143,10 @@ def sentences(expected: Correlation | None, fit: Fit | None) -> Iterator[str]:
             )
         else:
             yield f"The SAH costs of {len(expected.specs)} structures, or their times, are all equal: no correlation."
-    if fit is not None:
-        each = ", ".join(f"{price:.1f} ns per {label}" for label, price in fit.priced())
+    for fit in fits:
+        each = ", ".join(f"{PARTS[key].removesuffix('s')} {fit.told(key)}" for key in fit.nanoseconds)
         yield (
-            f"Fitted as a sum over steps, leaf visits and tests (eq. 3.1 of Hoobergs 2019 with leaf visits), a ray "
-            f"costs {each}: R² = {fit.explained:.2f}, residuals of {100 * fit.residual:.0f} % (root mean square)."
+            f"Rays {fit.rays}, their time fitted as a sum over steps, leaf visits and tests (eq. 3.1 of Hoobergs 2019 "
+            f"with leaf visits), with 95 % intervals: {each}; R² = {fit.explained:.2f}, residuals of "
+            f"{100 * fit.residual:.0f} % (root mean square)."
         )

@@ -42,8 +42,10 @@ K_SWEEP = About(
 COSTS = About(
     "fitted-costs",
     "Fitted costs",
-    "Measured time per ray, and its fit by the steps and tests of all structures: the bars use the same cost per step "
-    "and per test for every structure. The distance of a dot from the end of its bar is not explained by these counts.",
+    "Measured time per ray, and its fit by the steps and tests of all structures, apart for rays that go one by one "
+    "and in groups: the bars use the same cost per step and per test for every structure. The distance of a dot from "
+    "the end of its bar is not explained by these counts. In brackets the 95 % interval of each cost where costs may "
+    "be negative; a cost is not identifiable if it contains zero.",
 )
 OFFSETS = About(
     "offsets",
@@ -56,9 +58,16 @@ OFFSETS = About(
 MAPS = About(
     "cost-maps",
     "What each pixel costs",
-    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
-    "rays of a tile or a beam share its work evenly.",
+    "Nodes visited and triangles tested by the ray of each pixel, in the order of their means. Each map has its own "
+    "scale, from the 1st to the 99th percentile of its pixels, which are above it. The rays of a tile or a beam share "
+    "its work evenly.",
 )
+ONE_SCALE = "one scale for all maps"
+"""Label of the switch to maps that can be compared by their colours."""
+
+OWN_SCALE = (1, 99)
+"""Percentiles of a map's pixels at the ends of its own scale."""
+
 MAP_COLUMNS = 7
 
 
@@ -161,28 +170,38 @@ def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[Line], published
     legend(figure, axes)
 
 
-def fitted_costs(figure: Any, fit: Fit) -> None:
-    """Stacked bars of the fitted parts, and dots at the measured times."""
-    axes = figure.subplots()
-    order = np.argsort(fit.measured)[::-1]
-    places = np.arange(len(order))
-    left = np.zeros(len(order))
-    for number, (key, label) in enumerate(PARTS.items()):
-        width = fit.parts[order, number]
-        if width.any():
-            each = fit.nanoseconds[key]
-            axes.barh(places, width, 0.7, left, color=COLOURS[number], label=f"{label}, {each:.1f} ns each")
+def fitted_costs(figure: Any, fits: Sequence[Fit]) -> None:
+    """A panel for each way of rays: stacked bars of the fitted parts, and dots at the measured times."""
+    heights = [costs_height([fit]) for fit in fits]
+    for panel, fit in zip(
+        figure.subfigures(len(fits), 1, squeeze=False, height_ratios=heights).flat, fits, strict=True
+    ):
+        axes = panel.subplots()
+        order = np.argsort(fit.measured)[::-1]
+        places = np.arange(len(order))
+        left = np.zeros(len(order))
+        # A part without width is named too: its label says that its cost is not identifiable.
+        for number, key in enumerate(fit.nanoseconds):
+            width = fit.parts[order, number]
+            colour = COLOURS[list(PARTS).index(key)]
+            axes.barh(places, width, 0.7, left, color=colour, label=f"{PARTS[key]}: {fit.told(key)}")
             left = left + width
-    # Mark the measured times, which the stacked bars approximate.
-    axes.plot(fit.measured[order], places, "o", color=INK, markersize=4, label="measured")
-    axes.set_yticks(places, [fit.specs[i] for i in order])
-    axes.set_ylim(-0.7, len(order) - 0.3)
-    axes.set_xlabel(
-        f"nanoseconds per ray, mean over the ray sets; the fit explains {100 * max(fit.explained, 0):.0f} %"
-    )
-    axes.grid(visible=True, axis="x")
-    axes.set_axisbelow(True)
-    figure.legend(loc="outside lower center", ncols=4)
+        # Mark the measured times, which the stacked bars approximate.
+        axes.plot(fit.measured[order], places, "o", color=INK, markersize=4, label="measured")
+        axes.set_title(f"Rays {fit.rays}")
+        axes.set_yticks(places, [fit.specs[i] for i in order])
+        axes.set_ylim(-0.7, len(order) - 0.3)
+        axes.set_xlabel(
+            f"nanoseconds per ray, mean over the ray sets; the fit explains {100 * max(fit.explained, 0):.0f} %"
+        )
+        axes.grid(visible=True, axis="x")
+        axes.set_axisbelow(True)
+        panel.legend(loc="outside lower center", ncols=3)
+
+
+def costs_height(fits: Sequence[Fit]) -> float:
+    """Height in inches of the fitted costs."""
+    return sum(2.0 + 0.2 * len(fit.specs) for fit in fits)
 
 
 def wrong_against_offset(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
@@ -216,8 +235,8 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], marks: dict[str, Mark
     legend(figure, axes, others=unnamed(rows, marks))
 
 
-def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
-    """A picture for each structure, all on one colour scale."""
+def cost_maps(figure: Any, rows: Sequence[Row], *, common: bool = False) -> None:
+    """A picture for each structure. common: all on one colour scale from 0, instead of each on its own."""
     maps = sorted(((costmap.unpacked(row["map"]), row["spec"]) for row in rows), key=lambda one: one[0].mean())
     high = costmap.scale_end([values for values, _ in maps])
     columns = min(MAP_COLUMNS, len(maps))
@@ -227,10 +246,19 @@ def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
         axes.set_axis_off()
         if place < len(maps):
             values, spec = maps[place]
-            image = axes.imshow(values, cmap="inferno", vmin=0, vmax=high, origin="lower", interpolation="nearest")
-            axes.set_title(f"{short(spec)}\n{costmap.summary(values)}", fontsize=6.5, fontweight="normal")
+            low, end = (0.0, high) if common else map(float, np.percentile(values, OWN_SCALE))
+            told = costmap.summary(values) if common else f"{costmap.number(low)} to {costmap.number(end)}"
+            # In shares of its scale, so that the bar of one map serves all.
+            shown = (values - low) / max(end - low, 1e-9)
+            image = axes.imshow(shown, cmap="inferno", vmin=0, vmax=1, origin="lower", interpolation="nearest")
+            axes.set_title(f"{short(spec)}\n{told}", fontsize=6.5, fontweight="normal")
     bar = figure.colorbar(image, ax=panels, location="bottom", fraction=0.02, pad=0.02, aspect=60)
     bar.set_label("steps and tests per ray")
+    if common:
+        ends = costmap.ticks(high)
+        bar.set_ticks([end / high for end in ends], labels=[costmap.number(end) for end in ends])
+    else:
+        bar.set_ticks([0, 1], labels=[f"percentile {percent} of each map" for percent in OWN_SCALE])
 
 
 def cost_map_height(rows: Sequence[Row]) -> float:

@@ -53,12 +53,15 @@ FAR = 30.0
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure that is not drawn yet. height: inches. draw: called with a figure of matplotlib."""
+    """A figure that is not drawn yet. height: inches. draw: called with a figure of matplotlib. other: label of a
+    switch, and the drawing that it shows instead.
+    """
 
     about: About
     height: float
     draw: Callable[[Any], None]
     remark: str = ""
+    other: tuple[str, Callable[[Any], None]] | None = None
 
     @property
     def caption(self) -> str:
@@ -91,7 +94,8 @@ def pictures(rows: Sequence[Row], published: thesis.Published | None = None) -> 
     for one in scene_figures(rows, published):
         wide = svg(one.draw, one.height, LEAD if one.leads else WIDTH)
         narrow = svg(one.draw, one.height, NARROW) if one.leads else ""
-        found.append(Picture(one.about.title, wide, one.caption, narrow, one.leads))
+        other = None if one.other is None else (one.other[0], svg(one.other[1], one.height, salt=" other"))
+        found.append(Picture(one.about.title, wide, one.caption, narrow, one.leads, other))
     return found
 
 
@@ -116,7 +120,7 @@ def scene_figures(rows: Sequence[Row], published: thesis.Published | None = None
     moved = [row for row in ours if row["offsets"]]
     base, lines = thesis.sweeps([row for row in everything if not yardstick.is_foreign(row["spec"])])
     counted = [row for row in everything if field_charts.with_cases([row])]
-    fitted = costs.fit(right)
+    fitted = costs.fits(right)
     found: list[Figure] = []
 
     def add(about: About, height: float, draw: Callable[..., None], remark: str = "", **given: Any) -> None:
@@ -140,16 +144,17 @@ def scene_figures(rows: Sequence[Row], published: thesis.Published | None = None
     if views:
         add(charts.SCALING, 4.6, charts.time_against_rays, rows=views, marks=marks)
     if mapped:
-        add(charts.MAPS, charts.cost_map_height(mapped), charts.cost_maps, rows=mapped)
+        own, common = (partial(charts.cost_maps, rows=mapped, common=one) for one in (False, True))
+        found.append(Figure(charts.MAPS, charts.cost_map_height(mapped), own, "", (charts.ONE_SCALE, common)))
     if moved:
         add(charts.OFFSETS, 4.2, charts.wrong_against_offset, rows=moved, marks=marks)
     found += _of_field(everything)
     if counted:
         add(field_charts.CASES, field_charts.height_of_cases(counted), field_charts.cases, rows=counted)
-    if fitted is not None:
-        excluded = [row["spec"] for row in right if costs.lacks_timed_counts(row)]
+    if fitted:
+        excluded = [row["spec"] for row in right if any(costs.lacks_timed_counts(row, fit.rays) for fit in fitted)]
         note = f" Left out, as their rays are {counting.ONE_BY_ONE}: {few(excluded)}." if excluded else ""
-        add(charts.COSTS, 1.6 + 0.2 * len(fitted.specs), charts.fitted_costs, note + remark, fit=fitted)
+        add(charts.COSTS, charts.costs_height(fitted), charts.fitted_costs, note + remark, fits=fitted)
     return found
 
 
@@ -212,11 +217,13 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     return close, [row["spec"] for row in rows if row not in close]
 
 
-def svg(draw: Callable[[Any], None], height: float, width: float = WIDTH) -> str:
-    """A figure as an SVG element. draw: called with the figure. height, width: inches."""
+def svg(draw: Callable[[Any], None], height: float, width: float = WIDTH, salt: str = "") -> str:
+    """A figure as an SVG element. draw: called with the figure. height, width: inches. salt: another one for each
+    figure of the same width and content.
+    """
     text = io.StringIO()
     # Figures of two widths are in one page, so their ids must differ.
-    style = {"svg.hashsalt": f"halfspace {width:g}"}
+    style = {"svg.hashsalt": f"halfspace {width:g}{salt}"}
     save(draw, (width, height), text, style, format="svg", metadata={"Date": None})
     found = text.getvalue()
     # Drop the XML prologue, which only belongs to files.

@@ -121,7 +121,7 @@ def test_levels_of_both_stand_side_by_side(seen: Any) -> None:
 
 def test_times_that_do_not_fit_are_not_shown(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     build(seen, "kd")
-    prices = measuring.Prices(1.0, 1.0, 300.0, measuring.LEAST_EXPLAINED - 0.01)
+    prices = measuring.Prices(1.0, 1.0, 300.0, measuring.LEAST_EXPLAINED - 0.01, ((0.5, 1.5), (0.5, 1.5)))
     monkeypatch.setattr(measuring, "_prices", lambda *_: prices)
     bpy.ops.halfspace.measure_levels()
     found = levels.known(seen)

@@ -118,6 +118,8 @@ def test_levels_sum_to_the_whole(spec: str) -> None:
     for explained, sure in ((levels.CERTAIN, True), (levels.CERTAIN - 0.01, False)):
         fitted = levels.sentences(replace(found, prices=replace(found.prices, explained=explained)))[1]
         assert ("cannot separate" in fitted) != sure
+    unsure = replace(found, prices=replace(found.prices, explained=1.0, ends=((1.0, 2.0), (-3.0, 1.0))))
+    assert "a test not identifiable (−3.0 to 1.0)" in levels.sentences(unsure)[1]
 
 
 def test_small_shares_keep_two_digits() -> None:
@@ -137,15 +139,6 @@ def test_levels_share_the_measured_time(monkeypatch: pytest.MonkeyPatch) -> None
     assert found.prices.explained == pytest.approx(1)
     wanted = float((3 * blocks[0] + 5 * blocks[1]).mean())
     assert sum(level.fitted_nanoseconds or 0.0 for level in found.levels) == pytest.approx(wanted, rel=1e-5)
-
-
-def test_prices_are_the_least_squares_without_negative_ones() -> None:
-    rng = np.random.default_rng(1)
-    columns = rng.random((50, 2))
-    assert levels._positive(columns, columns @ [3.0, 5.0]) == pytest.approx([3, 5])
-    fitted = levels._positive(columns, columns @ [3.0, -1.0])
-    assert (fitted >= 0).all()
-    assert fitted[1] == 0
 
 
 def test_a_range_selects_pixels_and_states_their_share() -> None:

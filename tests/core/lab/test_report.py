@@ -15,7 +15,7 @@ import pytest
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from addon.core.measure import ranking
+from addon.core.measure import costmap, ranking
 from addon.core.report import costs, report
 from addon.lab.report import charts, field_charts, page, plots, thesis
 from tests.report_rows import document, everything, pictured, row
@@ -75,13 +75,39 @@ def test_a_walk_without_bounds_is_not_drawn_among_those_with_them() -> None:
     assert not [text for text in drawn(rows[2]) if "with bounds" in text]
 
 
-def test_fitted_costs_draw_every_part() -> None:
-    parts = np.ones((costs.LEAST_ROWS, len(costs.PARTS)))
-    specs = tuple(f"s{i}" for i in range(costs.LEAST_ROWS))
-    some = costs.Fit(specs, dict.fromkeys(costs.PARTS, 1.0), parts.sum(axis=1), parts, 1.0, 0.0)
+def test_fitted_costs_draw_every_part_of_rays_alone_and_in_groups() -> None:
+    parts = np.ones((4, len(costs.PARTS)))
+    parts[:, -1] = 0.0
+    specs = tuple(f"s{i}" for i in range(4))
+    prices, ends = dict.fromkeys(costs.PARTS, 1.0), dict.fromkeys(costs.PARTS, (0.5, 1.5))
+    ends["tests"] = (-2.0, 0.5)
+    some = [
+        costs.Fit(rays, specs, prices, ends, parts.sum(axis=1), parts, 1.0, 0.0) for rays in (costs.ALONE, costs.GROUPS)
+    ]
     figure = Figure()
     charts.fitted_costs(figure, some)
-    assert len(figure.axes[0].containers) == len(costs.PARTS)
+    assert [len(axes.containers) for axes in figure.axes] == [len(costs.PARTS)] * 2
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert "triangle tests: not identifiable (−2.0 to 0.5)" in labels
+    assert "axis steps: 1.0 ns (0.5 to 1.5)" in labels
+
+
+def test_each_cost_map_has_its_own_scale_and_a_switch_to_a_common_one() -> None:
+    rows = [everything("dark", 1.0), everything("bright", 50.0)]
+    dark = np.arange(200.0).reshape(10, 20)
+    rows[0]["map"] = costmap.packed(dark)
+    figure = Figure()
+    charts.cost_maps(figure, rows)
+    shown = {axes.get_title(): axes.images[0].get_array() for axes in figure.axes if axes.images}
+    assert np.ptp(shown["dark\n1.99 to 197"]) > 1
+    charts.cost_maps(figure := Figure(), rows, common=True)
+    (dull,) = (axes.images[0].get_array() for axes in figure.axes if axes.get_title().startswith("dark"))
+    assert np.ptp(dull) < 0.5
+    if plots.problem() is None:
+        text = page.as_html(document(rows))
+        assert f"{charts.ONE_SCALE}</label>" in text
+        ids = re.findall(r' id="(image\w+)"', text)
+        assert len(ids) == len(set(ids))
 
 
 def test_the_pareto_front_holds_what_nothing_beats_in_both() -> None:

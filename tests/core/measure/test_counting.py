@@ -82,8 +82,7 @@ def test_counters_of_another_traversal_explain_nothing() -> None:
 def test_times_of_traversals_that_are_not_counted_are_not_fitted() -> None:
     rows = [everything(f"bsp-wn:k={k}", 1.0 + k / 10, k) for k in range(3, 8)]
     rows[0]["rays"]["primary"]["counts_timed_walk"] = False
-    found = costs.fit(rows)
-    assert found is not None
+    (found,) = costs.fits(rows)
     assert found.specs == tuple(one["spec"] for one in rows[1:])
     if plots.problem() is None:
         (picture,) = (one for one in plots.scene_figures(rows) if one.about.title == "Fitted costs")

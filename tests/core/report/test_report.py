@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from addon.core.measure import ranking
-from addon.core.report import costs, report, tables
+from addon.core.measure.analysis import fitting
+from addon.core.report import costs, report, statistics, tables
 from addon.core.report.report import answer
 from addon.lab.report import page
 from tests.report_rows import document, everything, pictured, row
@@ -173,25 +174,71 @@ def test_first_pictures_of_different_machines_are_not_divided() -> None:
     assert "Build and camera rays" not in said(*rows)
 
 
-def test_fitted_costs_are_those_that_made_the_times() -> None:
+def priced(one: dict[str, Any], steps: float, tests: float, nanoseconds: float, name: str = "primary") -> None:
+    """Give a row's ray set these steps and tests and this time of a ray."""
+    rate = dict(one["rays"]["primary"])
+    rate.update(steps_axis=steps, tests=tests, mrays_s=dict.fromkeys(("min", "med", "max"), 1e3 / nanoseconds))
+    one["rays"][name] = rate
+
+
+def test_fitted_costs_are_those_that_made_the_times_of_rays_alone_and_in_groups() -> None:
     rows = [everything(str(n), 1.0) for n in range(5)]
     for n, one in enumerate(rows):
         steps, tests = 3.0 + n, 2.0 + n * n
-        nanoseconds = 7.0 * steps + 11.0 * tests
-        rate = one["rays"]["primary"]
-        rate.update(steps_axis=steps, tests=tests, mrays_s=dict.fromkeys(("min", "med", "max"), 1e3 / nanoseconds))
-    found = costs.fit(rows)
-    assert found is not None
-    assert found.nanoseconds == pytest.approx(
-        {"steps_axis": 7.0, "steps_oblique": 0.0, "steps_boxes": 0.0, "leaves": 0.0, "tests": 11.0}
-    )
-    assert found.explained == pytest.approx(1.0)
-    assert costs.fit(rows[:3]) is None
+        priced(one, steps, tests, 7.0 * steps + 11.0 * tests)
+        priced(one, steps, tests, 2.0 * steps + 3.0 * tests, "diffuse")
+        one["ways"] = {
+            name: {"nodes": "boxes", "rays": rays} for name, rays in (("primary", "single"), ("diffuse", "packet"))
+        }
+    alone, groups = costs.fits(rows)
+    assert (alone.rays, groups.rays) == (costs.ALONE, costs.GROUPS)
+    assert alone.nanoseconds == pytest.approx({"steps_axis": 7.0, "tests": 11.0})
+    assert groups.nanoseconds == pytest.approx({"steps_axis": 2.0, "tests": 3.0})
+    assert alone.intervals["tests"] == pytest.approx((11.0, 11.0))
+    assert alone.explained == pytest.approx(1.0)
+    assert alone.told("tests") == "11.0 ns (11.0 to 11.0)"
+    assert not costs.fits(rows[:3])
+    # Rays of a set that was counted in another way have no part in its fit only.
+    rows[0]["rays"]["diffuse"]["counts_timed_walk"] = False
+    assert [fit.rays for fit in costs.fits(rows)] == [costs.ALONE, costs.GROUPS]
+    assert [len(fit.specs) for fit in costs.fits(rows)] == [5, 4]
+
+
+def test_costs_that_the_times_do_not_determine_are_not_identifiable() -> None:
+    rows = [everything(str(n), 1.0) for n in range(6)]
+    for n, one in enumerate(rows):
+        priced(one, 3.0 + n, 5.0 + (n % 2), 7.0 * (3.0 + n) - 2.0 * (n % 2) + 0.1 * (-1) ** (n // 2))
+    (fit,) = costs.fits(rows)
+    assert fit.nanoseconds["tests"] >= 0
+    assert fit.told("tests").startswith("not identifiable (")
+    low, high = fit.intervals["steps_axis"]
+    assert 0 < low < 7.0 < high
+    (sentence,) = statistics.sentences(None, [fit])
+    assert "triangle test not identifiable" in sentence
+    # As many tests as steps: nothing tells them apart.
+    for n, one in enumerate(rows):
+        priced(one, 3.0 + n, 3.0 + n, 9.0 * (3.0 + n))
+    (fit,) = costs.fits(rows)
+    assert {fit.told(key) for key in fit.nanoseconds} == {"not identifiable"}
+
+
+def test_intervals_contain_the_coefficients_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(400):
+        matrix = rng.random((6, 2))
+        low, high = fitting.intervals(matrix, matrix @ [3.0, 5.0] + rng.normal(0.0, 0.5, 6)).T
+        inside += int(((low < [3.0, 5.0]) & (high > [3.0, 5.0])).sum())
+    # Of 800, binomial at 95 %: five standard deviations to either side.
+    assert abs(inside / 800 - fitting.CONFIDENCE) < 0.04
+    assert fitting.student(2) == pytest.approx(4.303, rel=0.01)
+    assert fitting.student(10) == pytest.approx(2.2281, rel=1e-4)
 
 
 def test_costs_are_never_negative() -> None:
     matrix = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
-    assert costs.least_squares(matrix, np.array([3.0, 2.0, 1.0])) == pytest.approx([2.0, 0.0])
+    assert fitting.positive(matrix, np.array([3.0, 2.0, 1.0])) == pytest.approx([2.0, 0.0])
+    assert np.isinf(fitting.intervals(matrix[:2], np.array([3.0, 2.0]))).all()
 
 
 def test_an_error_that_does_not_fall_is_not_said_to() -> None:
