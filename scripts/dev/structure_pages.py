@@ -51,8 +51,9 @@ HEADINGS: Mapping[str, str] = {
     "halved-cells-constant": "medians-cells-and-oriented-boxes",
     "medians-*": "medians-cells-and-oriented-boxes",
     "voxel-step": "medians-cells-and-oriented-boxes",
-    "oriented-boxes-fit": "medians-cells-and-oriented-boxes",
+    "oriented-boxes-*": "medians-cells-and-oriented-boxes",
     "fixed-directions": "bsp-trees-along-normals",
+    "planes-*": "planes-against-boxes",
 }
 """Claims, by their beginnings, to the heading of docs/papers.md about them. The registry has the structures."""
 

@@ -344,16 +344,20 @@ class Lab:
                 sums[name] = sums.get(name, 0.0) + float(np.sum(column, dtype=np.float64))
         return {name: total / len(rays) for name, total in sums.items()}
 
-    def check(self, workload: Workload, spec: str, rays: RaySet) -> None:
-        """Compare a sample of rays with brute force, bit for bit."""
+    def right(self, workload: Workload, rays: RaySet) -> tuple[RaySet, Answers]:
+        """A sample of rays, and brute force's answers to them."""
         count = min(CHECKED, BRUTE_PAIRS // max(len(workload.triangles), 1))
         some = rays.take(blocks(len(rays), count, seed=1))
-        structure = self.build(workload, spec)
         key = (workload.name, rays.name)
         if key not in self._right:
             brute = self.build(workload, "brute")
             self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
-        right = self._right[key]
+        return some, self._right[key]
+
+    def check(self, workload: Workload, spec: str, rays: RaySet) -> None:
+        """Compare a sample of rays with brute force, bit for bit."""
+        some, right = self.right(workload, rays)
+        structure = self.build(workload, spec)
         errors = accuracy.compare(right, *accuracy.traced(structure, some, 1), self.native.ulp_distance, bitwise=True)
         self.compared(workload.name, spec, rays.name, errors)
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from . import (
     any_hits,
     beams,
+    families,
     growth,
     interval_forms,
     intervals,
@@ -13,6 +14,7 @@ from . import (
     medians,
     mirrors,
     moving,
+    orderings,
     oriented,
     polygons,
     rbsp,
@@ -37,6 +39,8 @@ PAPERS = (
     medians,
     voxels,
     oriented,
+    families,
+    orderings,
     growth,
 )
 """The papers' modules, in the order of the report."""

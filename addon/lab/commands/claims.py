@@ -20,6 +20,7 @@ from ...core.report import results
 from ...core.scene import workload
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
+from ..bench import peers
 from ..claims import claims
 from ..claims import report as claims_report
 from ..claims import table as claims_table
@@ -34,6 +35,11 @@ def parser() -> argparse.ArgumentParser:
     add = made.add_argument
     add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
     add("--quick", action="store_true", help="three repeats instead of seven")
+    add(
+        "--peers",
+        metavar="NAME[,NAME...]",
+        help="other ray tracers, for claims about them: tinybvh, embree, as in bench",
+    )
     levels.add_option(made)
     add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
     return made
@@ -54,6 +60,8 @@ def run(asked: argparse.Namespace) -> int:
     if unknown:
         raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
     module = levels.load_module(asked.level)
+    if asked.peers:
+        peers.register(asked.peers, say)
     if asked.out is not None:
         results.prepare_folder(asked.out)
     # Reuse or measure one claim after the other.

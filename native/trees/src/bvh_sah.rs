@@ -66,6 +66,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         "any-hits-*",
         "mirrored-beams",
         "refracted-beams",
+        "planes-*",
     ],
     build,
 };

@@ -62,6 +62,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         "shadow-cache",
         "mirrored-beams",
         "refracted-beams",
+        "planes-*",
     ],
     build,
 };

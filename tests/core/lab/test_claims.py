@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from addon.core.base import native
+from addon.core.measure import yardstick
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.lab.claims import (
@@ -24,6 +25,9 @@ from addon.lab.claims import (
 )
 from addon.lab.claims import (
     claims,
+)
+from addon.lab.claims import (
+    families as claims_families,
 )
 from addon.lab.claims import (
     growth as claims_growth,
@@ -42,6 +46,9 @@ from addon.lab.claims import (
 )
 from addon.lab.claims import (
     moving as claims_moving,
+)
+from addon.lab.claims import (
+    orderings as claims_orderings,
 )
 from addon.lab.claims import (
     oriented as claims_oriented,
@@ -90,6 +97,11 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_moving, "SIZE", (32, 32))
     monkeypatch.setattr(claims_moving, "FRAMES", dict.fromkeys((True, False), range(9, 11)))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
+    monkeypatch.setattr(claims_families, "DEPTHS", (0.5, 8.0))
+    # Embree takes the place of tracers that cargo would have to build.
+    places = ("tinybvh-bvh", "tinybvh-bvh8", "embree-best", "embree-packets")
+    makers = {yardstick.PEER + name: yardstick.EmbreeStructure for name in places}
+    monkeypatch.setattr(yardstick, "MAKERS", {**yardstick.MAKERS, **makers})
     monkeypatch.setattr(workload, "SCENES", tmp_path)
     monkeypatch.setattr(claims_thesis, "scenes", lambda _: [("leg", claims_scenes.concentrated())])
 
@@ -472,3 +484,75 @@ def test_the_claims_of_medians_cells_and_boxes_depend_on_what_was_measured(monke
     assert {one.verdict for one in claims_medians.between(lab)} == {HOLDS}
     monkeypatch.setattr(claims_medians, "beyond", lambda *_: 0.1)
     assert {one.verdict for one in claims_medians.between(lab)} == {FAILS}
+
+
+def test_planes_in_depth_depend_on_the_simplest_and_the_most_complex_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    specs = [spec for pair in claims_families.PAIRS.values() for spec in pair]
+
+    def verdicts(*ratios: float) -> set[str]:
+        found = [
+            claims_families.Scene(
+                claims_scenes.scattered(),
+                float(place),
+                {one: Timing(1, ratio if one.startswith("kd") else 1.0, {"steps": 1.0, "tests": 1.0}) for one in specs},
+                dict.fromkeys(specs, 1),
+            )
+            for place, ratio in enumerate(ratios)
+        ]
+        monkeypatch.setattr(claims_families, "kinds", lambda _: [("made", found)])
+        return {one.verdict for one in claims_families.planes_in_depth(lab)}
+
+    assert verdicts(1.5, 2.0, 0.8) == {HOLDS}
+    assert verdicts(0.5, 2.0, 0.8) == verdicts(1.5, 0.5, 1.1) == {FAILS}
+    assert verdicts(1.5) == {UNTESTED}
+
+
+def test_rotated_boxes_pay_where_boxes_along_the_axes_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+
+    def verdicts(oblique: float, along: float) -> set[str]:
+        def times(_: Lab, made: workload.Workload, specs: list[str], *, alone: bool) -> dict[str, Timing]:
+            own = along if made.name.endswith("axes") else oblique
+            counters = {"steps": 1.0, "tests": 1.0}
+            return {one: Timing(1, own if one == claims_oriented.TURNED else 1.0, counters) for one in specs}
+
+        monkeypatch.setattr(claims_kd, "times", times)
+        return {one.verdict for one in claims_oriented.kinds(lab)}
+
+    assert verdicts(0.9, 1.0) == {HOLDS}
+    assert verdicts(1.0, 0.9) == {FAILS}
+    assert verdicts(0.9, 0.9) == {HOLDS, FAILS}
+
+
+def test_the_series_has_the_depth_complexity_that_it_states() -> None:
+    for depth in (0.5, 8.0):
+        made = claims_scenes.layered(depth)
+        rays = claims_scenes.camera_rays(made, (32, 24))
+        middle = rays.take(slice(0, None, 7))
+        tree = halfspace_native.build(made.vertices, made.triangles, "kd")
+        inside = np.abs(np.cross(middle.directions, made.view.target - made.view.eye)).max(axis=1) < 0.8
+        hits = tree.count_hits(middle.origins[inside], middle.directions[inside])
+        assert hits.mean() == pytest.approx(depth, rel=0.4)
+
+
+def test_published_orders_of_tracers_depend_on_their_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    orders = {claim.id: claim for claim in claims_orderings.CLAIMS}
+
+    def verdicts(name: str, seconds: float, build: float) -> set[str]:
+        def measured(_lab: Lab, _made: workload.Workload, specs: list[str], _some: Any) -> Any:
+            own, other = claims_orderings.Timed(seconds, build, 1, 8), claims_orderings.Timed(1.0, 1.0, 0, 8)
+            return dict(zip(specs, (own, other), strict=True))
+
+        monkeypatch.setattr(claims_orderings, "measured", measured)
+        found = list(orders[name].measure(lab))
+        assert all(one.error.startswith("1 of 16 answers") for one in found)
+        return {one.verdict for one in found}
+
+    assert verdicts("embree-quality", 0.9, 2.0) == {HOLDS}
+    assert verdicts("embree-quality", 0.9, 0.5) == verdicts("embree-quality", 1.1, 2.0) == {FAILS}
+    assert verdicts("tinybvh-primary", 0.9, 0.5) == {HOLDS}
+    monkeypatch.setattr(yardstick, "MAKERS", {})
+    (missing,) = orders["tinybvh-widest"].measure(lab)
+    assert (missing.verdict, "--peers" in missing.measured) == (UNTESTED, True)

@@ -83,7 +83,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         ("DOBB-BVH (Kern et al.)", "set=fixed"),
     ],
     sweep: false,
-    claims: &["oriented-boxes-fit"],
+    claims: &["oriented-boxes-*"],
     build,
 };
 
