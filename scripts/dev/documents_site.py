@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The documents as a site: `python -m scripts.dev.documents_site [--no-pictures] [--out DIR]`.
+"""The documents as a site: `python -m scripts.dev.documents_site [--no-pictures] [--history FILE] [--out DIR]`.
 
 Stages docs/, README and CHANGELOG in a temporary folder, adds a page for each structure
 and each notebook, which is run, and the reference of the Python package, and builds all with mkdocs, whose warnings are
-errors. Pictures of structures that build/pictures lacks are drawn first, which takes minutes and needs Blender 5.2 or
-newer. Exit status: 0 built; 2 bad usage, or a warning, with mkdocs' last lines; 130 stopped.
+errors. A file of `bench --history` becomes a page. Pictures of structures that build/pictures lacks are drawn first,
+which takes minutes and needs Blender 5.2 or newer. Exit status: 0 built; 2 bad usage, or a warning, with mkdocs' last
+lines; 130 stopped.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import Any
 
 from addon.core.base import command, native
 from addon.lab.base.usage import Parser, output
+from addon.lab.report import history
 from scripts import package_python
 from scripts.dev import structure_pages
 
@@ -69,6 +71,9 @@ PICTURE_SIZE, DEPTH = "640x400", "1-9"
 
 DEPTHS = {"space": "9-13", "objects": "5-8", "octants": "1-5"}
 """Levels of a family at which its planes have the size of the scene's objects."""
+
+SPEED = "speed.md"
+"""The page of speeds by commit."""
 
 LAST_LINES = 30
 
@@ -138,6 +143,17 @@ def stage(folder: Path, pictures: Path | None, package: Path) -> None:
         (folder / "structures" / f"{row['id']}.md").write_text(text, encoding="utf-8")
 
 
+def stage_history(folder: Path, path: Path) -> None:
+    """Add the page of speeds by commit, with its pictures. Raises SiteError."""
+    try:
+        text, pictures = history.page(history.read(path))
+    except (history.HistoryError, OSError, UnicodeDecodeError) as error:
+        raise SiteError(f"--history: {error}") from error
+    (folder / SPEED).write_text(text, encoding="utf-8")
+    for name, svg in pictures.items():
+        (folder / "pictures" / name).write_text(svg, encoding="utf-8")
+
+
 def run_notebook(path: Path, package: Path) -> None:
     """Run a notebook with nbconvert, which writes a page next to it, and its pictures. Raises SiteError.
 
@@ -167,12 +183,14 @@ def navigation(folder: Path) -> list[Any]:
     lessons = sorted(path.relative_to(folder).as_posix() for path in (folder / "lessons").glob("*.md"))
     each = [f"structures/{row['id']}.md" for row in native.load().structures()]
     more: dict[str, list[Any]] = {"Lessons": lessons, "Structures": [{"One by one": each}]}
+    more["Read"] = [SPEED] if (folder / SPEED).is_file() else []
     found = {name: [*pages, *more.get(name, ())] for name, pages in NAVIGATION.items()}
     return [{name: pages} for name, pages in found.items() if pages]
 
 
-def build(out: Path, *, pictures: bool) -> None:
-    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing.
+def build(out: Path, *, pictures: bool, speeds: Path | None = None) -> None:
+    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing. speeds: a file of
+    speeds by commit.
 
     Raises SiteError and DistributionError.
     """
@@ -185,6 +203,8 @@ def build(out: Path, *, pictures: bool) -> None:
         (folder / "docs").mkdir()
         package_python.stage(folder / "package")
         stage(folder / "docs", PICTURES if pictures else None, folder / "package")
+        if speeds is not None:
+            stage_history(folder / "docs", speeds)
         config = {
             "INHERIT": str(ROOT / "docs" / "mkdocs.yml"),
             "docs_dir": str(folder / "docs"),
@@ -219,6 +239,7 @@ def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="documents_site", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--no-pictures", action="store_true", help="without the pictures of structures")
+    parser.add_argument("--history", type=Path, metavar="FILE", help="with the speeds of this file of bench --history")
     parser.add_argument("--out", type=output, default=ROOT / "build" / "site", help="default: build/site")
     told = (SiteError, package_python.DistributionError)
     return command.run("documents_site", arguments, parser.parse_args, run, told=told)
@@ -226,7 +247,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Build as the arguments say. Returns the exit status."""
-    build(asked.out, pictures=not asked.no_pictures)
+    build(asked.out, pictures=not asked.no_pictures, speeds=asked.history)
     print(asked.out / "index.html")
     return 0
 

@@ -32,10 +32,13 @@ from ..bench import cluster, inspecting, merging, peers, scenes, sweep
 from ..bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from ..export import files
 from ..motion import animations, motion
-from ..report import page, thesis
+from ..report import history, page, thesis
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
+
+ROOT = Path(__file__).resolve().parents[3]
+"""The clone, whose commit a history names."""
 
 SECONDS = 45.0
 """Seconds of all timed passes of a scene. A run over all structures takes six minutes for 70,000 triangles (Zen 3)."""
@@ -130,6 +133,12 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=output, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
+    add(
+        "--history",
+        type=Path,
+        metavar="FILE",
+        help="append the speeds as multiples of Embree's to this file, a JSON line for each scene",
+    )
     add("--shard", metavar="I/N", help="measure only every N-th row, from the I-th; the report is made by --merge")
     add(
         "--merge", action="store_true", help="measure nothing: one report of the folders that stand for SCENE, in --out"
@@ -168,6 +177,7 @@ def run(asked: argparse.Namespace) -> int:
             "builds timed once, no smaller views, pictures, memory and maps only with --out; as many answers compared"
         )
     shard = read_shard(asked)
+    check_history(asked)
     published, formats, pages = thesis.published(asked.published), read_export(asked), inspecting.read(asked, module)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
@@ -213,6 +223,7 @@ def run(asked: argparse.Namespace) -> int:
     rows = todo.rows()
     if better := report.worth_it(rows):
         say(f"build and one 1024x1024 picture at 16 spp faster with oblique planes than with kd: {', '.join(better)}")
+    record(asked, rows, module, options.size)
     if asked.out is not None and not shard.name:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines) | pages.links(), published, formats)
@@ -337,6 +348,31 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     if asked.out is None:
         raise UsageError("--shard: name a folder for the rows with --out")
     return sweep.Shard(int(number), int(count))
+
+
+def check_history(asked: argparse.Namespace) -> None:
+    """Refuse to append what would be no history. Raises UsageError."""
+    if asked.history is None:
+        return
+    if asked.shard is not None or asked.cluster is not None:
+        raise UsageError("--history: expected no --shard and no --cluster, whose rows are of several machines")
+    if reason := yardstick.problem():
+        raise UsageError(f"--history: without Embree there is nothing to divide by: {reason}")
+    if not history.commit(ROOT):
+        raise UsageError("--history: needs a clone of the project, whose commit it names")
+    if asked.history.exists():
+        try:
+            history.read(asked.history)
+        except (history.HistoryError, OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"--history: {first_line(error)}") from error
+
+
+def record(asked: argparse.Namespace, rows: Sequence[benchmark.Row], module: Native, size: Sequence[int]) -> None:
+    """Append the speeds to the requested file. Raises FolderError."""
+    if asked.history is not None:
+        found = history.lines(rows, history.commit(ROOT), results.machine(module), size)
+        with results.writing(asked.history):
+            history.append(asked.history, found)
 
 
 def read_export(asked: argparse.Namespace) -> tuple[str, ...]:

@@ -162,6 +162,23 @@ def test_a_notebook_that_fails_ends_the_build(tmp_path: Path) -> None:
     assert not (tmp_path / "bad.md").exists()
 
 
+def test_a_history_becomes_a_page_of_the_site(tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    machine = {"processor": "P", "level": "avx2"}
+    line = {"commit": "a" * 40, "date": "2026", "machine": machine, "scene": "grid", "size": [64, 64]}
+    file = tmp_path / "speed.jsonl"
+    file.write_text(json.dumps({**line, "ratios": {"kd": {"primary": [0.4, 0.5, 0.6]}}}) + "\n", encoding="utf-8")
+    documents_site.stage_history(tmp_path, file)
+    assert "pictures/speed-1.svg" in (tmp_path / "speed.md").read_text(encoding="utf-8")
+    assert "times Embree" in (tmp_path / "pictures" / "speed-1.svg").read_text(encoding="utf-8")
+    assert {"Read": [*documents_site.NAVIGATION["Read"], "speed.md"]} in documents_site.navigation(tmp_path)
+    file.write_text("nonsense", encoding="utf-8")
+    with pytest.raises(documents_site.SiteError, match="line 1 is no line of speeds"):
+        documents_site.stage_history(tmp_path, file)
+    with pytest.raises(documents_site.SiteError, match=r"--history: .*No such file"):
+        documents_site.stage_history(tmp_path, tmp_path / "gone")
+
+
 def test_links_lead_to_the_staged_places() -> None:
     text = "[a](../README.md#top) [b](papers.md) ![c](../.pictures/x.jpg) [d](https://x.org) [e](#here)"
     assert documents_site.retargeted(text, "docs/index.md") == (

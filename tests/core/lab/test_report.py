@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from addon.core.measure import costmap, ranking
 from addon.core.report import costs, report
-from addon.lab.report import charts, field_charts, page, plots, thesis
+from addon.lab.report import charts, field_charts, history, page, plots, thesis
 from tests.report_rows import document, everything, pictured, row
 
 DRAWN = pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
@@ -304,3 +304,43 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
     assert lines["bsp-wn"][0][0][0] == pytest.approx(300.0)
     text = page.as_html(document([{**one, "scene": "sponza-dabrovic"} for one in rows]), thesis.read(path))
     assert "<em>20,000</em>" in text
+
+
+MACHINE = {"processor": "P", "level": "avx2", "name": "here"}
+
+
+def test_a_history_has_the_ratios_of_right_answers(tmp_path: Path) -> None:
+    rows = [row("kd"), row("bvh-sah", false_hit=1), row("embree"), {**row("bih"), "anchor": None}]
+    rows[0]["rays"]["primary"]["rounds"] = [1.0, 2.0, 4.0] * 2 + [2.0]
+    (line,) = history.lines(rows, "a" * 40, MACHINE, (64, 64))
+    assert line["ratios"] == {"kd": {"primary": [0.25, 0.5, 1.0]}}
+    assert (line["scene"], line["commit"]) == ("room <1>", "a" * 40)
+    path = tmp_path / "speed.jsonl"
+    for commit in ("a", "b"):
+        history.append(path, history.lines(rows, commit * 40, MACHINE, (64, 64)))
+    assert [one["commit"][0] for one in history.read(path)] == ["a", "b"]
+    for wrong in ("{}", "[]", "nonsense", json.dumps({**line, "ratios": {"kd": {"primary": [0.0, 0.5]}}})):
+        path.write_text(f"{json.dumps(line)}\n{wrong}\n")
+        with pytest.raises(history.HistoryError, match="line 2 is no line of speeds"):
+            history.read(path)
+
+
+@DRAWN
+def test_the_page_of_a_history_has_a_picture_for_each_machine() -> None:
+    def line(commit: str, processor: str, ratio: float) -> dict[str, Any]:
+        (made,) = history.lines(
+            [row("kd", 4.0 * ratio, 0.1)], commit * 40, {**MACHINE, "processor": processor}, (64, 64)
+        )
+        return made
+
+    text, drawn = history.page([line("a", "P", 0.5), line("b", "P", 0.6), line("b", "P", 0.8), line("c", "Q", 0.9)])
+    assert list(drawn) == ["speed-1.svg", "speed-2.svg"]
+    assert "2 commits, aaaaaaaaaa to bbbbbbbbbb" in text
+    assert [f"](pictures/{name})" in text for name in drawn] == [True, True]
+    texts = " ".join(ET.fromstring(drawn["speed-1.svg"]).itertext())
+    assert all(words in texts for words in ("aaaaaaa", "bbbbbbb", "room <1>: primary", "kd"))
+    assert "ccccccc" not in texts
+    figure = Figure()
+    history.draw(figure, [line("a", "P", 0.5), line("b", "P", 0.6), line("b", "P", 0.8)])
+    (bars,) = figure.axes[0].containers
+    assert bars.lines[0].get_ydata() == pytest.approx([0.5, 0.7], rel=0.01), "runs of one commit are one point"

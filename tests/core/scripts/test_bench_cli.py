@@ -23,7 +23,7 @@ from addon.core.structures import catalogue, specs, ways
 from addon.lab.bench import bench_presets, inspecting, scenes
 from addon.lab.commands import bench
 from addon.lab.export import files
-from addon.lab.report import page, plots
+from addon.lab.report import history, page, plots
 from scripts.dev import environment
 from tests.lying_native import LyingNative
 from tests.report_rows import everything
@@ -472,3 +472,27 @@ def test_many_configurations_get_fewer_repeats_but_as_many_checks(scene: Path, m
     assert [spec for spec, row in ours.items() if row["peak_bytes"] is not None] == whole
     assert {"kd:traversal=dir", "kd"} < set(ours)
     assert {row["errors"]["rays"] for row in ours.values()} == {4 * 128}
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason="without Embree there is nothing to divide by")
+def test_a_history_grows_by_a_line_a_run(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "speed.jsonl"
+    for commit in ("a", "b"):
+        monkeypatch.setattr(history, "commit", lambda _, commit=commit: commit * 40)
+        assert bench.main([str(scene), *QUICK, "--history", str(file)]) == 0
+    lines = history.read(file)
+    assert [line["commit"][0] for line in lines] == ["a", "b"]
+    assert all(set(line["ratios"]) == set(expanded("kd")) for line in lines)
+    assert lines[0]["scene"] == "soup"
+    assert lines[0]["machine"]["level"] == native.load().level()
+    # Refuse what would be no history before anything is measured.
+    capsys.readouterr()
+    file.write_text("nonsense", encoding="utf-8")
+    assert bench.main([str(scene), *QUICK, "--history", str(file)]) == 2
+    assert "--history: " in (said := capsys.readouterr().err)
+    assert "line 1 is no line of speeds" in said
+    monkeypatch.setattr(history, "commit", lambda _: "")
+    assert bench.main([str(scene), *QUICK, "--history", str(tmp_path / "other")]) == 2
+    assert "needs a clone" in capsys.readouterr().err
