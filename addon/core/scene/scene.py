@@ -222,8 +222,9 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """A texture. pixels: (h, w, 4 or 1) uint8, uint16 (both: the largest number is 1), float16 or float32, rows from
-    the bottom; zero rows if the image is missing. An array that views a `bytes` object is not copied.
+    """A texture. pixels: (h, w, 1 to 4) uint8, uint16 (both: the largest number is 1), float16 or float32, rows from
+    the bottom; zero rows if the image is missing. Two channels are a grey and alpha, three an opaque colour. An array
+    that views a `bytes` object is not copied.
 
     srgb: whether colours are sRGB-encoded and decoded after filtering, as in Cycles; otherwise they are linear. tiles:
     by UDIM number those of an image of tiles, which has no pixels itself.
@@ -236,9 +237,9 @@ class Image:
 
     def __post_init__(self) -> None:
         stored = getattr(self.pixels, "dtype", None) in (np.uint8, np.uint16, np.float16)
-        grey = np.shape(self.pixels)[-1:] == (1,)
+        channels = next(iter(np.shape(self.pixels)[-1:]), 4)
         dtype = self.pixels.dtype if stored else np.float32
-        check(f"image {self.name}", self.pixels, dtype, (None, None, 1 if grey else 4))
+        check(f"image {self.name}", self.pixels, dtype, (None, None, min(max(channels, 1), 4)))
 
     def as_dict(self) -> dict[str, Any]:
         """The image as the native module takes it."""

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images are read as Cycles takes them."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
+from addon.blender.read.bundled import bundled
 from addon.blender.read.images import read_image
 from addon.core.base.notes import Notes
 from addon.core.scene.scene import Image
@@ -49,3 +52,88 @@ def test_images_are_read_into_the_space_that_the_file_renders_in(
     assert not found["ACEScg"].srgb
     assert numbers(found["ACEScg"]) == pytest.approx((*expected, 0.5), abs=3e-3)
     assert not notes
+
+
+FORMATS = [
+    ("png", "uint8", 1, 0),
+    ("png", "uint8", 2, 0),
+    ("png", "uint8", 3, 0),
+    ("png", "uint8", 4, 0),
+    ("tif", "uint16", 3, 0),
+    ("tif", "uint8", 3, 16),
+    ("exr", "half", 3, 0),
+    ("exr", "half", 4, 16),
+    ("exr", "float", 6, 16),
+]
+"""Suffix, type, channels and size of the tiles (0: none)."""
+
+
+def written(path: Path, kind: str, channels: int, tile: int = 0) -> np.ndarray:
+    """Write a file of 37 x 53 texels of random numbers, and return those that are read from it, rows from the top."""
+    oiio = bundled("OpenImageIO")
+    spec = oiio.ImageSpec(53, 37, channels, kind)
+    spec.tile_width = spec.tile_height = tile
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec), oiio.geterror()
+    assert out.write_image(np.random.default_rng(3).random((37, 53, channels), np.float32))
+    out.close()
+    wishes = oiio.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), wishes)
+    found = source.read_image(0, 0, 0, channels, kind)
+    source.close()
+    return np.asarray(found).reshape(37, 53, channels)
+
+
+@pytest.mark.parametrize(("suffix", "kind", "channels", "tile"), FORMATS)
+def test_files_keep_their_type_and_channels(
+    suffix: str, kind: str, channels: int, tile: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("addon.blender.read.images.files.BLOCK", 53 * 4 * 5)  # few rows at once
+    path, notes = tmp_path / f"picture.{suffix}", Notes()
+    expected = written(path, kind, channels, tile)[::-1, :, :4]
+    picture = bpy.data.images.load(str(path))
+    picture.colorspace_settings.name, picture.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+    found = read_image(picture, notes).pixels
+    assert isinstance(found.base, bytes), "shared with the native module"
+    assert found.dtype == expected.dtype
+    np.testing.assert_array_equal(found, expected)
+    picture.alpha_mode = "NONE"
+    np.testing.assert_array_equal(
+        read_image(picture, notes).pixels, expected[..., [0, 0, 0] if channels == 2 else slice(3)]
+    )
+    assert not notes
+
+
+@pytest.mark.parametrize(
+    ("suffix", "channels"), [("png", 1), ("png", 2), ("png", 3), ("png", 4), ("jpg", 1), ("jpg", 3)]
+)
+def test_packed_files_are_read_as_blender_holds_them(
+    suffix: str, channels: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / f"picture.{suffix}"
+    written(path, "uint8", channels)
+    picture = bpy.data.images.load(str(path))
+    picture.pack()
+    path.unlink()
+    for mode in ("STRAIGHT", "NONE"):
+        picture.alpha_mode = mode
+        quick = read_image(picture, Notes())
+        with monkeypatch.context() as patched:
+            patched.setattr("addon.blender.read.images.buffers.PLAIN", (("none", "none"),))
+            held = read_image(picture, Notes())
+        assert quick.pixels.shape[2] == (4 if channels in (2, 4) and mode == "STRAIGHT" else 3)
+        assert held.srgb == quick.srgb
+        np.testing.assert_array_equal(quick.pixels, held.pixels[..., : quick.pixels.shape[2]])
+
+
+def test_what_blender_holds_keeps_alpha_only_if_anything_is_transparent() -> None:
+    picture = bpy.data.images.new("Painted", 5, 3, alpha=True)
+    values = np.random.default_rng(4).random((3, 5, 4), np.float32)
+    for alpha, channels in ((values[..., 3], 4), (1.0, 3)):
+        values[..., 3] = alpha
+        picture.alpha_mode = "CHANNEL_PACKED"
+        picture.pixels.foreach_set(values.reshape(-1))
+        found = read_image(picture, Notes()).pixels
+        np.testing.assert_allclose(found, values[..., :channels] * 255, atol=0.51)

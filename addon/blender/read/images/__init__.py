@@ -12,7 +12,7 @@ import numpy as np
 from ....core.scene.scene import Image
 from ..nodes import Unsupported
 from . import buffers, colours, files
-from .numbers import Numbers, associated, multiply
+from .numbers import Memory, Numbers, associated, colourful, multiply
 
 if TYPE_CHECKING:
     from ....core.base.arrays import F32
@@ -97,9 +97,8 @@ def read_image(image: Any, notes: Notes, frame: int = 0) -> Image:
 
 def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes) -> Image:
     """An image, or one tile of it, from its file or, without one, from Blender's memory."""
-    stored = None
-    if path is not None:
-        stored = files.read(path)
+    opaque = image.alpha_mode == "NONE"
+    stored = buffers.packed(image, opaque=opaque) if path is None else files.read(path, opaque=opaque)
     # What Blender reads and its OpenImageIO does not is taken from Blender.
     if stored is None and image.source != "TILED" and (path is None or image.source != "SEQUENCE"):
         stored = buffers.read(image, frame)
@@ -112,39 +111,40 @@ def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes) -> I
     except Unsupported as unsupported:
         notes.add(f"Colour space {space} is taken for sRGB ({unsupported}), in image", name)
         space = colours.SRGB
-    pixels = _texels(stored, opaque=image.alpha_mode == "NONE")
-    if pixels.dtype.kind == "f" and not np.isfinite(pixels).all():
-        faulty = ~np.isfinite(pixels)
-        notes.add("Image has values that are not finite, replaced by 0", name, int(faulty.any(axis=-1).sum()))
-        pixels[faulty] = 0
+    memory = _texels(stored, opaque=opaque)
+    faulty = _repaired(memory.pixels)
+    if faulty:
+        notes.add("Image has values that are not finite, replaced by 0", name, faulty)
     # As in Cycles, only what is declared as straight is multiplied by alpha, whatever its format, and no grey. Before
     # Blender 5.0 the format decides.
     declared = image.alpha_mode == "STRAIGHT" if bpy.app.version >= (5, 0) else not stored.multiplied
     straight = declared and associated(image)
     if space not in (colours.RAW, colours.SRGB):
-        pixels = colours.converted(pixels, space, divided=associated(image) and not straight)
-    if straight and stored.pixels.shape[2] >= 4:
-        pixels = np.array(pixels)
-        multiply(pixels)
-    # Memory of this kind is shared with the native module.
-    shared = np.ndarray(pixels.shape, pixels.dtype, buffer=pixels.tobytes())
-    return Image(name, shared, space == colours.SRGB)
+        wide = colourful(memory) if memory.pixels.shape[2] == 2 else memory
+        memory = colours.converted(wide.pixels, space, divided=associated(image) and not straight)
+    if straight and stored.memory.pixels.shape[2] == 4:
+        multiply(memory.pixels)
+    return Image(name, memory.shared(), space == colours.SRGB)
 
 
-def _texels(stored: Numbers, *, opaque: bool) -> Any:
-    """(h, w, 1 or 4) numbers as they are stored; more than one channel become four."""
-    found = stored.pixels
-    height, width, channels = found.shape
-    if channels == 1:
-        return found
-    if channels >= 4 and not opaque:
-        return found[..., :4]
-    pixels = np.empty((height, width, 4), found.dtype)
-    pixels[..., 3] = 1 if found.dtype.kind == "f" else np.iinfo(found.dtype).max
-    if channels == 2:
-        pixels[..., :3] = found[..., :1]
-        if not opaque:
-            pixels[..., 3] = found[..., 1]
-    else:
-        pixels[..., :3] = found[..., :3]
-    return pixels
+def _texels(stored: Numbers, *, opaque: bool) -> Memory:
+    """The numbers as they are stored, opaque where alpha is ignored."""
+    pixels = stored.memory.pixels
+    if opaque and pixels.shape[2] == 2:
+        return colourful(stored.memory, opaque=True)
+    if opaque and pixels.shape[2] == 4:
+        pixels[..., 3] = 1 if pixels.dtype.kind == "f" else np.iinfo(pixels.dtype).max
+    return stored.memory
+
+
+def _repaired(pixels: Any) -> int:
+    """The number of texels with values that are not finite, which become 0."""
+    count = 0
+    if pixels.dtype.kind == "f":
+        # Row by row, which takes little memory.
+        for row in pixels:
+            faulty = ~np.isfinite(row)
+            if faulty.any():
+                count += int(faulty.any(axis=-1).sum())
+                row[faulty] = 0
+    return count

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..bundled import bundled
+from .numbers import Memory
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,12 +46,13 @@ def decoded(colours: NDArray[Any]) -> NDArray[Any]:
     return np.where(colours <= 0.04045, np.maximum(colours, 0) / 12.92, curve**2.4)
 
 
-def converted(pixels: NDArray[Any], space: str, *, divided: bool) -> NDArray[Any]:
-    """(h, w, 1 or 4) numbers of any type in the working space: float16, as in Cycles, or float32 if they were that.
+def converted(pixels: NDArray[Any], space: str, *, divided: bool) -> Memory:
+    """(h, w, 1, 3 or 4) numbers of any type in the working space: float16, as in Cycles, or float32 if they were that.
     divided: whether colours contain alpha, which is taken out for the conversion: it is not proportional to light.
     """
     wide = np.dtype(np.float32 if pixels.dtype == np.float32 else np.float16)
-    out = np.empty(pixels.shape, wide)
+    memory = Memory(pixels.shape, wide)
+    out = memory.pixels
     scale = np.float32(1 if pixels.dtype.kind == "f" else 1 / np.iinfo(pixels.dtype).max)
     # Rows in groups, to hold few numbers in single precision.
     step = max(1, (1 << 18) // max(1, pixels.shape[1]))
@@ -62,12 +64,14 @@ def converted(pixels: NDArray[Any], space: str, *, divided: bool) -> NDArray[Any
             continue
         colours, alpha = rows[..., :3], rows[..., 3:]
         partial = (alpha != 0) & (alpha != 1) & divided
-        np.divide(colours, alpha, out=colours, where=partial)
+        if partial.any():
+            np.divide(colours, alpha, out=colours, where=partial)
         found = _converted(np.ascontiguousarray(colours).reshape(-1, 3), space).reshape(colours.shape)
-        np.multiply(found, alpha, out=found, where=partial)
+        if partial.any():
+            np.multiply(found, alpha, out=found, where=partial)
         out[first : first + step, :, :3] = _bounded(found, wide)
         out[first : first + step, :, 3:] = alpha
-    return out
+    return memory
 
 
 def _bounded(found: NDArray[Any], wide: np.dtype[Any]) -> NDArray[Any]:

@@ -4,18 +4,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..bundled import bundled
 from ..nodes import Unsupported
-from .numbers import Numbers
+from .numbers import Memory, Numbers
 
 TYPES = {"uint8": "uint8", "uint16": "uint16", "half": "half", "float": "float", "double": "float"}
 """The types in which numbers are read, by those of files; others are read as bytes."""
+
+NUMPY = {"half": "float16", "float": "float32"}
+"""NumPy's names of types that have another one."""
+
+BLOCK = 1 << 22
+"""Numbers that are read at once, beside those of the whole picture."""
 
 
 def path_of(image: Any, frame: int) -> str:
@@ -44,8 +50,10 @@ def tile_path(path: str, number: int) -> str:
     return path.replace("<UDIM>", f"{number:04d}").replace("<UVTILE>", f"u{column + 1}_v{row + 1}")
 
 
-def read(path: str) -> Numbers | None:
-    """The picture in a file; None if it is missing or cannot be read."""
+def read(path: str, *, opaque: bool = False, kinds: Collection[tuple[str, str]] = ()) -> Numbers | None:
+    """The picture in a file as it is stored, of more than four channels the first ones; None if it is missing or cannot
+    be read. opaque: without the alpha of colours. kinds: the formats and types that are read (none: all).
+    """
     if not Path(path).is_file():
         return None
     try:
@@ -61,11 +69,30 @@ def read(path: str) -> Numbers | None:
         return None
     try:
         spec = source.spec()
-        found = source.read_image(0, 0, 0, spec.nchannels, TYPES.get(str(spec.format), "uint8"))
+        if kinds and (source.format_name(), str(spec.format)) not in kinds:
+            return None
         multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0
+        memory = _pixels(source, spec, min(spec.nchannels, 3 if opaque else 4))
     finally:
         source.close()
-    if found is None:
-        return None
-    pixels = found.reshape(spec.height, spec.width, spec.nchannels)
-    return Numbers(np.ascontiguousarray(pixels[::-1]), multiplied=multiplied)
+    return None if memory is None else Numbers(memory, multiplied=multiplied)
+
+
+def _pixels(source: Any, spec: Any, channels: int) -> Memory | None:
+    """The first channels of an open file, turned upside down; None if they cannot be read."""
+    kind = TYPES.get(str(spec.format), "uint8")
+    memory = Memory((spec.height, spec.width, channels), NUMPY.get(kind, kind))
+    # Read few rows at once, of a file in tiles whole rows of these.
+    tall = spec.tile_height or 1
+    step = max(BLOCK // max(spec.width * channels, 1) // tall, 1) * tall
+    for first in range(0, spec.height, step):
+        last = min(first + step, spec.height)
+        top, bottom, left = first + spec.y, last + spec.y, spec.x
+        if spec.tile_height:
+            rows = source.read_tiles(left, left + spec.width, top, bottom, 0, 1, 0, channels, kind)
+        else:
+            rows = source.read_scanlines(top, bottom, 0, 0, channels, kind)
+        if rows is None:
+            return None
+        memory.pixels[spec.height - last : spec.height - first] = rows.reshape(-1, spec.width, channels)[::-1]
+    return memory

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +14,33 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+class Memory:
+    """Zeros that are written through `pixels`, and then shared with the native module without a copy."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any) -> None:
+        # A BytesIO takes over bytes that nothing else refers to, and returns the same object in the end.
+        self._memory = io.BytesIO(bytes(prod(shape) * np.dtype(dtype).itemsize))
+        self.pixels: NDArray[Any] = np.ndarray(shape, dtype, buffer=self._memory.getbuffer())
+
+    @classmethod
+    def of(cls, pixels: NDArray[Any], dtype: Any = None) -> Memory:
+        """A copy of these numbers, of the same type or another one."""
+        made = cls(pixels.shape, pixels.dtype if dtype is None else dtype)
+        made.pixels[...] = pixels
+        return made
+
+    def shared(self) -> NDArray[Any]:
+        """The pixels as an array over a `bytes` object; nothing may be written any more."""
+        return np.ndarray(self.pixels.shape, self.pixels.dtype, buffer=self._memory.getvalue())
+
+
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """pixels: (h, w, c) uint8, uint16, float16 or float32, rows from the bottom. linear: whether they are in the
+    """memory: (h, w, 1 to 4) uint8, uint16, float16 or float32, rows from the bottom. linear: whether they are in the
     working space, whatever the image's colour space. multiplied: whether its format has colours multiplied by alpha.
     """
 
-    pixels: NDArray[Any]
+    memory: Memory
     linear: bool = False
     multiplied: bool = False
 
@@ -26,6 +48,18 @@ class Numbers:
 def associated(image: Any) -> bool:
     """Whether its colours are multiplied by alpha: neither for data, nor if alpha is ignored or channel-packed."""
     return image.alpha_mode in ("STRAIGHT", "PREMUL") and not image.colorspace_settings.is_data
+
+
+def colourful(memory: Memory, *, opaque: bool = False) -> Memory:
+    """The same numbers, a grey as a colour. opaque: without the alpha of a grey."""
+    pixels = memory.pixels
+    if pixels.shape[2] > 2:
+        return memory
+    pixels = pixels[..., :1] if opaque else pixels
+    wide = Memory((*pixels.shape[:2], pixels.shape[2] + 2), pixels.dtype)
+    wide.pixels[..., :3] = pixels[..., :1]
+    wide.pixels[..., 3:] = pixels[..., 1:]
+    return wide
 
 
 def multiply(pixels: NDArray[Any]) -> None:
