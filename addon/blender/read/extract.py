@@ -187,7 +187,7 @@ class _Reader:
         self.lamps = lights.Lamps(notes, self.palette.gallery, self._linking, wanted.groups)
         remembered = wanted.remembered or Remembered()
         remembered.begin(depsgraph, (tuple(layers.keys), uvs))
-        self.strands = Collector(depsgraph, notes, layers, remembered, uvs=uvs)
+        self.strands = Collector(depsgraph, notes, self.palette, remembered, uvs=uvs)
         self.volumes = grids.Volumes(notes)
         self._meshes = ObjectMeshes(notes, layers, self._standing, remembered, uvs=uvs)
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}

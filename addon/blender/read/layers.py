@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -307,8 +308,10 @@ def object_frames(placements: Sequence[Placement], origin: F64) -> tuple[ObjectF
     shift = np.eye(4)
     shift[:3, 3] = origin
     for p in placements:
-        add, scale = p.mesh.box
-        for k, matrix in enumerate(np.linalg.inv(p.matrices) @ shift):
+        matrices = p.matrices if p.frames is None else p.frames
+        each = len(p.names) // max(len(matrices), 1)
+        for k, matrix in enumerate(np.linalg.inv(matrices) @ shift):
             rows = tuple(tuple(float(x) for x in row) for row in matrix[:3])
-            frames.append(ObjectFrame(rows, (add, scale), p.values[k] if p.values else ()))
+            own = p.values[k * each : (k + 1) * each] or repeat((), each)
+            frames += [ObjectFrame(rows, p.mesh.box, values) for values in own]
     return tuple(frames)

@@ -20,7 +20,10 @@ from .value_nodes import outputs
 from .values import Layers, Values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from ...core.scene.scene import Step
+    from .object_values import Key
 
 DEFAULT = Material("(no material)")
 
@@ -87,6 +90,7 @@ class Palette:
         self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
+        self._given: dict[tuple[int, tuple[Key, ...]], int] = {}
         self._override = override
         self._owners = owners
         self._wanted = wanted or {}
@@ -121,6 +125,14 @@ class Palette:
             numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden, sets, mask, tube))
         return tuple(numbers) or (self._number(None, hidden, sets, mask, tube),)
 
+    def layers_of(self, numbers: Iterable[int]) -> set[Key]:
+        """The layers that the materials of these numbers read."""
+        return {key for number in numbers for key in self._layers_of(self._materials[number])}
+
+    def with_values(self, numbers: Iterable[int], keys: Iterable[Key]) -> tuple[int, ...]:
+        """The numbers of the same materials that read these layers as values of the object."""
+        return tuple(self._with_values(number, tuple(keys)) for number in numbers)
+
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
         return tuple(self._materials)
@@ -133,9 +145,8 @@ class Palette:
         """By layer the names of the materials met so far that read it."""
         found: dict[tuple[str, str], dict[str, None]] = {}
         for material in self._materials:
-            for step in material.program:
-                if step["op"] == "attribute":
-                    found.setdefault(self.layers.keys[step["layer"]], {})[material.name] = None
+            for key in self._layers_of(material):
+                found.setdefault(key, {})[material.name] = None
         return {key: list(names) for key, names in found.items()}
 
     def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
@@ -168,6 +179,25 @@ class Palette:
             for remark in found.remarks:
                 self._notes.add(remark, found.material.name)
         return self._numbers[key]
+
+    def _layers_of(self, material: Material) -> Iterator[Key]:
+        return (self.layers.keys[step["layer"]] for step in material.program if step["op"] == "attribute")
+
+    def _with_values(self, number: int, keys: tuple[Key, ...]) -> int:
+        columns = {self.layers.number(*key): self.layers.object_value(key) for key in keys}
+
+        def given(step: Step) -> Step:
+            found = columns.get(step["layer"]) if step["op"] == "attribute" else None
+            return step if found is None else {"op": "object_value", "args": (), "column": found}
+
+        if (number, keys) not in self._given:
+            self._given[number, keys] = len(self._materials)
+            material = self._materials[number]
+            self._materials.append(replace(material, program=tuple(map(given, material.program))))
+            self._pass_indices.append(self._pass_indices[number])
+            self._names.append(self._names[number])
+            self._displacements.append(self._displacements[number])
+        return self._given[number, keys]
 
     def _of(self, material: Any) -> _Read:
         """The conversion of a Blender material, done once."""

@@ -165,7 +165,8 @@ class Placement:
     materials: (slots,) int32, the scene's material for each slot, at least one; slots beyond the last use the last, as
     in Blender. names: the k objects. transforms: k times (4, 4) float64, mesh to world, regular. values: for each
     object those that materials read, see `object_values`. keys: names and Blender's hashes of the instances, which do
-    not depend on the order of its lists and stay over time.
+    not depend on the order of its lists and stay over time. frames: (j, 4, 4) float64, the spaces of objects to the
+    world, each of k / j successive instances; None if they are the transforms.
     """
 
     mesh: MeshArrays
@@ -174,6 +175,7 @@ class Placement:
     transforms: list[F64] | F64 = field(default_factory=list)
     values: list[tuple[Value, ...]] = field(default_factory=list)
     keys: list[tuple[str, int]] = field(default_factory=list)
+    frames: F64 | None = None
 
     def add(self, instance: Instance, matrix: F64, values: tuple[Value, ...]) -> None:
         """Add an instance; the last one before `sort`, or the first use of `matrices`."""

@@ -116,6 +116,43 @@ def test_points_are_spheres_or_instances_of_one(add: Any, monkeypatch: pytest.Mo
     one = many.mesh.positions.astype(float)
     placed = np.einsum("kij,nj->kni", many.matrices[:, :3, :3], one) + many.matrices[:, None, :3, 3]
     assert np.allclose(placed.reshape(-1, 3), merged.mesh.positions + np.array((1, 0, 0)), atol=1e-5)
+    assert many.mesh.box == merged.mesh.box
+
+
+def test_an_instance_of_a_point_has_its_values_in_the_space_of_its_object(
+    add: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dust, other = cloud([(0, 0, 0), (1, 0, 0)], [0.1, 0.2]), cloud([(5, 0, 0)], name="Other")
+    shade = dust.attributes.new("shade", "FLOAT_VECTOR", "POINT")
+    shade.data.foreach_set("vector", np.float32([1, 2, 3, 4, np.nan, 6]))
+    sockets = ("Attribute", "Color"), ("ObjectInfo", "Location"), ("PointInfo", "Radius")
+    reader = reading(*sockets, attribute_name="shade")
+    for data in (dust, other):
+        data.materials.append(reader)
+    for number in range(2):
+        add(f"Dust {number}", dust, location=(0, number, 0), rotation_euler=(0, 0, 1))
+    add("Other", other, location=(0, 5, 0))
+    origin = np.zeros(3)
+    whole = found()[0].flattened(origin=origin).geometry.objects
+    monkeypatch.setattr(collecting, "MERGED", 0)
+    read, notes = found()
+    assert not notes
+    for geometry in (read.flattened(origin=origin).geometry, read.instanced(origin=origin).geometry):
+        assert [one.to_object for one in geometry.objects] == [whole[i].to_object for i in (0, 0, 1, 1, 2)]
+        assert [one.generated for one in geometry.objects] == [whole[i].generated for i in (0, 0, 1, 1, 2)]
+        for one, place, radius, colour in (
+            (geometry.objects[0], 0, 0.1, (1, 2, 3, 1)),
+            (geometry.objects[3], 1, 0.2, (4, 0, 6, 1)),
+            (geometry.objects[4], 5, 0.1, None),
+        ):
+            values = [value for value in one.values if any(value[:3])]
+            assert len(values) == (place > 0) + 1 + (colour is not None)
+            assert (0.0, place, 0.0, 1.0) in values or not place
+            assert any(np.allclose(value, (radius, radius, radius, 1)) for value in values)
+            assert colour is None or colour in values
+    used = [read.scene.materials[placement.materials[0]] for placement in read.placements]
+    layers = [sum(step["op"] == "attribute" for step in one.program) for one in used]
+    assert layers == [0, 1], "the other cloud lacks the attribute, which is 0 there"
 
 
 def test_points_of_geometry_nodes_are_spheres(add: Any) -> None:
@@ -249,8 +286,9 @@ def test_too_many_particles_and_points_are_thinned_with_a_note(add: Any, monkeyp
     fur(add("Head", grid(2)), 200)
     add("Dust", cloud(np.random.default_rng(1).uniform(-1, 1, (100, 3))))
     monkeypatch.setattr(collecting, "MOST_TRIANGLES", 4000)
+    monkeypatch.setattr(collecting, "MOST_INSTANCED", 4000)
     read, notes = found()
-    assert all(len(one.mesh.triangles) <= 4000 for one in read.placements)
+    assert all(len(one.mesh.triangles) * len(one.names) <= 4000 for one in read.placements)
     assert [line.split(":")[1].strip() for line in notes] == ["Head", "Dust"]
     assert "hairs" in notes[0]
     assert "points" in notes[1]

@@ -105,6 +105,28 @@ def test_brightness_of_points(scene: Any, sun: float, merged: bool, monkeypatch:
     assert_alike(*compared(scene), 0.0 if sun else 0.5, alike=0.98)
 
 
+@pytest.mark.parametrize("layout", ["merged", "flatten", "two-level"])
+def test_values_of_points_are_those_of_cycles(scene: Any, layout: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if layout != "merged":
+        monkeypatch.setattr(collecting, "MERGED", 0)
+        scene.halfspace.instancing = layout
+    rng = np.random.default_rng(3)
+    dust = cloud(rng.uniform(-2.5, 2.5, (60, 3)) * (1, 1, 0.3), rng.uniform(0.02, 0.3, 60))
+    shade = dust.attributes.new("shade", "FLOAT_COLOR", "POINT")
+    shade.data.foreach_set("color", rng.uniform(0, 1, 60 * 4).astype(np.float32))
+    # Add what differs between points, within them, and between objects.
+    total = made("Attribute", output="Color", attribute_name="shade")
+    own = ("PointInfo", "Random"), ("PointInfo", "Radius"), ("TexCoord", "Object"), ("ObjectInfo", "Random")
+    for kind, name in own:
+        total = made("VectorMath", total, atlas.read(kind, name, 0.2, 0.2))
+    painter = painted("Emission", total)
+    place("Dust", dust, painter, rotation_euler=(0.2, 0.4, 0.3))
+    place("Grid", grid(2), painter, location=(0, 0, -0.9))
+    light(0)
+    ours, theirs = compared(scene)
+    assert_alike(ours, theirs, 0.5, alike=0.98)
+
+
 def test_particle_hair_with_children(scene: Any) -> None:
     item = place("Head", grid(2), painted("Emission"), rotation_euler=(1.1, 0.2, 0))
     fur(item, 30, hair_length=1.5, child_type="SIMPLE", rendered_child_count=4, radius_scale=0.05, tip_radius=0.2)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ....core.base.notes import Notes
-    from ..object_values import Instance
+    from ..materials import Palette
+    from ..object_values import Instance, Value
     from ..remembered import Remembered
 
 T = TypeVar("T")
@@ -32,6 +33,9 @@ MOST_TRIANGLES = 1 << 23
 
 MERGED = 1 << 18
 """Triangles up to which the spheres of a point cloud are one mesh; more are instances of one sphere."""
+
+MOST_INSTANCED = 1 << 27
+"""Triangles of the instances of one cloud's sphere, of which only one is stored."""
 
 Key = tuple[str, str, int]
 """The kind of an object's data, where the data is, and the number of its particle system."""
@@ -64,13 +68,13 @@ class _Round:
 class Collector:
     """Reads hair and point clouds during one pass over the depsgraph's instances."""
 
-    def __init__(self, depsgraph: Any, notes: Notes, layers: Any, remembered: Remembered, *, uvs: bool) -> None:
-        """layers: those of all materials, complete. uvs: whether the active UV map is needed."""
+    def __init__(self, depsgraph: Any, notes: Notes, palette: Palette, remembered: Remembered, *, uvs: bool) -> None:
+        """palette: its layers are complete. uvs: whether the active UV map is needed."""
         self._remembered = remembered
         self.made: list[str] = []
         self.found: set[texture_layers.Key] = set()
         self._mode, self._view = depsgraph.mode, detail.pixels(depsgraph)
-        self._notes, self._layers, self._uvs = notes, layers, uvs
+        self._notes, self._palette, self._layers, self._uvs = notes, palette, palette.layers, uvs
         self._read: dict[Key, _Round] = {}
         self._groups: dict[tuple[Key, tuple[int, ...]], tuple[_Round, Placement]] = {}
 
@@ -104,7 +108,7 @@ class Collector:
             if key not in self._read:
                 found = self._read[key] = replace(self._remembered.of(key, instance, read), name=item.name_full)
                 if found.part > 1:
-                    self._note_part("hairs", found.part, found.name)
+                    self._note_part("hairs", found.part, found.name, MOST_TRIANGLES)
             slot = min(max(system.settings.material - 1, 0), len(materials) - 1)
             self._place(key, (materials[slot],), instance, matrix)
 
@@ -114,7 +118,7 @@ class Collector:
         for read, group in self._groups.values():
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 made += self._tubes(read, group) if read.strands is not None else self._spheres(read, group)
-        self.found = {key for placement in made for key in placement.mesh.layers}
+        self.found.update(key for placement in made for key in placement.mesh.layers)
         return made
 
     def _keys(self) -> list[texture_layers.Key]:
@@ -127,10 +131,9 @@ class Collector:
         _, group = self._groups[key, materials]
         group.add(instance, matrix, instance.values(self._layers.object_values))
 
-    def _note_part(self, what: str, part: int, name: str) -> None:
-        self._notes.add(
-            f"Only one in {part} {what} is rendered, all together have more than {MOST_TRIANGLES:,} triangles", name
-        )
+    def _note_part(self, what: str, part: int, name: str, most: int) -> None:
+        text = f"Only one in {part} {what} is rendered, all together have more than {most:,} triangles"
+        self._notes.add(text, name)
 
     def _note_faults(self, what: str, name: str, broken: int, negative: int) -> None:
         if broken:
@@ -189,7 +192,7 @@ class Collector:
         pieces = np.clip(pieces, 1, max(fit // strands.segments, 1))
         part = -(-int((segments * pieces).sum()) // fit)
         if part > 1:
-            self._note_part("hairs", part, name)
+            self._note_part("hairs", part, name, MOST_TRIANGLES)
             keep = np.arange(len(sides)) % part == 0
             strands, sides, pieces = strands.chosen(keep), sides[keep], pieces[keep]
         return strands, sides, pieces
@@ -209,13 +212,13 @@ class Collector:
         level = spheres.level_of(1.0, float((pixels / radii[rows]).min()))
         while level > 1 and len(rows) * 20 * 4**level > MOST_TRIANGLES:
             level -= 1
-        part = -(-len(rows) * 20 * 4**level // MOST_TRIANGLES)
+        part = -(-len(rows) * 20 * 4**level // MOST_INSTANCED)
         if part > 1:
-            self._note_part("points", part, read.name)
+            self._note_part("points", part, read.name, MOST_INSTANCED)
             rows = rows[::part]
         total = len(rows) * 20 * 4**level
         self.made.append(f"{read.name}: {len(rows):,} points as {total:,} triangles, {20 * 4**level} to a sphere")
-        if total > MERGED and not self._keys() and not self._layers.objects:
+        if total > MERGED:
             return [self._instances(read, group, rows, level)]
 
         def make() -> MeshArrays:
@@ -227,6 +230,7 @@ class Collector:
         return [replace(group, mesh=read.made("spheres", (level, part), make))]
 
     def _instances(self, read: _Round, group: Placement, rows: NDArray[Any], level: int) -> Placement:
+        """One sphere with an instance for each point, whose attributes are values of that instance."""
         assert read.points is not None
         centres, radii = (part[rows].astype(np.float64) for part in read.points)
         local = np.zeros((len(rows), 4, 4))
@@ -236,11 +240,39 @@ class Collector:
 
         def make() -> MeshArrays:
             positions, normals, triangles = spheres.sphere(level)
-            return self._mesh(positions.astype(np.float32), normals.astype(np.float32), triangles.copy(), {})
+            mesh = self._mesh(positions.astype(np.float32), normals.astype(np.float32), triangles.copy(), {})
+            # Its texture space is that of all points.
+            ends = centres[:, None] + radii[:, None, None] * texture_layers.extremes(positions)
+            return replace(mesh, box=texture_layers.box_around(ends.reshape(-1, 3).astype(np.float32)))
 
-        mesh = read.made("sphere", level, make)
+        # Rows that were left out change the box.
+        mesh = read.made("sphere", (level, rows.tobytes()), make)
+        materials, values = self._with_values(read, group, rows)
         names = np.repeat(np.array(group.names, object), len(rows)).tolist()
-        return Placement(mesh, group.materials, names, np.ascontiguousarray(placed))
+        return Placement(mesh, materials, names, np.ascontiguousarray(placed), values, frames=group.matrices)
+
+    def _with_values(
+        self, read: _Round, group: Placement, rows: NDArray[Any]
+    ) -> tuple[NDArray[np.int32], list[tuple[Value, ...]]]:
+        """Materials that read what the points in these rows have as values of their instances, and these values."""
+        of_points, wanted = read.values.of_points, self._palette.layers_of(group.materials.tolist())
+        self.found |= wanted & of_points.keys()
+        keys = sorted(wanted & of_points.keys())
+        if not keys:
+            own = group.values if any(group.values) else []
+            return group.materials, [values for values in own for _ in rows]
+        materials = self._palette.with_values(group.materials.tolist(), keys)
+        columns = [self._layers.object_value(key) for key in keys]
+        # Columns of points are behind all others, which an object may lack at the end.
+        first = min(columns)
+        table = np.zeros((len(rows), max(columns) + 1 - first, 4), np.float32)
+        table[..., 3] = 1
+        for column, key in zip(columns, keys, strict=True):
+            table[:, column - first, : of_points[key].shape[1]] = of_points[key][rows]
+        table[~np.isfinite(table)] = 0
+        added: list[tuple[Value, ...]] = [tuple(map(tuple, row)) for row in table.tolist()]
+        own = [values + ((0.0,) * 4,) * (first - len(values)) for values in group.values]
+        return np.array(materials, np.int32), [values + more for values in own for more in added]
 
     def _mesh(
         self, positions: F32, normals: F32, triangles: NDArray[np.int32], layers: dict[texture_layers.Key, F32]
