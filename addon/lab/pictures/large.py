@@ -14,8 +14,8 @@ from . import proving_parts as parts
 TREES, TREE = 2000, 50_000
 """Instances of the woods, and triangles of their tree."""
 
-BLADES, HAIRS, CARDS = 100_000, 6000, 4000
-"""Blades of the meadow, hairs of the fur, and leaves of the foliage."""
+BLADES, HAIRS, CARDS, GRAINS = 100_000, 6000, 4000, 100_000
+"""Blades of the meadow, hairs of the fur, leaves of the foliage, and grains of the sand."""
 
 BOXES, BALLS = 60, 30
 """Boxes of the patina, and balls of the wax."""
@@ -109,6 +109,21 @@ def _wax(scene: Any, detail: float) -> None:
     parts.look(scene, (0, -9, 4.0), (0, 0, 0.5), 40)
 
 
+def _sand(scene: Any, detail: float) -> None:
+    """Points, each with a colour of its own."""
+    rng = np.random.default_rng(8)
+    _ground(scene, 8)
+    count = max(int(GRAINS * detail), 2)
+    grain = parts.principled("Grain", (0.6, 0.5, 0.35), Roughness=0.7)
+    shade = grain.node_tree.nodes.new("ShaderNodeAttribute")
+    shade.attribute_name = "shade"
+    grain.node_tree.links.new(shade.outputs["Color"], parts.principled_node(grain).inputs["Base Color"])
+    centres = rng.normal((0, 0, 1.6), (1.6, 1.6, 0.5), (count, 3))
+    colours = np.column_stack([rng.uniform(0.2, 0.9, (count, 3)), np.ones(count)])
+    parts.points(scene, "Sand", centres, rng.uniform(0.01, 0.04, count), colours, grain)
+    parts.look(scene, (0, -9, 3.0), (0, 0, 1.3), 40)
+
+
 def _worn() -> Any:
     """A material that looks at what lies around its points: Ambient Occlusion, Bevel and Pointiness."""
     material = parts.principled("Worn", (0.6, 0.45, 0.3), Roughness=0.5)
@@ -171,4 +186,5 @@ SCENES: dict[str, Callable[[Any, float], None]] = {
     "foliage": _foliage,
     "patina": _patina,
     "wax": _wax,
+    "sand": _sand,
 }

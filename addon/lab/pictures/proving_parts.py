@@ -145,6 +145,30 @@ def strands(scene: Any, name: str, placed: Any, thick: float, thin: float, mater
     scene.collection.objects.link(bpy.data.objects.new(name, curves))
 
 
+def points(scene: Any, name: str, centres: F64, radii: F64, colours: F64, material: Any) -> None:
+    """Points at (n, 3) centres with an attribute "shade", (n, 4), which geometry nodes make of vertices."""
+    item = polygons(scene, name, centres, [])
+    for label, kind, field, values in (("size", "FLOAT", "value", radii), ("shade", "FLOAT_COLOR", "color", colours)):
+        attribute = item.data.attributes.new(label, kind, "POINT")
+        attribute.data.foreach_set(field, values.astype(np.float32).reshape(-1))
+    wear(item, material)
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    kinds = "NodeGroupInput", "GeometryNodeInputNamedAttribute", "GeometryNodeMeshToPoints", "GeometryNodeSetMaterial"
+    begin, size, made, worn, end = (tree.nodes.new(kind) for kind in (*kinds, "NodeGroupOutput"))
+    size.data_type, size.inputs["Name"].default_value = "FLOAT", "size"
+    worn.inputs["Material"].default_value = material
+    for one, other in (
+        (begin.outputs[0], made.inputs["Mesh"]),
+        (size.outputs["Attribute"], made.inputs["Radius"]),
+        (made.outputs[0], worn.inputs["Geometry"]),
+        (worn.outputs[0], end.inputs[0]),
+    ):
+        tree.links.new(one, other)
+    item.modifiers.new("Points", "NODES").node_group = tree
+
+
 def tree_mesh(bark: Any, leaves: Any, levels: int) -> Any:
     """A trunk and cones of leaves, as one mesh."""
     points: list[tuple[float, float, float]] = []
