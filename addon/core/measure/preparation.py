@@ -46,7 +46,8 @@ REFERENCES = ("brute", "exact", "embree")
 class Options:
     """Options of a benchmark. size: width and height of the view; check_rays: rays per set compared with the reference.
     own_rays: the same for the scene's own ray sets, None for all of their rays. check_tests: triangle tests that the
-    reference may make for all other sets together, None for any number; many triangles then get fewer than check_rays.
+    reference may make for those sets together, and again for all others, None for any number; many triangles then get
+    fewer rays than these. own: a hash of the user's ray sets, which are among the scene's own, "" without any.
 
     threads: for builds and tracing. level: the instruction set, "best" or as `native.level()` names it. seed: of
     the rays. curve: samples per pixel of the pictures. offsets: distances of the moved grid of touching boxes.
@@ -69,6 +70,7 @@ class Options:
     reference: str = "brute"
     check_rays: int = 20_000
     own_rays: int | None = None
+    own: str = ""
     check_tests: int | None = None
     seed: int = 1
     curve: tuple[int, ...] = ()
@@ -128,10 +130,21 @@ class Prepared:
 
 def compared(workload: Workload, options: Options) -> int:
     """Number of rays per set that are compared with the reference, except of the scene's own sets."""
+    return _within(workload, options, len(options.sets), options.check_rays)
+
+
+def compared_own(workload: Workload, options: Options) -> int:
+    """The same of each of the scene's own sets; a smaller set is compared entirely."""
+    most = max(map(len, workload.extra), default=0) if options.own_rays is None else options.own_rays
+    return _within(workload, options, len(workload.extra), most)
+
+
+def _within(workload: Workload, options: Options, sets: int, most: int) -> int:
+    """At most this number of rays for each of `sets` sets, fewer if the reference would make too many tests."""
     if options.check_tests is None or options.reference == yardstick.SPEC:
-        return options.check_rays
-    within = affordable(workload, len(options.sets), options.check_tests)
-    return min(options.check_rays, max(within // BLOCK * BLOCK, BLOCK))
+        return most
+    within = affordable(workload, sets, options.check_tests)
+    return min(most, max(within // BLOCK * BLOCK, BLOCK))
 
 
 def check_room(native: Native, options: Options) -> None:
@@ -152,9 +165,8 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
     # Select the rays to check, and answer them with the reference.
-    checked, usual = {}, compared(workload, options)
+    checked, usual, own = {}, compared(workload, options), compared_own(workload, options)
     for rays_of_set in ray_sets:
-        own = len(rays_of_set) if options.own_rays is None else options.own_rays
         wanted = own if rays_of_set in workload.extra else usual
         checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
     count = sum(map(len, checked.values()))

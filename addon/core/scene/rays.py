@@ -8,7 +8,8 @@ random order. Origins of the last three are moved off the surface.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -102,6 +103,17 @@ def make(
     if set(names) - {"primary"}:
         sets |= _secondary(workload, tracer, primary, directions, tiles, seed, offset)
     return [sets[name] for name in NAMES if name in names] + list(workload.extra)
+
+
+def fingerprint(sets: Iterable[RaySet]) -> str:
+    """A hash of all rays of these sets; "" without any."""
+    digest = hashlib.sha256()
+    found = list(sets)
+    for one in found:
+        digest.update(f"{one.name}|{one.any_hit}|{one.order}|".encode())
+        for array in (one.origins, one.directions, one.t_max):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest() if found else ""
 
 
 def bytes_needed(size: tuple[int, int], names: Sequence[str]) -> int:

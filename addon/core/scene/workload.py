@@ -6,15 +6,17 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32
 from ..base.native import first_line
+from . import rays
 from .rays import RaySet
 
 if TYPE_CHECKING:
@@ -134,6 +136,11 @@ class Workload:
             raise WorkloadError(f"{self.name}: triangles: an index is out of range for {len(vertices)} vertices")
         if not np.isfinite(vertices[triangles.ravel()]).all(axis=1).any():
             raise WorkloadError(f"{self.name}: vertices: none is finite")
+        taken = {*rays.NAMES}
+        for one in self.extra:
+            if one.name in taken:
+                raise WorkloadError(f"{self.name}: two of its ray sets are called {one.name!r}")
+            taken.add(one.name)
 
     def upright(self, up_axis: str) -> Workload:
         """The triangles and the view, rotated so that this axis points along z, as Blender's importers do."""
@@ -142,6 +149,10 @@ class Workload:
         eye, target, up = (one[order] * np.array(signs) for one in (self.view.eye, self.view.target, self.view.up))
         return Workload(self.name, vertices, self.triangles, replace(self.view, eye=eye, target=target, up=up))
 
+    def origin(self) -> F64:
+        """The point of the file at which the coordinates of vertices are 0: (3,) float64."""
+        return np.zeros(3) if self.render_scene is None else self.render_scene.geometry.origin
+
     def fingerprint(self) -> str:
         """A hash of everything that is measured: equal for equal triangles, view and extra rays."""
         digest = hashlib.sha256()
@@ -149,17 +160,24 @@ class Workload:
         arrays = [self.vertices, self.triangles, view.eye, view.target, view.up, np.float64(view.vertical_fov)]
         if view.crop is not None:
             arrays.append(np.array(view.crop))
-        for rays in self.extra:
-            arrays += [rays.origins, rays.directions]
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
             digest.update(b"|")
+        digest.update(rays.fingerprint(self.extra).encode())
         return digest.hexdigest()
 
     def diagonal(self) -> float:
         """Length of the diagonal of the box around all finite vertices that a triangle uses."""
         low, high = bounds(self.vertices, self.triangles)
         return float(np.linalg.norm(high - low))
+
+
+def as_in_file(vectors: NDArray[Any], up_axis: str) -> NDArray[Any]:
+    """Undo `Workload.upright` for vectors, (..., 3)."""
+    order, signs = _ROTATIONS[up_axis]
+    found = np.empty_like(vectors)
+    found[..., order] = vectors * np.array(signs, vectors.dtype)
+    return found
 
 
 def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:
@@ -238,32 +256,46 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
     published: as it was measured in a publication, where the file records it: without the triangles that
     replace quadrics, and only the rendered part of the film.
     """
-    arrays = _arrays(path, (*_KEYS, *_OPTIONAL, *(_PUBLISHED if published else ())), memory_limit)
-    with _naming(path):
+    arrays = _scene_arrays(path, (*_KEYS, *_OPTIONAL, *(_PUBLISHED if published else ())), memory_limit)
+    with naming(path):
         whole = _whole(path.stem, arrays)
         return _as_published(whole, arrays) if published else whole
 
 
 def load_both(path: Path) -> tuple[Workload, Workload]:
     """A scene and its published part, from one reading, as by `load_npz`. Raises WorkloadError."""
-    arrays = _arrays(path, (*_KEYS, *_OPTIONAL, *_PUBLISHED), None)
-    with _naming(path):
+    arrays = _scene_arrays(path, (*_KEYS, *_OPTIONAL, *_PUBLISHED), None)
+    with naming(path):
         whole = _whole(path.stem, arrays)
         return whole, _as_published(whole, arrays)
 
 
-def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict[str, Any]:
+def _scene_arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict[str, Any]:
     """Those of the wanted arrays that the file has. Raises WorkloadError."""
+
+    def choose(there: Sequence[str]) -> list[str]:
+        missing = [key for key in _KEYS if key not in there]
+        if missing:
+            raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
+        return [key for key in wanted if key in there]
+
+    return read_archive(path, choose, memory_limit)
+
+
+def read_archive(
+    path: Path, choose: Callable[[Sequence[str]], Iterable[str]], memory_limit: int | None
+) -> dict[str, Any]:
+    """Arrays of an archive by their keys. Raises WorkloadError.
+
+    choose: from the keys of all arrays, those to read; may raise WorkloadError. memory_limit: bytes for all arrays.
+    """
     try:
         # Open it here, because NumPy leaves a damaged file open.
         with path.open("rb") as raw, _archive(raw) as file:
             unpacked = sum(member.file_size for member in file.zip.infolist())
             if memory_limit is not None and unpacked > memory_limit:
                 raise WorkloadError(f"{path}: needs {unpacked:,} bytes of memory, of {memory_limit:,} that are free")
-            missing = [key for key in _KEYS if key not in file.files]
-            if missing:
-                raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
-            return {key: _array(file, key) for key in wanted if key in file.files}
+            return {key: _array(file, key) for key in choose(file.files)}
     except WorkloadError:
         raise
     except Exception as error:
@@ -290,7 +322,7 @@ def _array(file: Any, key: str) -> Any:
 
 
 @contextlib.contextmanager
-def _naming(path: Path) -> Iterator[None]:
+def naming(path: Path) -> Iterator[None]:
     """Add the file's name to errors about its arrays."""
     try:
         yield
@@ -300,11 +332,11 @@ def _naming(path: Path) -> Iterator[None]:
 
 def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
     """The scene in these arrays. Raises ValueError."""
-    camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
+    camera = {key: real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
     eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
     view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
     with np.errstate(over="ignore"):  # values beyond float32 become infinite and are dropped
-        vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
+        vertices = np.ascontiguousarray(real(arrays["vertices"], "vertices"), np.float32)
     if arrays["triangles"].dtype.kind not in "iu":
         raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
     if arrays["triangles"].size:  # check before the conversion to int32, which may wrap large values into the range
@@ -333,8 +365,8 @@ def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
         triangles = np.ascontiguousarray(triangles[stand_in == 0])
         notes.append(f"triangles that replace quadrics are left out: {len(whole.triangles) - len(triangles):,}")
     if "camera_crop" in arrays:
-        left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
-        if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
+        left, right, top, bottom = map(float, numbers(arrays["camera_crop"], "camera_crop", 4))
+        if "camera_right" in arrays and numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
             # A mirrored image has the same rays on the other side.
             left, right = 1 - right, 1 - left
         view = replace(view, crop=(left, right, top, bottom))
@@ -350,16 +382,16 @@ _ROTATIONS = {"x": ([2, 1, 0], (-1, 1, 1)), "y": ([0, 2, 1], (1, -1, 1)), "z": (
 _PUBLISHED = ("triangle_from_quadric", "camera_crop", "camera_right")
 
 
-def _real(array: Any, key: str) -> Any:
+def real(array: Any, key: str) -> Any:
     """The array, if it holds real numbers. Raises WorkloadError."""
     if array.dtype.kind not in "fiu":
         raise WorkloadError(f"{key}: expected numbers, got {array.dtype}")
     return array
 
 
-def _numbers(array: Any, key: str, count: int) -> F64:
+def numbers(array: Any, key: str, count: int) -> F64:
     """The array as `count` finite numbers. Raises WorkloadError."""
-    numbers = _real(array, key).astype(np.float64)
+    numbers = real(array, key).astype(np.float64)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise WorkloadError(f"{key}: expected {count} finite numbers, got {numbers.tolist()}")
     found: F64 = numbers

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...core.report.results import Journal
 from ..base.usage import UsageError
 
-ABOUT_RAYS = {"size": "--size", "seed": "--ray-seed", "reference": "--reference"}
+ABOUT_RAYS = {"size": "--size", "seed": "--ray-seed", "reference": "--reference", "own": "--rays"}
 """Options that rows of one scene must share: those of the rays, and the reference. All others, such as the number of
 repeats and whether pictures are rendered, may differ: a slow structure is measured with less effort.
 """

@@ -23,7 +23,7 @@ from ...core.base.native import first_line
 from ...core.measure import benchmark, curve, offsets, preparation, ranking, two_level, yardstick
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
-from ...core.scene import rays, workload
+from ...core.scene import ray_files, rays, workload
 from ...core.scene.instances import TOPS
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
@@ -81,7 +81,12 @@ def parser() -> argparse.ArgumentParser:
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
     add("--alpha", metavar="RANGE", help="values of alpha, e.g. 0.1,0.5,1")
     add("--seeds", metavar="RANGE", help="seeds of the structures, e.g. 1-7")
-    add("--rays", metavar="SETS", help=f"ray sets (default: {','.join(rays.NAMES)})")
+    add(
+        "--rays",
+        metavar="SET[,SET...]",
+        help=f"ray sets: {', '.join(rays.NAMES)} (default: all), and .npz files of one's own rays, see "
+        "docs/benchmark.md",
+    )
     add("--size", default="1024x1024", metavar="WxH", help="pixels of the primary rays, multiples of 8")
     add(
         "--repeats",
@@ -115,7 +120,7 @@ def parser() -> argparse.ArgumentParser:
         type=int,
         metavar="N",
         help=f"rays per set to compare (default: {benchmark.Options.check_rays}, fewer if the reference would make "
-        f"more than {CHECK_TESTS:.0e} triangle tests; of the scene grid's own set, which is made to find errors, all)",
+        f"more than {CHECK_TESTS:.0e} triangle tests; of files and the scene grid's own set as many as these permit)",
     )
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
     add("--memory-limit", type=float, metavar="GB", help="memory limit of a build (default: most of the free memory)")
@@ -170,7 +175,8 @@ def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure scene by scene. Raises one of the errors that `main` turns into a line."""
     module = levels.load_module(asked.level)
     chosen = [*foreign(asked), *read_structures(asked, module)]
-    options = read_options(asked, len(chosen))
+    given = read_own(asked)
+    options = read_options(asked, len(chosen), given)
     if options.brief:
         say(
             f"{len(chosen)} configurations are more than {MANY}: fewer timed rays and {options.repeats} repeats each, "
@@ -198,7 +204,7 @@ def run(asked: argparse.Namespace) -> int:
         todo.begin()
         for number, (scene, load) in enumerate(zip(chosen_scenes, loaders, strict=True)):
             try:
-                loaded = load()
+                loaded = ray_files.added(load(), given)
             except native.FAILURES as error:
                 if len(chosen_scenes) == 1:
                     raise
@@ -246,7 +252,11 @@ def foreign(asked: argparse.Namespace) -> list[str]:
 def notes(loaded: workload.Workload, options: benchmark.Options) -> list[str]:
     """Notes on a scene before it is measured."""
     count, most = preparation.compared(loaded, options), options.check_rays
-    return [*loaded.notes, *([f"{count:,} rays per set compared, not {most:,}, to end sooner"] if count < most else [])]
+    told = [f"{count:,} rays per set compared, not {most:,}, to end sooner"] if count < most and options.sets else []
+    own, largest = preparation.compared_own(loaded, options), max(map(len, loaded.extra), default=0)
+    if own < largest:
+        told.append(f"{own:,} of {largest:,} rays of each of its own sets compared, to end sooner")
+    return [*loaded.notes, *told]
 
 
 def moving(asked: argparse.Namespace) -> int:
@@ -387,20 +397,37 @@ def read_export(asked: argparse.Namespace) -> tuple[str, ...]:
         raise UsageError(f"--export: {error}") from error
 
 
-def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Options:
-    """The options, checked; the time is divided equally among the configurations. Raises UsageError."""
+def read_sets(asked: argparse.Namespace) -> tuple[list[str], list[Path]]:
+    """The names of the requested ray sets, and the files of one's own rays. Raises UsageError."""
     preset = PRESETS.get(asked.preset or "", {})
-    sets = tuple(name.strip() for name in (asked.rays or preset.get("rays") or ",".join(rays.NAMES)).split(","))
-    unknown = [name for name in sets if name not in rays.NAMES]
+    given = [name.strip() for name in (asked.rays or preset.get("rays") or ",".join(rays.NAMES)).split(",")]
+    names = [name for name in given if not name.lower().endswith(ray_files.SUFFIX)]
+    unknown = [name for name in names if name not in rays.NAMES]
     if unknown:
-        raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}")
+        raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}, and .npz files")
+    return names, [Path(name) for name in dict.fromkeys(given) if name not in names]
+
+
+def read_own(asked: argparse.Namespace) -> tuple[ray_files.Given, ...]:
+    """One's own rays. Raises UsageError and WorkloadError."""
+    _, paths = read_sets(asked)
+    return ray_files.load(paths, native.load().free_memory()) if paths else ()
+
+
+def read_options(
+    asked: argparse.Namespace, configurations: int, own: Sequence[ray_files.Given] = ()
+) -> benchmark.Options:
+    """The options, checked; the time is divided equally among the configurations. own: the rays of `read_own`. Raises
+    UsageError.
+    """
+    sets, _ = read_sets(asked)
     width, by, height = asked.size.partition("x")
     if not (by and specs.is_whole(width) and specs.is_whole(height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT, got {asked.size!r}")
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
-    brief = configurations > MANY
+    count, brief = len(sets) + len(own), configurations > MANY
     # Only a report shows pictures, peak memory, cost maps and the shapes of trees.
     shown = asked.out is not None or not brief
     flat = asked.layout == "flatten"
@@ -427,13 +454,14 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         raise UsageError(f"--curve: expected numbers of samples up to {curve.MOST_SAMPLES}, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
-        sets=sets,
+        sets=tuple(sets),
         repeats=repeats,
         threads=asked.threads or os.cpu_count() or 1,
         level=asked.level,
         reference=asked.reference,
         check_rays=benchmark.Options.check_rays if asked.check_rays is None else asked.check_rays,
         own_rays=asked.check_rays,
+        own=rays.fingerprint(one.rays for one in own),
         check_tests=CHECK_TESTS if asked.check_rays is None else None,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
@@ -444,7 +472,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         peak=flat and shown and not asked.only_rays,
         maps=flat and shown and not asked.only_rays,
         shapes=shown,
-        pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
+        pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * count * (repeats + 1))),
         brief=brief,
         layout=asked.layout,
         top=asked.top or TOPS[0],

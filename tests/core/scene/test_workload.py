@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core.scene import rays, workload
+from addon.core.scene import ray_files, rays, workload
 from addon.core.scene.workload import WorkloadError
 
 GOOD: dict[str, Any] = {
@@ -176,6 +176,86 @@ def test_the_framing_view_sees_everything() -> None:
     to = vertices - view.eye
     angles = np.degrees(np.arccos((to @ forward) / np.linalg.norm(to, axis=1)))
     assert angles.max() <= view.vertical_fov / 2
+
+
+def rays_of(tmp_path: Path, **arrays: Any) -> tuple[rays.RaySet, ...]:
+    """The sets of a file of two rays with these arrays changed; None leaves one out."""
+    good: dict[str, Any] = {"origins": np.eye(3)[:2], "directions": np.array([[0.0, 0.0, -2.0], [1.0, 0.0, 0.0]])}
+    path = tmp_path / "my (rays).npz"
+    np.savez(path, **{key: value for key, value in {**good, **arrays}.items() if value is not None})
+    return tuple(one.rays for one in ray_files.load([path], 1 << 20))
+
+
+def test_rays_of_a_file_begin_at_their_least_distance(tmp_path: Path) -> None:
+    (one,) = rays_of(tmp_path)
+    assert (one.name, one.any_hit, one.order, one.t_max.tolist()) == ("my _rays_", False, "none", [np.inf, np.inf])
+    assert {array.dtype for array in (one.origins, one.directions, one.t_max)} == {np.dtype(np.float32)}
+    (moved,) = rays_of(tmp_path, t_min=np.array([0.25, 0.0]), t_max=4, any=np.int64(1))
+    assert moved.any_hit
+    assert moved.t_max.tolist() == [3.75, 4.0]
+    assert np.array_equal(moved.origins, one.origins + np.array([0.25, 0.0], np.float32)[:, None] * one.directions)
+
+
+def test_sets_of_a_file_are_named(tmp_path: Path) -> None:
+    recorded = {
+        name: {
+            "origins": np.eye(3, dtype=np.float32),
+            "directions": np.eye(3, dtype=np.float32),
+            "any": any_hit,
+            "t_min": np.zeros(3, np.float32),
+            "t_max": np.ones(3, np.float32),
+            "traced": 12,
+        }
+        for name, any_hit in (("camera", False), ("shadow 0", True))
+    }
+    paths = tmp_path / "a.npz", tmp_path / "b.npz"
+    for path in paths:
+        path.write_bytes(ray_files.packed(recorded, np.array([1.0, 2.0, 3.0]), "y"))
+    alone, both = ray_files.load(paths[:1], 1 << 20), ray_files.load(paths, 1 << 20)
+    assert [(one.rays.name, one.rays.any_hit) for one in alone] == [("camera", False), ("shadow 0", True)]
+    assert [one.rays.name for one in both] == ["a camera", "a shadow 0", "b camera", "b shadow 0"]
+    whole = workload.load_npz(save(tmp_path))
+    seen = ray_files.added(whole, alone)
+    assert seen.fingerprint() != whole.fingerprint()
+    # The rays of a file whose y axis points up, which was rendered upright around a point.
+    upright = replace(whole, vertices=seen.extra[0].origins).upright("y").vertices
+    np.testing.assert_array_equal(upright, np.eye(3) + np.array([1.0, 2.0, 3.0]))
+    with pytest.raises(WorkloadError, match="two of its ray sets are called 'camera'"):
+        ray_files.added(seen, alone)
+    with pytest.raises(WorkloadError, match=r"a\.npz: two ray sets are called 'a camera'"):
+        ray_files.load([paths[0], paths[0]], 1 << 20)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"origins": None, "directions": None}, "the key 'origins' is missing"),
+        ({"origins": None, "directions": None, "a/origins": np.eye(3)}, "the key 'a/directions' is missing"),
+        ({"tmax": 3.0}, "the key 'tmax' is unknown; there are origins, directions, t_min, t_max, any"),
+        ({"origins": np.zeros((0, 3)), "directions": np.zeros((0, 3))}, "origins: there are no rays"),
+        ({"origins": np.eye(3)}, "directions: expected one for each of the 3 origins, got 2"),
+        ({"origins": np.zeros(3)}, r"origins: expected shape \(n, 3\), got \(3,\)"),
+        ({"origins": np.array([[0, 0, 0], [0, np.nan, 0]])}, "origins: ray 1 is not finite"),
+        ({"origins": np.full((2, 3), 1e300)}, "origins: ray 0 is not finite in f32"),
+        ({"origins": np.zeros((2, 3), complex)}, "origins: expected numbers, got complex128"),
+        ({"origins": np.array([["a"] * 3] * 2)}, "origins: expected numbers, got <U1"),
+        ({"origins": np.array([{}], dtype=object)}, "origins: expected numbers, got objects of Python"),
+        ({"directions": np.array([[1, 0, 0], [0, 0, 0]])}, "directions: ray 1 has none"),
+        ({"t_min": np.array([0.0, np.inf])}, "t_min: expected a finite number of at most t_max, got inf and inf"),
+        ({"t_min": 2.0, "t_max": np.array([3.0, 1.0])}, "at most t_max, got 2 and 1 for ray 1"),
+        ({"t_max": np.array([1.0, np.nan])}, "t_max: ray 1 has no number"),
+        ({"t_max": np.ones(3)}, "t_max: expected one number for each of 2 rays"),
+        ({"t_min": 3e38, "directions": np.full((2, 3), 9.0)}, "t_min: ray 0 begins beyond"),
+        ({"any": np.array([True, False])}, "any: expected one truth value for all rays, got bool"),
+        ({"any": 2}, "any: expected one truth value"),
+        ({"origins": np.zeros((99_999, 3))}, "needs 2,400,[0-9]+ bytes of memory, of 262,144 that are free"),
+    ],
+)
+def test_wrong_rays_are_refused_in_one_line(tmp_path: Path, arrays: dict[str, Any], message: str) -> None:
+    with pytest.raises(WorkloadError, match=message) as caught:
+        rays_of(tmp_path, **arrays)
+    assert "my (rays).npz: " in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_the_fingerprint_changes_with_every_array(tmp_path: Path) -> None:

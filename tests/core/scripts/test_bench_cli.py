@@ -211,6 +211,39 @@ def test_a_stopped_run_goes_on_where_it_was(
     assert finished == [*expanded("kd"), *expanded("kd-sah")]
 
 
+def own_rays(path: Path, **more: Any) -> Path:
+    """A file with 300 rays from a sphere around the scene towards its middle."""
+    rng = np.random.default_rng(2)
+    origins = rng.normal(size=(300, 3))
+    origins *= 6 / np.linalg.norm(origins, axis=1, keepdims=True)
+    aims = rng.normal(scale=0.5, size=(300, 3)) - origins
+    np.savez(path, **{"origins": origins, "directions": aims, **more})
+    return path
+
+
+def test_rays_of_a_file_are_further_sets(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    mine, out = own_rays(tmp_path / "mine.npz", any=True), tmp_path / "out"
+    words = [str(scene), *QUICK, "--out", str(out)]
+    assert bench.main([*words, "--rays", f"primary,{mine}"]) == 0
+    assert "mine" in capsys.readouterr().out
+    rows = [row for row in document(out)["rows"] if not yardstick.is_foreign(row["spec"])]
+    for row in rows:
+        assert list(row["rays"]) == ["primary", "mine"]
+        assert row["rays"]["mine"]["n"] == 300
+        assert 0 < row["rays"]["mine"]["hits"] < 1
+        assert row["errors"]["sets"]["mine"]["rays"] == 128
+    # Other rays of the same name are measured, and never shown in one report.
+    own_rays(mine, any=True, t_max=0.9)  # in lengths of the directions
+    again = tmp_path / "again"
+    assert bench.main([*words[:-1], str(again), "--rays", f"primary,{mine}"]) == 0
+    (other,) = (row for row in document(again)["rows"] if row["spec"] == rows[0]["spec"])
+    assert other["rays"]["mine"]["hits"] < rows[0]["rays"]["mine"]["hits"]
+    assert bench.main([str(out), str(again), "--merge", "--out", str(tmp_path / "merged")]) == 2
+    assert "different --rays" in capsys.readouterr().err
+    # Files alone are enough.
+    assert bench.main([str(scene), *QUICK, "--rays", str(mine)]) == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -220,6 +253,7 @@ def test_a_stopped_run_goes_on_where_it_was(
         (["--k", "9-2"], "runs backwards"),
         (["--structures", "kd", "--k", "3"], "parameter 'k'"),
         (["--rays", "primary,sideways"], "unknown set 'sideways'"),
+        (["--rays", "nowhere.npz"], "nowhere.npz: cannot be read as .npz: "),
         (["--size", "100x100"], "multiples of 8"),
         (["--size", "0x8"], "multiples of 8"),
         (["--size", "big"], "WIDTHxHEIGHT"),
