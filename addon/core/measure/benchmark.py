@@ -21,6 +21,7 @@ from ..structures import specs
 from . import accuracy, costmap, counting, first, peak, picture_times, rows, timing, yardstick
 from .accuracy import Answers
 from .analysis import field
+from .inference import LEAST_ROUNDS
 from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees
@@ -46,11 +47,11 @@ __all__ = [
     "prepared",
 ]
 
-BUILDS = 3
-"""Largest number of timed builds; build times vary less than trace times, and builds take longer."""
+BUILDS = LEAST_ROUNDS
+"""Largest number of timed builds, which give an interval; build times vary less than trace times, and take longer."""
 
-BUILD_SECONDS = 0.5
-"""A build that takes longer than this is timed once."""
+BUILD_SECONDS, BRIEF_BUILD_SECONDS = 0.5, 0.05
+"""A build that takes longer than this is timed once; the second holds in a brief benchmark."""
 
 ORACLE_SECONDS = 0.5
 """Limit on the timed pass of the reference itself, whose speed is not needed to three digits."""
@@ -72,7 +73,7 @@ USUAL_TRIANGLES = 250_000
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
-SCALING_ROUNDS = 3
+SCALING_ROUNDS = LEAST_ROUNDS
 """Number of timed passes over each view of the time against the number of rays."""
 
 MAP_SECONDS = 0.5
@@ -152,10 +153,11 @@ class _Run:
         # Prefer the caller's anchor: a part of a sweep over k may hold a single k, which does not look like a sweep.
         self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
+        self._drawn = sum(not options.brief or rows.is_quickest(native, spec) for spec in chosen)
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Estimate the number of steps per configuration, for the progress: builds, one comparison, timed passes, the
         # peak, the moved grids and the pictures.
-        self._builds = 1 if options.brief else min(BUILDS, options.repeats)
+        self._builds = min(BUILDS, options.repeats)
         self._steps_each = self._builds + 1 + passes + options.peak + bool(options.offsets) + options.maps
         self._steps_each += 4 * options.tradeoff
         again = options.repeats + 1 if options.curve and not options.brief else 0
@@ -269,10 +271,11 @@ class _Run:
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         """Repeat short builds up to BUILDS times, interleaved."""
+        most = BRIEF_BUILD_SECONDS if self._options.brief else BUILD_SECONDS
         for _ in range(self._builds - 1):
             for candidate in group:
                 yield self._step(f"{candidate.spec}: building again")
-                if candidate.build_seconds[0] <= BUILD_SECONDS:
+                if candidate.build_seconds[0] <= most:
                     candidate.build_seconds.append(self._build(candidate.spec)[1])
 
     def _first_pictures(self, group: Sequence[Candidate]) -> Iterator[Event]:
@@ -355,6 +358,8 @@ class _Run:
         if scenes is None:
             return
         for candidate in candidates:
+            if not (yardstick.is_foreign(candidate.spec) or self._is_whole(candidate)):
+                continue
             try:
                 steps = scenes.points(candidate)
                 while True:
@@ -381,17 +386,23 @@ class _Run:
         pictures = self._prepared.pictures
         if pictures is None:
             return
-        for samples in self._options.curve:
+        # Divide the time among the configurations that get more than the first picture.
+        share = pictures.share(self._drawn)
+        for samples in pictures.samples:
             for candidate in candidates:
                 yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
                 # A set is empty if it starts at hits and no ray hits the scene.
                 traced = [name for name in candidate.seconds if len(candidate.timed[name])]
                 slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
-                wanted = self._options.curve if self._is_whole(candidate) else self._options.curve[:1]
-                if samples in wanted and samples in pictures.affordable(slowest):
-                    point, differing = pictures.point(candidate.native, samples, self._options.threads)
-                    candidate.curve.append(point)
-                    candidate.differing_pixels += differing
+                wanted = pictures.samples if self._is_whole(candidate) else pictures.samples[:1]
+                if samples not in wanted or samples not in pictures.affordable(slowest):
+                    continue
+                spent = [point["seconds"] for point in candidate.curve]
+                if spent and sum(spent) + spent[-1] * samples / candidate.curve[-1]["spp"] > share:
+                    continue
+                point, differing = pictures.point(candidate.native, samples, self._options.threads)
+                candidate.curve.append(point)
+                candidate.differing_pixels += differing
 
     def _row(
         self,
@@ -450,7 +461,8 @@ class _Run:
             row["image"] = timed.of(candidate)
             row["image_s"] = picture_times.picture_seconds(pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
-        left = [n for n in self._options.curve if n not in {point["spp"] for point in candidate.curve}]
+        rendered = {point["spp"] for point in candidate.curve}
+        left = [] if pictures is None else [n for n in pictures.samples if n not in rendered]
         if left and not yardstick.is_foreign(candidate.spec):
             samples = ", ".join(map(str, left))
             row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")

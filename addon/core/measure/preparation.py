@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..base import room
+from ..base.native import FAILURES, first_line
 from ..scene import rays
 from ..scene.instances import TOPS
 from ..scene.rays import RaySet
@@ -50,13 +52,13 @@ class Options:
     fewer rays than these. own: a hash of the user's ray sets, which are among the scene's own, "" without any.
 
     threads: for builds and tracing. level: the instruction set, "best" or as `native.level()` names it. seed: of
-    the rays. curve: samples per pixel of the pictures. offsets: distances of the moved grid of touching boxes.
-    scaling: whether smaller views are timed. tradeoff: whether errors are measured against the time of a ray, with
-    and without error bounds. peak: whether each build is repeated in its own process, to measure its memory. maps:
-    whether cost maps are kept. shapes: whether the statistics of trees are computed, which takes longer than the build
-    of a kd-tree. pass_seconds: limit on one timed pass. brief: for many configurations: builds and
-    pictures are timed once, and only the usually quickest configuration of each tree gets pictures with more than
-    the fewest samples and a measurement of peak memory.
+    the rays. curve: samples per pixel of the pictures. picture_seconds: limit on all of them, about. offsets: distances
+    of the moved grid of touching boxes. scaling: whether smaller views are timed. tradeoff: whether errors are measured
+    against the time of a ray, with and without error bounds. peak: whether each build is repeated in its own process,
+    to measure its memory. maps: whether cost maps are kept. shapes: whether the statistics of trees are computed, which
+    takes longer than the build of a kd-tree. pass_seconds: limit on one timed pass. brief: for many configurations:
+    pictures, and builds that are not short, are timed once, and only the usually quickest configuration of each tree
+    gets errors against time, pictures with more than the fewest samples and a measurement of peak memory.
     layout, top: of `two_level` and `instances.TOPS`, whether structures are built over each mesh, and the tree above.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
@@ -74,6 +76,7 @@ class Options:
     check_tests: int | None = None
     seed: int = 1
     curve: tuple[int, ...] = ()
+    picture_seconds: float | None = None
     offsets: tuple[float, ...] = ()
     scaling: bool = False
     tradeoff: bool = False
@@ -179,22 +182,28 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     # Render the converged picture.
     pictures, portrait = None, None
     if options.curve:
-        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
-        yield Progress(0.0, "rendering the converged picture")
+        seconds = math.inf if options.picture_seconds is None else options.picture_seconds
+        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed, seconds=seconds)
+        yield Progress(0.0, "rendering the pictures of all structures")
         pictures.converge(tracer)
         yield Progress(0.0, "rendering the report's picture")
         with contextlib.suppress(ImportError):  # a Blender may lack OpenImageIO
             portrait = pictures.portrait(tracer)
         if workload.peer is not None:
             yield Progress(0.0, f"rendering with {workload.peer.name}")
-            pictures.meet(workload.peer)
+            assert pictures.converged is not None, "it was rendered"
+            try:
+                pictures.meet(workload.peer, options.threads)
+            except FAILURES as error:
+                pictures.converged["peer"] = first_line(error)
     # Make the smaller views, and the view of the cost maps.
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
     made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved, portrait=portrait)
     if options.tradeoff:
         yield Progress(0.0, "moving the scene far away")
+        limits = Limits(options.threads, options.memory_limit, options.brief)
         pairs = {name: (some, expected[name]) for name, some in checked.items()}
-        made.tradeoff = Tradeoff(native, workload, pairs, options.seed, Limits(options.threads, options.memory_limit))
+        made.tradeoff = Tradeoff(native, workload, pairs, options.seed, limits)
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
         made.anchor = tracer
     if options.maps:

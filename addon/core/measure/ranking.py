@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Statistical ranking: which of two configurations is faster beyond the noise of the machine.
 
-Two rows of the same rounds are compared round by round: one is faster if it is so in every round, and by more than the
-machine's noise. By chance that happens once in 2**(rounds - 1) cases, so fewer than six rounds rank nothing. Rows of
-different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
+Two rows of the same rounds are compared round by round: one is faster if the 95 % interval of the median of the
+ratios of their speeds (`inference.interval`) lies above 1, and the median above the machine's noise. Fewer than six
+rounds have no interval and rank nothing. Rows of different rounds are compared through their anchor: then the intervals
+of both speeds must not overlap.
 Without a common anchor such rows are not compared, because they may come from different machines. Rows of different
 tables (single rays, the fastest traversals) are never compared. Rows with wrong answers are not ranked.
 """
@@ -18,10 +19,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .inference import LEAST_ROUNDS, interval
 from .rows import Bound, RayColumns, Row, agrees, building
-
-LEAST_ROUNDS = 6
-"""Smallest number of rounds: with six, the probability of a false order is 3 %."""
 
 CHANCE = 32
 """Inverse of the accepted probability of a false order."""
@@ -36,9 +35,9 @@ class Ranking:
     """Ranking of one ray set of one scene, PICTURE or TRACING. best: fastest by the median; equal: rows not
     distinguishable from it.
 
-    second: the fastest distinguishable row; times, low, high: its slowdown, as median, smallest and largest of the
-    rounds. noise: relative noise of the machine while these were timed. rounds: the fewest of any row. apart: rows that
-    share no anchor or round with the others and are excluded.
+    second: the fastest distinguishable row; times, low, high: its slowdown, as the median over the rounds and its 95 %
+    interval. noise: relative noise of the machine while these were timed. rounds: the fewest of any row. apart: rows
+    that share no anchor or round with the others and are excluded.
     """
 
     best: Row
@@ -79,13 +78,14 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     for row in others:
         (slower if faster(first, row, name) else equal).append(row)
     ratios = against(first, slower[0], name) if slower else np.ones(1)
+    low, high = between(first, slower[0], name) if slower else (1.0, 1.0)
     return Ranking(
         first,
         equal,
         slower[0] if slower else None,
         float(np.median(ratios)),
-        float(ratios.min()),
-        float(ratios.max()),
+        low,
+        high,
         max(noise(row, name) for row in (first, *equal, *slower[:1])),
         min(len(_known(row, name)["rounds"]) for row in timed),
         [row for row in able if id(row) not in ranked],
@@ -203,6 +203,20 @@ def against(
     return np.asarray(np.divide.outer(speeds(a, name, builds[0]), speeds(b, name, builds[1])).ravel())
 
 
+def between(a: Row, b: Row, name: str, builds: tuple[Bound, Bound] = ("med", "med")) -> tuple[float, float]:
+    """The 95 % interval of the speed of `a` relative to `b`: of the ratios per round if they share rounds, else from
+    the ends of the intervals of both. From the smallest to the largest ratio where there are too few rounds. Raises
+    ValueError for rows that are not comparable.
+    """
+    ratios = against(a, b, name, builds=builds)
+    if together(a, b):
+        return interval(ratios) or (float(ratios.min()), float(ratios.max()))
+    first, second = (interval(speeds(row, name, build)) for row, build in zip((a, b), builds, strict=True))
+    if first is None or second is None:
+        return float(ratios.min()), float(ratios.max())
+    return first[0] / second[1], first[1] / second[0]
+
+
 def together(a: Row, b: Row) -> bool:
     """Whether both rows were measured in the same rounds."""
     return a["round_id"] is not None and a["round_id"] == b["round_id"]
@@ -221,6 +235,8 @@ def faster(a: Row, b: Row, name: str, *, among: int = 1) -> bool:
     rounds = min(len(_known(row, name)["rounds"]) for row in (a, b))
     if rounds < LEAST_ROUNDS or (among > 1 and among * CHANCE > math.comb(2 * rounds, rounds)):
         return False
-    ratios = against(a, b, name, paired=among == 1, builds=("max", "min"))
+    builds: tuple[Bound, Bound] = ("max", "min")
+    ratios = against(a, b, name, paired=among == 1, builds=builds)
     floor = 1.0 + max(noise(a, name), noise(b, name))
-    return bool((ratios > 1.0).all()) and float(np.median(ratios)) > floor
+    least = between(a, b, name, builds)[0] if among == 1 else float(ratios.min())
+    return least > 1.0 and float(np.median(ratios)) > floor

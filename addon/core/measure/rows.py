@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base.native import FAILURES, first_line
 from ..scene.workload import Workload
 from ..structures import catalogue, specs, ways
-from . import yardstick
+from . import inference, yardstick
 
 if TYPE_CHECKING:
     from ..base.interface import Native
@@ -23,18 +23,23 @@ if TYPE_CHECKING:
 
 
 class Spread(TypedDict):
-    """Smallest, median and largest of several measurements."""
+    """Smallest, median and largest of several measurements. low, high: the 95 % interval of the median, absent where
+    too few were made (`inference.LEAST_ROUNDS`).
+    """
 
     min: float
     med: float
     max: float
+    low: NotRequired[float]
+    high: NotRequired[float]
 
 
 class RayColumns(TypedDict):
-    """Columns of a row for one ray set: those of `OF_RAYS`, and the last two where they are known.
+    """Columns of a row for one ray set: those of `OF_RAYS`, and the last three where they are known.
 
-    n: rays that were timed. mrays_s: million rays per second, None without rays. rounds, anchor_rounds: the same, one
-    per round, of the configuration and of the anchor. noise: relative. steps, steps_axis, steps_oblique, steps_boxes,
+    n: rays that were timed. mrays_s: million rays per second, None without rays. times_embree: median over the rounds;
+    times_embree_95: its 95 % interval. rounds, anchor_rounds: million rays per second of the configuration and of the
+    anchor, one per round. noise: relative. steps, steps_axis, steps_oblique, steps_boxes,
     tests: means per ray. hits: share of rays that hit. cases: mean counts of the cases of TA-B.
     """
 
@@ -51,6 +56,7 @@ class RayColumns(TypedDict):
     tests: float | Any
     hits: float
     cases: NotRequired[dict[str, float]]
+    times_embree_95: NotRequired[list[float]]
     counts_timed_walk: NotRequired[bool]
 
 
@@ -130,9 +136,11 @@ Bound = Literal["min", "med", "max"]
 """A key of `Spread`."""
 
 OF_THE_CLOCK = {
-    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "times_embree_95"),
+    *("rounds", "anchor_rounds", "noise"),
     *("seconds", "seconds_with_build", "first_s", "render_s", "image_s", "image", "map", "machine", "round_id"),
-    *("anchor", "scaling", "too_slow", "ns", "peer", "portrait"),
+    # How many pictures there are depends on the time that they take.
+    *("anchor", "scaling", "too_slow", "ns", "peer", "portrait", "curve", "independent", "converged"),
 }
 """Keys whose values vary between runs. All others are equal on every machine."""
 
@@ -144,7 +152,9 @@ LAZY = ("lazy", "1")
 NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait", "layout"}
 """Columns that only complete rows have."""
 
-OF_RAYS = tuple(name for name in RayColumns.__annotations__ if name not in ("cases", "counts_timed_walk"))
+OF_RAYS = tuple(
+    name for name in RayColumns.__annotations__ if name not in ("cases", "counts_timed_walk", "times_embree_95")
+)
 """Columns of every row for each ray set."""
 
 OF_ERRORS = (
@@ -249,8 +259,11 @@ def failed_scene(name: str, error: BaseException) -> Row:
 
 
 def spread(numbers: Sequence[float] | NDArray[np.float64]) -> Spread:
-    """Smallest, median and largest."""
-    return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
+    """Smallest, median and largest, and the 95 % interval of the median."""
+    found: Spread = {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
+    if (between := inference.interval(numbers)) is not None:
+        found["low"], found["high"] = between
+    return found
 
 
 def is_lazy(spec: str) -> bool:

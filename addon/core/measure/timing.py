@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..scene import rays
 from ..scene.rays import RaySet
-from . import counting, yardstick
+from . import counting, inference, rows, yardstick
 from .accuracy import Errors
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Candidate:
     timed: dict[str, RaySet] = field(default_factory=dict)
     seconds: dict[str, list[float]] = field(default_factory=dict)
     control: dict[str, list[float]] = field(default_factory=dict)
-    curve: list[dict[str, float | None]] = field(default_factory=list)
+    curve: list[dict[str, Any]] = field(default_factory=list)
     scaling: list[dict[str, float]] = field(default_factory=list)
     offsets: list[dict[str, float]] = field(default_factory=list)
     tradeoff: list[Point] = field(default_factory=list)
@@ -153,7 +153,7 @@ def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: in
 
 
 def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Options) -> Iterator[str]:
-    """Time views of growing size, one pass per step; appends the medians to `scaling`.
+    """Time views of growing size, one pass per step; appends the medians to `scaling`, with their intervals.
 
     The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger one, gets
     none.
@@ -167,11 +167,17 @@ def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: i
                 yield f"{candidate.spec}: {len(view):,} rays, round {number + 1} of {repeats}"
                 seconds.setdefault(candidate.spec, []).append(warmed_pass(candidate, view, options.threads))
         for candidate in able:
-            candidate.scaling.append({"rays": len(view), "seconds": float(np.median(seconds[candidate.spec]))})
+            candidate.scaling.append(_view(len(view), seconds[candidate.spec]))
     whole = options.size[0] * options.size[1]
     for candidate in candidates:
         if candidate.scaling and len(candidate.timed["primary"]) == whole > candidate.scaling[-1]["rays"]:
-            candidate.scaling.append({"rays": whole, "seconds": float(np.median(candidate.seconds["primary"]))})
+            candidate.scaling.append(_view(whole, candidate.seconds["primary"]))
+
+
+def _view(count: int, seconds: Sequence[float]) -> dict[str, float]:
+    """Rays of a view, and the median of its seconds with its interval, where there is one."""
+    found = rows.spread(seconds)
+    return {"rays": count, "seconds": found["med"], **{key: found[key] for key in ("low", "high") if key in found}}
 
 
 def count(candidate: Candidate, some: RaySet, threads: int) -> dict[str, float]:
@@ -218,12 +224,15 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         found["cases"] = cases
     if len(some):
         rates = candidate.mrays(name)
-        found["mrays_s"] = {"min": float(rates.min()), "med": float(np.median(rates)), "max": float(rates.max())}
+        found["mrays_s"] = rows.spread(rates)
         found["rounds"] = [float(rate) for rate in rates]
         if anchor is not None:
             found["anchor_rounds"] = [float(rate) for rate in anchor.mrays(name)]
             if anchor.spec == yardstick.SPEC:
-                found["times_embree"] = float(np.median(rates / anchor.mrays(name)))
+                times = rates / anchor.mrays(name)
+                found["times_embree"] = float(np.median(times))
+                if (between := inference.interval(times)) is not None:
+                    found["times_embree_95"] = list(between)
     return found
 
 

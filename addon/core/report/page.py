@@ -13,7 +13,7 @@ from importlib import resources
 from typing import Any
 
 from ..base.notes import few
-from ..measure import ranking, yardstick
+from ..measure import inference, ranking, yardstick
 from ..measure.rows import Row, agrees, by_scene, set_names
 from . import costs, report, statistics, tables
 from .statistics import Column
@@ -31,9 +31,9 @@ Target = Callable[[Row, str], str]
 
 @dataclass(frozen=True)
 class Picture:
-    """A plot. svg: the element; caption: its content and how to read it. narrow: the same for a page as narrow as a
-    telephone; "" where the wide one scrolls instead. leads: whether a scene begins with it. other: the label of a
-    switch, and the element that it shows instead.
+    """A plot. svg: the element, "" where the caption says why there is none; caption: its content and how to read it.
+    narrow: the same for a page as narrow as a telephone; "" where the wide one scrolls instead. leads: whether a scene
+    begins with it. other: the label of a switch, and the element that it shows instead.
     """
 
     title: str
@@ -106,7 +106,7 @@ def _items(sentences: Sequence[str]) -> str:
 
 
 def _lead(rows: Sequence[Row], pictures: Sequence[Picture], told: str) -> Iterator[str]:
-    """The head of a scene: the answer, the scene, and the error of its pictures against time."""
+    """The head of a scene: the answer, errors of pictures and of answers against time, and the scene."""
     sentence = told or report.answer(rows)
     if sentence:
         yield f'<p class="answer">{safe(sentence)}</p>'
@@ -115,7 +115,7 @@ def _lead(rows: Sequence[Row], pictures: Sequence[Picture], told: str) -> Iterat
     if portrait is not None:
         scene = safe(rows[0]["scene"])
         image = f'<img alt="{scene}" src="data:image/png;base64,{portrait}">'
-        shown.insert(0, f"<figure class=portrait>{image}<figcaption>{scene}, by Halfspace</figcaption></figure>")
+        shown.append(f"<figure class=portrait>{image}<figcaption>{scene}, by Halfspace</figcaption></figure>")
     if shown:
         yield f'<div class="lead">{"".join(shown)}</div>'
 
@@ -128,7 +128,7 @@ def _inspector(address: str) -> str:
 
 def _figure(picture: Picture) -> str:
     """A plot with title and caption; one without a narrow form scrolls on a narrow page."""
-    drawn = f'<div class="wide plot">{picture.svg}</div>'
+    drawn = f'<div class="wide plot">{picture.svg}</div>' if picture.svg else ""
     if picture.narrow:
         drawn = f'<div class="broad">{picture.svg}</div><div class="narrow">{picture.narrow}</div>'
     if picture.other is not None:
@@ -170,7 +170,8 @@ def _facts(document: dict[str, Any]) -> str:
 
 
 NOTE = """Bold: the fastest structures without errors that noise does not separate. None is bold where a faster one is
-not; Embree is the yardstick and takes no part."""
+not; Embree is the yardstick and takes no part. ±: half the 95 % interval of a median (bootstrap over the rounds), in
+percent of it; a number without it has fewer than six rounds."""
 
 
 def _columns(sets: Sequence[str]) -> list[Column]:
@@ -180,7 +181,7 @@ def _columns(sets: Sequence[str]) -> list[Column]:
         Column("s", "build", "seconds, median; processor time on one thread, else wall-clock time", "build_s/med", 3),
         Column("MB", "memory", "nodes and leaves", "bytes", 1, 1e-6),
         Column("peak", "memory", "peak of a build in a process of its own, megabytes", "peak_bytes", 1, 1e-6),
-        Column("s", "image", image, "image_s/med", 2, of=report.image_total),
+        Column("s", "image", image, "image_s/med", 2, of=report.image_total, ends=report.image_interval),
     ]
     for name in sets:
         at, speed = f"rays/{name}", "million rays per second, median of the rounds"
@@ -225,6 +226,10 @@ def _cell(column: Column, row: Row, target: Target, *, is_best: bool) -> str:
     if value is None:
         return "<td>–</td>"
     text = f'<a href="{target(row, column.at)}">{column.text(value)}</a>'
+    if (ends := column.interval(row)) is not None:
+        low, high = map(column.text, ends)
+        share = 100 * inference.half_width(*ends)
+        text += f' <small title="95 %: {low} to {high}">±{share:.{0 if share >= 1 else 1}f} %</small>'
     return f'<td data-value="{value:.9g}"{" class=best" * is_best}>{text}</td>'
 
 

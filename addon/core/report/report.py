@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..base.notes import NAMES_IN_A_SENTENCE, few
-from ..measure import counting, curve, ranking, yardstick
+from ..measure import counting, curve, inference, ranking, yardstick
 from ..measure.rows import Row, agrees, building, by_scene, eager, is_lazy, set_names
 from . import tables
 
@@ -99,10 +100,12 @@ def _about_quantity(rows: Sequence[Row], name: str) -> Iterator[str]:
     known = ranking.part(found.best, name)
     assert known is not None, "it was ranked"
     seconds = 1.0 / np.array(known["rounds"], np.float64)
-    median, low, high = (seconds_text(float(of(seconds))) for of in (np.median, np.min, np.max))
-    took = f"{median} (build {seconds_text(building(found.best))}; {low} to {high} over {found.rounds} rounds)"
+    ends = inference.interval(seconds)
+    between = f"{' to '.join(map(seconds_text, ends))} with 95 % confidence, " if ends else ""
+    took = f"{seconds_text(float(np.median(seconds)))} (build {seconds_text(building(found.best))}; {between}"
+    took += f"{found.rounds} rounds)"
     if not found.ranked:
-        yield f"{best} has the best median for {what}, {took}: fewer than {ranking.LEAST_ROUNDS} rounds rank nothing."
+        yield f"{best} has the best median for {what}, {took}: fewer than {inference.LEAST_ROUNDS} rounds rank nothing."
         return
     text = f"{best} is the quickest for {what}: {took}"
     if found.equal:
@@ -111,7 +114,7 @@ def _about_quantity(rows: Sequence[Row], name: str) -> Iterator[str]:
             f"median, and a noise of {100 * found.noise:.1f} %"
         )
     if found.second is not None:
-        times = f"{found.times:.2f} times as long ({found.low:.2f} to {found.high:.2f})"
+        times = f"{found.times:.2f} times as long (95 %: {found.low:.2f} to {found.high:.2f})"
         text += f"; the next, {found.second['spec']}, takes {times}"
     yield text + "."
 
@@ -204,9 +207,15 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
         f"{seconds_text(slowest)}."
     )
     yield from about_sweeps(drawn)
-    points = max((row["curve"] for row in drawn), key=len)
+    points = max((pictures_of(row) for row in drawn), key=len)
     alone = drawn[0].get("independent") or []
     yield from about_slopes(points, alone)
+
+
+def pictures_of(row: Row) -> list[dict[str, Any]]:
+    """The errors of the pictures of each sample count, also of those that a structure had no time for."""
+    known = row.get("converged")
+    return known["points"] if known else row["curve"]
 
 
 def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -259,6 +268,17 @@ def image_total(row: Row) -> float | None:
     return building(row) + float(seconds["med"])
 
 
+def image_interval(row: Row) -> tuple[float, float] | None:
+    """95 % interval of the same, from those of build and picture, or None without one of them."""
+    seconds, build = row.get("image_s"), row["first_s"] if is_lazy(row["spec"]) and row["first_s"] else row["build_s"]
+    if not seconds or not build or "low" not in seconds or "low" not in build:
+        return None
+    # Their errors are independent, so that half widths add up as squares.
+    half = math.hypot(*((one["high"] - one["low"]) / 2 for one in (seconds, build)))
+    middle = sum(float(one["high"] + one["low"]) / 2 for one in (seconds, build))
+    return middle - half, middle + half
+
+
 @dataclass(frozen=True)
 class Worth:
     """The best of `among` trees with oblique planes, against `kd`. verdict: faster, slower, or "" within noise."""
@@ -307,7 +327,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
         assert found.second is not None
         text = (
             f"{best} is the fastest, {found.times:.2f} times {found.second['spec']} "
-            f"({found.low:.2f} to {found.high:.2f} over the rounds; {noise})"
+            f"(95 %: {found.low:.2f} to {found.high:.2f}; {noise})"
         )
     return f"{text}{_because(found, name)}."
 

@@ -21,6 +21,7 @@ class Column:
     links to it.
 
     digits: after the point. scale: factor of the number, unit: what follows it. of: the number, if it is another one.
+    ends: its 95 % interval; None for that next to a median.
     """
 
     title: str
@@ -31,19 +32,37 @@ class Column:
     scale: float = 1.0
     unit: str = ""
     of: Callable[[Row], Value] | None = None
+    ends: Callable[[Row], tuple[float, float] | None] | None = None
 
     def value(self, row: Row) -> Value:
         """The number of a row; None if it was not measured."""
         if self.of is not None:
             return self.of(row)
-        found: Any = row
-        for key in self.at.split("/"):
-            found = found.get(key) if isinstance(found, Mapping) else None
+        found = _at(row, self.at)
         return None if found is None else self.scale * found
+
+    def interval(self, row: Row) -> tuple[float, float] | None:
+        """The 95 % interval of the number of a row, if it has one."""
+        if self.ends is not None:
+            return self.ends(row)
+        place, _, last = self.at.rpartition("/")
+        beside = _at(row, place) if last == "med" else None
+        if beside and "low" in beside:
+            return self.scale * beside["low"], self.scale * beside["high"]
+        found = _at(row, f"{self.at}_95")
+        return (found[0], found[1]) if found else None
 
     def text(self, value: Value) -> str:
         """A number of the column as text."""
         return "–" if value is None else f"{value:,.{self.digits}f}".replace(",", "\u202f") + self.unit
+
+
+def _at(row: Row, path: str) -> Any:
+    """The value at a path within a row; None if any part is missing."""
+    found: Any = row
+    for key in path.split("/"):
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return found
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,13 @@ like: no mark and no sentence compares rows of two tables. Every time is next to
 
 from __future__ import annotations
 
+import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from ..base.notes import few
-from ..measure import ranking, yardstick
+from ..measure import inference, ranking, yardstick
 from ..measure.rows import Row, agrees, by_scene, set_names
 from ..structures import specs
 
@@ -84,7 +86,7 @@ def measured(scene: str, rows: Sequence[Row]) -> tuple[str, str, str]:
     layout = "".join(f", {found}" for found in dict.fromkeys(row["layout"] for row in rows if row.get("layout")))
     return (
         f"{scene}: {count:,} {'triangle' if count == 1 else 'triangles'}{layout}, {threads}. Build in seconds,",
-        "memory in MB, median speeds in million rays per second.",
+        "memory in MB, median speeds in million rays per second, ± half their 95 % interval.",
         f"Errors against {reference} on {checked:,} rays each",
     )
 
@@ -163,11 +165,28 @@ def cells(row: Row, sets: Sequence[str]) -> list[str]:
         row["label"],
         row["nodes"] or DASH,
         rays_text(row),
-        DASH if not build else f"{build['med']:.3f}",
+        DASH if not build else f"{build['med']:.3f}{plus_minus(build)}",
         DASH if size is None else f"{size / 1e6:.1f}",
-        *(DASH if (speed := _speed(row, name)) is None else f"{speed:.3f}" for name in sets),
+        *(_speed_text(row, name) for name in sets),
         *(DASH if errors is None else str(errors[key]) for key in ERRORS),
     ]
+
+
+def _speed_text(row: Row, name: str) -> str:
+    """Median speed of a set in three digits, with its interval."""
+    speed = _speed(row, name)
+    if speed is None:
+        return DASH
+    digits = max(0, 2 - math.floor(math.log10(speed))) if speed > 0 else 2
+    return f"{speed:.{min(digits, 3)}f}{plus_minus(row['rays'][name]['mrays_s'])}"
+
+
+def plus_minus(found: Mapping[str, Any]) -> str:
+    """Half the 95 % interval of a median in percent of it; "" where too few rounds give none."""
+    if "low" not in found:
+        return ""
+    share = 100 * inference.half_width(found["low"], found["high"])
+    return f"±{share:.0f}%" if share >= 1 else f"±{share:.1f}%"
 
 
 def rays_text(row: Row) -> str:
@@ -204,7 +223,7 @@ def rankings(rows: Sequence[Row], sets: Sequence[str]) -> tuple[dict[str, rankin
         return found, ""
     least = min(one.rounds for one in unsure.values())
     best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
-    return found, f"Best medians: {best}. {least} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)."
+    return found, f"Best medians: {best}. {least} rounds rank nothing; it takes {inference.LEAST_ROUNDS} (--repeats)."
 
 
 def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
@@ -216,7 +235,7 @@ def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
             yield f"{best}; equal within noise: {few([row['spec'] for row in one.equal])}"
         elif one.ranked:
             assert one.second is not None, "two rows are ranked"
-            yield f"{best}, {one.times:.2f} times {one.second['spec']}"
+            yield f"{best}, {one.times:.2f} times {one.second['spec']} (95 %: {one.low:.2f} to {one.high:.2f})"
     if unsure:
         yield unsure
 

@@ -93,10 +93,17 @@ class Peer(Protocol):
     name: str
 
     def render(
-        self, size: tuple[int, int], samples: int, seed: int, max_bounces: int, limits: Mapping[str, float]
+        self,
+        size: tuple[int, int],
+        samples: int,
+        seed: int,
+        max_bounces: int,
+        limits: Mapping[str, float],
+        threads: int,
     ) -> tuple[F32, float]:
         """(height, width, 3) float32 linear RGB, rows from the bottom, and the seconds of the whole render: reading the
-        scene, building and tracing. limits: `clamp_direct` and `clamp_indirect`, as in Cycles.
+        scene, building and tracing; processor time on one thread. limits: `clamp_direct` and `clamp_indirect`, as in
+        Cycles. Raises RuntimeError, OSError.
         """
         ...
 

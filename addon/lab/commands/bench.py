@@ -14,13 +14,14 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.base import command, native
+from ...core.base import command, interrupt, native
 from ...core.base.native import first_line
-from ...core.measure import benchmark, curve, offsets, preparation, ranking, two_level, yardstick
+from ...core.measure import benchmark, curve, inference, offsets, preparation, two_level, yardstick
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
 from ...core.scene import ray_files, rays, workload
@@ -43,13 +44,13 @@ ROOT = Path(__file__).resolve().parents[3]
 SECONDS = 45.0
 """Seconds of all timed passes of a scene. A run over all structures takes six minutes for 70,000 triangles (Zen 3)."""
 
-CURVE = "1,4,16"
-"""Samples per pixel of the pictures."""
+CURVE = "1,2,4,8,16,32,64,128,256"
+"""Samples per pixel of the pictures, of which those are rendered that fit into their time."""
 
 MANY = 16
 """Largest number of configurations that are measured with all effort."""
 
-REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
+REPEATS, FEWER = benchmark.Options.repeats, inference.LEAST_ROUNDS
 """Timed repeats, and those of many configurations: as few as can be ranked."""
 
 CHECK_TESTS = 10_000_000_000
@@ -113,6 +114,13 @@ def parser() -> argparse.ArgumentParser:
         default=CURVE,
         metavar="SPP,...",
         help=f"also render with these samples per pixel, and report each error; none: no pictures (default: {CURVE})",
+    )
+    add(
+        "--picture-seconds",
+        type=float,
+        default=curve.SECONDS,
+        metavar="SECONDS",
+        help=f"for these pictures of a scene, about; more samples than fit are left out (default: {curve.SECONDS:g})",
     )
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="reference of the answers")
     add(
@@ -192,6 +200,9 @@ def run(asked: argparse.Namespace) -> int:
     loaders = [
         scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED, options.layout) for scene in chosen_scenes
     ]
+    # Scenes that are sent to the workers of a cluster take no Blender along.
+    if options.curve and asked.cluster is None:
+        loaders = list(map(beside_cycles, loaders))
     if asked.out is not None:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
@@ -234,6 +245,21 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines) | pages.links(), published, formats)
     return status(rows)
+
+
+def beside_cycles(load: Callable[[], workload.Workload]) -> Callable[[], workload.Workload]:
+    """A function that loads the same scene with Cycles as its other renderer, where Blender has it."""
+
+    def loaded() -> workload.Workload:
+        found = load()
+        try:
+            with interrupt.guarded():
+                from ..pictures.cycles import Cycles
+        except ImportError as error:
+            return replace(found, notes=(*found.notes, f"Cycles' pictures are left out: {first_line(error)}"))
+        return replace(found, peer=Cycles(found if found.render_scene is None else None))
+
+    return loaded
 
 
 def foreign(asked: argparse.Namespace) -> list[str]:
@@ -447,8 +473,9 @@ def read_options(
         raise UsageError(f"--reference embree: {reason}")
     if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
         raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
-    if not 0 < asked.seconds < float("inf"):
-        raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
+    for name in ("seconds", "picture_seconds"):
+        if not 0 < getattr(asked, name) < float("inf"):
+            raise UsageError(f"--{name.replace('_', '-')}: expected more than 0, got {getattr(asked, name):g}")
     samples = [] if asked.curve in ("none", None if shown else CURVE) else specs.numbers(asked.curve, "--curve")
     if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
         raise UsageError(f"--curve: expected numbers of samples up to {curve.MOST_SAMPLES}, got {asked.curve!r}")
@@ -465,10 +492,11 @@ def read_options(
         check_tests=CHECK_TESTS if asked.check_rays is None else None,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
+        picture_seconds=asked.picture_seconds,
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
         offsets=offsets.OFFSETS if flat and not asked.only_rays else (),
         scaling=not asked.only_rays and not brief,
-        tradeoff=flat and not asked.only_rays and not brief,
+        tradeoff=flat and shown and not asked.only_rays,
         peak=flat and shown and not asked.only_rays,
         maps=flat and shown and not asked.only_rays,
         shapes=shown,

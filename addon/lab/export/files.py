@@ -62,6 +62,7 @@ SPECIAL = {
     "⊥": r"$\perp$",
     "β": r"$\beta$",
     "²": r"$^2$",
+    "±": r"$\pm$",
     "⁵": r"$^5$",
     "\u00a0": "~",
     "\u202f": r"\,",
@@ -126,7 +127,7 @@ def _figures(
     scene: str, figures: Sequence[plots.Figure], wanted: set[str], found: dict[Path, str | bytes]
 ) -> Iterator[str]:
     """Add the figures of a scene to `found`. Yields the lines of the overview."""
-    for figure in figures:
+    for figure in (one for one in figures if one.draw is not None):
         name, caption = f"{scene}-{figure.about.name}", escape(figure.caption)
         if "pdf" in wanted:
             found |= _drawn(figure, f"{name}.pdf", metadata={"CreationDate": None, "Title": figure.caption})
@@ -141,6 +142,7 @@ def _figures(
 
 def _drawn(figure: plots.Figure, name: str, **given: Any) -> dict[Path, str | bytes]:
     """The file of a figure; with PGF also the pictures in it."""
+    assert figure.draw is not None, "there is something to draw"
     with tempfile.TemporaryDirectory() as folder:
         plots.save(figure.draw, (WIDTH, figure.height), Path(folder, name), STYLE, **given)
         return {Path(FOLDER, path.name): path.read_bytes() for path in sorted(Path(folder).iterdir())}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.measure import costmap, yardstick
+from ...core.measure import costmap, inference, yardstick
 from ...core.measure.offsets import is_unguarded
 from ...core.measure.rows import Row, agrees
 from ...core.report.costs import PARTS, Fit
@@ -18,20 +18,23 @@ from .thesis import Line, Published
 SPEEDS = About(
     "speed",
     "Speed",
-    "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
-    "summed time, Embree in grey; a cross marks answers that differ from the reference.",
+    "Speed of each ray set: median, and its 95 % interval over the rounds (bootstrap), thin from the slowest to the "
+    "fastest round. Structures are in the order of their summed time, Embree in grey; a cross marks answers that "
+    "differ from the reference.",
 )
 BUILD = About(
     "build-trace",
     "Build against tracing",
     "Build against tracing, both in seconds. Along a grey line the sum of both is the same; the black line joins the "
-    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down.",
+    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down. "
+    "Crosses: 95 % intervals.",
 )
 SCALING = About(
     "number-of-rays",
     "Time against the number of rays",
     "Time of a primary ray against their number: the same view in more and more pixels. A falling line gains from rays "
-    "that lie closer together. A structure that is too slow for a view has no point there.",
+    "that lie closer together. A structure that is too slow for a view has no point there. Bands: 95 % intervals of "
+    "the medians.",
 )
 K_SWEEP = About(
     "directions",
@@ -83,7 +86,9 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
             if speed:
                 wrong = row["spec"] != yardstick.SPEC and not agrees(row)
                 colour = WRONG if wrong else GREY if row["spec"] == "embree" else COLOURS[0]
-                axes.plot([speed["min"], speed["max"]], [place, place], "-", color=colour, linewidth=2, alpha=0.5)
+                axes.plot([speed["min"], speed["max"]], [place, place], "-", color=colour, linewidth=0.8, alpha=0.5)
+                if "low" in speed:
+                    axes.plot([speed["low"], speed["high"]], [place, place], "-", color=colour, linewidth=3, alpha=0.5)
                 axes.plot(speed["med"], place, "X" if wrong else "o", color=colour, markersize=4.5)
         axes.set_xscale("log")
         axes.set_title(name)
@@ -107,6 +112,12 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], marks: dict[str, Mar
     for spec, build, tracing in points:
         line = marks[spec].line() | {"linestyle": "none", "markersize": marks[spec].size + 1.5}
         axes.plot(max(build, 1e-5), tracing, **line)
+    for row in rows:
+        low_high, mark = _intervals(row), marks[row["spec"]]
+        if low_high is not None and mark.is_chosen:
+            (left, right), (below, above) = low_high
+            axes.plot([left, right], [tracing_seconds(row)] * 2, "-", color=mark.colour, linewidth=1)
+            axes.plot([max(row["build_s"]["med"], 1e-5)] * 2, [below, above], "-", color=mark.colour, linewidth=1)
     logarithmic(axes)
     # Draw the Pareto front of build against tracing.
     low, high = axes.get_xlim(), axes.get_ylim()
@@ -131,6 +142,15 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], marks: dict[str, Mar
     legend(figure, axes, others=unnamed(rows, marks))
 
 
+def _intervals(row: Row) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """95 % intervals of the build and of tracing one million rays of each set; None where one has too few rounds."""
+    build, timed = row["build_s"], [one["rounds"] for one in row["rays"].values() if one["rounds"]]
+    if "low" not in build or len(set(map(len, timed))) != 1:
+        return None
+    tracing = inference.interval(sum(1.0 / np.array(rounds) for rounds in timed))
+    return None if tracing is None else ((build["low"], build["high"]), tracing)
+
+
 def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """The points that no other point beats in both coordinates, from left to right."""
     front: list[tuple[float, float]] = []
@@ -146,6 +166,12 @@ def time_against_rays(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) 
     for row in ordered(rows, marks):
         counts = [point["rays"] for point in row["scaling"]]
         nanoseconds = [1e9 * point["seconds"] / point["rays"] for point in row["scaling"]]
+        band = [point for point in row["scaling"] if "low" in point]
+        if band and marks[row["spec"]].is_chosen:
+            ends = [[1e9 * point[key] / point["rays"] for point in band] for key in ("low", "high")]
+            axes.fill_between(
+                [point["rays"] for point in band], *ends, color=marks[row["spec"]].colour, alpha=0.15, linewidth=0
+            )
         axes.plot(counts, nanoseconds, **marks[row["spec"]].line())
     logarithmic(axes)
     axes.set_xlabel("primary rays of one view")
@@ -292,6 +318,6 @@ def plain_numbers(axis: Any, *, narrow: bool = False) -> None:
     plain = FuncFormatter(lambda value, _: _plain(value))
     axis.set_major_formatter(plain)
     low, high = axis.get_view_interval()
-    labelled = high < 30 * low
-    axis.set_minor_locator(LogLocator(subs=(2, 3, 5) if labelled and not narrow else (2, 5)))
+    labelled = high < 100 * low
+    axis.set_minor_locator(LogLocator(subs=(2, 3, 5) if high < 30 * low and not narrow else (2, 5)))
     axis.set_minor_formatter(plain if labelled else NullFormatter())

@@ -14,7 +14,7 @@ from typing import IO, Any, Literal
 from ...core.base.native import first_line
 from ...core.base.notes import few
 from ...core.measure import counting, ranking, yardstick
-from ...core.measure.analysis import field
+from ...core.measure.analysis import field, tradeoff
 from ...core.measure.rows import Row, agrees, set_names
 from ...core.report import costs
 from ...core.report.page import Picture
@@ -53,15 +53,17 @@ FAR = 30.0
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure that is not drawn yet. height: inches. draw: called with a figure of matplotlib. other: label of a
-    switch, and the drawing that it shows instead.
+    """A figure that is not drawn yet. height: inches. draw: called with a figure of matplotlib; None where there is
+    nothing to draw, which the caption explains. narrow_height: inches on a narrow page. other: label of a switch, and
+    the drawing that it shows instead.
     """
 
     about: About
     height: float
-    draw: Callable[[Any], None]
+    draw: Callable[[Any], None] | None
     remark: str = ""
     other: tuple[str, Callable[[Any], None]] | None = None
+    narrow_height: float = 0.0
 
     @property
     def caption(self) -> str:
@@ -71,7 +73,7 @@ class Figure:
     @property
     def leads(self) -> bool:
         """Whether a report begins with it."""
-        return self.about.name == picture_charts.FIRST
+        return self.about.name in (picture_charts.FIRST, tradeoff_charts.FIRST)
 
 
 @cache
@@ -92,8 +94,8 @@ def pictures(rows: Sequence[Row], published: thesis.Published | None = None) -> 
     """The figures of one scene's rows as SVG."""
     found = []
     for one in scene_figures(rows, published):
-        wide = svg(one.draw, one.height, LEAD if one.leads else WIDTH)
-        narrow = svg(one.draw, one.height, NARROW) if one.leads else ""
+        wide = svg(one.draw, one.height, LEAD if one.leads else WIDTH) if one.draw else ""
+        narrow = svg(one.draw, one.narrow_height or one.height, NARROW) if one.draw and one.leads else ""
         other = None if one.other is None else (one.other[0], svg(one.other[1], one.height, salt=" other"))
         found.append(Picture(one.about.title, wide, one.caption, narrow, one.leads, other))
     return found
@@ -126,14 +128,15 @@ def scene_figures(rows: Sequence[Row], published: thesis.Published | None = None
     def add(about: About, height: float, draw: Callable[..., None], remark: str = "", **given: Any) -> None:
         found.append(Figure(about, height, partial(draw, **given), remark))
 
-    # Add the figures that have data, in the order of the page.
+    # Add the figures that have data, in the order of the page; the first two are on each.
+    found.append(_pictures(curves, marks))
+    found.append(_wrong(everything, measured, marks))
     if curves:
-        add(picture_charts.about(curves), 4.4, picture_charts.error_against_time, rows=curves, marks=marks)
         add(picture_charts.OTHERS, 3.6, picture_charts.other_errors, rows=curves, marks=marks)
-    for kind, about in tradeoff_charts.KINDS.items():
-        if tradeoff_charts.panels_of(measured, kind):
-            height = tradeoff_charts.height(measured, kind)
-            add(about, height, tradeoff_charts.draw, rows=measured, marks=marks, kind=kind)
+    if tradeoff_charts.panels_of(measured, "ulp"):
+        height = tradeoff_charts.height(measured, "ulp")
+        about = tradeoff_charts.KINDS["ulp"]
+        add(about, height, tradeoff_charts.draw, rows=measured, marks=marks, kind="ulp")
     add(charts.SPEEDS, 1.1 + 0.22 * len(close), charts.speeds, remark, rows=close)
     if len(right) > 1:
         add(charts.BUILD, 5.2, charts.build_against_tracing, remark, rows=right, marks=marks)
@@ -156,6 +159,34 @@ def scene_figures(rows: Sequence[Row], published: thesis.Published | None = None
         note = f" Left out, as their rays are {counting.ONE_BY_ONE}: {few(excluded)}." if excluded else ""
         add(charts.COSTS, charts.costs_height(fitted), charts.fitted_costs, note + remark, fits=fitted)
     return found
+
+
+def _pictures(rows: Sequence[Row], marks: dict[str, Mark]) -> Figure:
+    """The first figure of a report, or why it is missing."""
+    if not rows:
+        reason = "Left out: no pictures were rendered (--curve none, or a structure too slow for the smallest number)."
+        return Figure(About(picture_charts.FIRST, "Error of pictures against run time", reason), 0.0, None)
+    draw = partial(picture_charts.error_against_time, rows=rows, marks=marks)
+    return Figure(picture_charts.about(rows), 4.0, draw, narrow_height=6.4)
+
+
+def _wrong(everything: Sequence[Row], rows: Sequence[Row], marks: dict[str, Mark]) -> Figure:
+    """The second figure of a report. Ray sets without wrong answers are a sentence below it."""
+    about = tradeoff_charts.KINDS["wrong"]
+    counted = [row for row in rows if row.get("tradeoff")]
+    if not counted:
+        reason = "Left out: not measured with --only-rays, nor in two levels."
+        return Figure(About(about.name, about.title, reason), 0.0, None)
+    remark = f" {tradeoff_charts.without_errors(counted)}".rstrip()
+    if not any(point["place"] == tradeoff.FAR for row in counted for point in row["tradeoff"]):
+        remark += " Left out: the scene far away, with more than 16 configurations."
+    if missing := len(everything) - len(counted):
+        remark += f" Left out: {missing} configurations, of each tree all but the usually quickest."
+    if not tradeoff_charts.panels_of(counted, "wrong"):
+        return Figure(About(about.name, about.title, ""), 0.0, None, remark.strip())
+    draw = partial(tradeoff_charts.draw, rows=counted, marks=marks, kind="wrong")
+    wide, narrow = (tradeoff_charts.height(counted, "wrong", width) for width in (LEAD, NARROW))
+    return Figure(about, wide, draw, remark, narrow)
 
 
 def _of_field(rows: Sequence[Row]) -> Iterator[Figure]:

@@ -15,17 +15,22 @@ from .marks import GREY, INK, PALE, About, Mark, legend
 
 Kind = Literal["wrong", "ulp"]
 
+FIRST = "wrong-time"
+
 PLACES = {HERE: "in place", FAR: "100,000 sizes away", GRID: "touching boxes"}
+
+NARROW = 5.0
+"""Inches below which there is one panel per line, not two."""
 
 KINDS: dict[Kind, About] = {
     "wrong": About(
-        "wrong-time",
+        FIRST,
         "Wrong answers against the time of a ray",
         "Wrong answers against the time of a ray: hits missed, invented, or on a triangle at another distance. Full"
         " marks keep their error bounds, hollow ones do without (robust=none; Embree's default mode). The lowest "
         "row is none at all; above the dotted line an error rate would have been seen with 95 % confidence. Ringed:"
         " no other is both faster and righter. Far away positions keep seven bits, and bounds as wide as that let "
-        "many triangles through to the exact test.",
+        "many triangles through to the exact test. Bars: 95 % intervals of the median time.",
     ),
     "ulp": About(
         "ulp-time",
@@ -39,11 +44,13 @@ KINDS: dict[Kind, About] = {
 
 
 class Dot(NamedTuple):
-    """A point of a panel. value, high: 0 in the row of zeros."""
+    """A point of a panel. value, high: 0 in the row of zeros. fast, slow: 95 % interval of its time, or the time."""
 
     spec: str
     bounds: bool
     ns: float
+    fast: float
+    slow: float
     value: float
     high: float
 
@@ -61,41 +68,79 @@ def dots(rows: Sequence[Row], place: str, name: str, kind: Kind) -> list[Dot]:
                 continue
             else:
                 value, high = float(point["ulp_p999"]), float(point["ulp_max"])
-            found.append(Dot(row["spec"], point["bounds"], point["ns"]["med"], value, high))
+            ns = point["ns"]
+            between = ns.get("low", ns["med"]), ns.get("high", ns["med"])
+            found.append(Dot(row["spec"], point["bounds"], ns["med"], *between, value, high))
     return found
 
 
 def panels_of(rows: Sequence[Row], kind: Kind) -> list[tuple[str, str]]:
-    """The scenes and ray sets with points, in the order of the plot: one row of panels per scene."""
+    """The scenes and ray sets that are drawn: those with points, for wrong answers those with any."""
+    found = _measured(rows, kind)
+    return [pair for pair in found if kind != "wrong" or any(dot.value for dot in dots(rows, *pair, kind))]
+
+
+def without_errors(rows: Sequence[Row]) -> str:
+    """The scenes and ray sets on which no answer was wrong, in a sentence; "" without any."""
+    drawn = panels_of(rows, "wrong")
+    right: dict[str, list[str]] = {}
+    for place, name in _measured(rows, "wrong"):
+        if (place, name) not in drawn:
+            right.setdefault(place, []).append(name)
+    counted = [point for row in rows for point in row.get("tradeoff") or () if point["rays"]]
+    told = []
+    for place, names in right.items():
+        own = [point for point in counted if point["place"] == place and point["set"] in names]
+        tracers = len({(row["spec"], point["bounds"]) for row in rows for point in row.get("tradeoff") or ()})
+        fewest = min(point["rays"] for point in own)
+        times = [point["ns"]["med"] for point in own if point["ns"]]
+        told.append(
+            f"No wrong answer {PLACES[place]}, {', '.join(names)}: {tracers} tracers, at least {fewest:,} rays each, "
+            f"{min(times):.0f} to {max(times):.0f} ns a ray."
+        )
+    return " ".join(told)
+
+
+def _measured(rows: Sequence[Row], kind: Kind) -> list[tuple[str, str]]:
+    """The scenes and ray sets with points, scene by scene."""
     known = dict.fromkeys((point["place"], point["set"]) for row in rows for point in row.get("tradeoff") or ())
     return [pair for pair in sorted(known, key=lambda pair: list(PLACES).index(pair[0])) if dots(rows, *pair, kind)]
 
 
-def height(rows: Sequence[Row], kind: Kind) -> float:
-    """Height of the figure in inches."""
-    return 2.35 * len({place for place, _ in panels_of(rows, kind)}) + 0.75
+def height(rows: Sequence[Row], kind: Kind, width: float = 2 * NARROW) -> float:
+    """Height of a figure of this width in inches."""
+    return 2.35 * -(-len(panels_of(rows, kind)) // _columns(rows, kind, width)) + 0.75
+
+
+def _columns(rows: Sequence[Row], kind: Kind, width: float) -> int:
+    """Number of panels in a line."""
+    pairs = panels_of(rows, kind)
+    if kind == "wrong":
+        return 1 if width < NARROW else min(2, max(len(pairs), 1))
+    places = [place for place, _ in pairs]
+    return max(map(places.count, places), default=1)
 
 
 def draw(figure: Any, rows: Sequence[Row], marks: dict[str, Mark], kind: Kind) -> None:
     """One panel per scene and ray set."""
     pairs = panels_of(rows, kind)
-    places = list(dict.fromkeys(place for place, _ in pairs))
-    columns = max(sum(place == other for other, _ in pairs) for place in places)
-    outer = figure.add_gridspec(len(places), columns)
-    for line, place in enumerate(places):
-        for column, name in enumerate(name for other, name in pairs if other == place):
-            found = dots(rows, place, name, kind)
-            inner = outer[line, column].subgridspec(2, 1, height_ratios=(6, 1), hspace=0.06)
-            upper, lower = figure.add_subplot(inner[0]), figure.add_subplot(inner[1])
-            lower.sharex(upper)
-            _panel(upper, lower, found, marks)
-            upper.set_title(f"{name.capitalize()}, {PLACES[place]}" if columns > 1 else PLACES[place], fontsize=9)
-            if kind == "wrong":
-                _detectable(upper, lower, rows, place, name)
-            if column == 0:
-                upper.set_ylabel("wrong per million" if kind == "wrong" else "error of t, ulp")
-            if line == len(places) - 1 or place == GRID:
-                lower.set_xlabel("ns per ray")
+    columns = _columns(rows, kind, figure.get_size_inches()[0])
+    lines = -(-len(pairs) // columns)
+    outer = figure.add_gridspec(lines, columns)
+    for number, (place, name) in enumerate(pairs):
+        line, column = divmod(number, columns)
+        found = dots(rows, place, name, kind)
+        inner = outer[line, column].subgridspec(2, 1, height_ratios=(6, 1), hspace=0.06)
+        upper, lower = figure.add_subplot(inner[0]), figure.add_subplot(inner[1])
+        lower.sharex(upper)
+        _panel(upper, lower, found, marks)
+        upper.set_title(f"{name.capitalize()}, {PLACES[place]}", fontsize=9)
+        if kind == "wrong":
+            _detectable(upper, lower, rows, place, name)
+        if column == 0:
+            upper.set_ylabel("wrong per million" if kind == "wrong" else "error of t, ulp")
+        if number + columns >= len(pairs):
+            lower.set_xlabel("ns per ray")
     _legend(figure, rows, marks)
 
 
@@ -107,6 +152,8 @@ def _panel(upper: Any, lower: Any, found: Sequence[Dot], marks: dict[str, Mark])
         axes = upper if dot.value > 0 else lower
         style = mark.line() | {"label": None, "linestyle": "none", "clip_on": False}
         axes.plot(dot.ns, dot.value, **style, markerfacecolor=mark.colour if dot.bounds else "white")
+        if mark.is_chosen:
+            axes.plot([dot.fast, dot.slow], [dot.value] * 2, "-", color=mark.colour, linewidth=1, zorder=2)
         if dot.high > dot.value > 0:
             upper.plot([dot.ns, dot.ns], [dot.value, dot.high], "-", color=mark.colour, linewidth=0.7, zorder=1)
         if (dot.ns, dot.value) in best:

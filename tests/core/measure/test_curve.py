@@ -69,7 +69,7 @@ def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(mon
     pictures.converge(tree)
     assert pictures.converged is not None
     facts = pictures.converged
-    assert (facts["samples"], facts["limits"]) == (256, curve.LIMITS)
+    assert (facts["samples"], facts["limits"]) == (64, curve.LIMITS)
     assert 0.0 < facts["rmse"] < pictures.independent[-1]["rmse"]
     assert 0.0 < facts["removed"] < 1.0
     assert curve.is_right(curve.slope(pictures.independent))
@@ -92,14 +92,16 @@ def test_another_renderer_is_compared_with_the_same_reference(monkeypatch: pytes
 
         def render(self, size: tuple[int, int], samples: int, *rest: Any) -> tuple[Any, float]:
             asked.append((size, samples, *rest))
-            return np.full((size[1], size[0], 3), 0.5, np.float32), 2.0
+            return np.full((size[1], size[0], 3), 0.5 + 0.1 * 2**0.5 * (len(asked) % 2), np.float32), 2.0
 
     options = Options(size=(16, 8), repeats=1, check_rays=64, curve=(1, 2))
     (row,) = benchmark.measure(halfspace_native, replace(small, peer=Grey()), ["kd"], options, lambda _: None)
-    assert [(one[0], one[1]) for one in asked] == [((16, 8), 1), ((16, 8), 2)]
-    assert asked[0][-1] == curve.LIMITS
+    assert [(one[0], one[1]) for one in asked] == [((16, 8), 1)] * 2 + [((16, 8), 2)] * 2
+    assert asked[0][-2:] == (curve.LIMITS, 1)
     assert [(point["spp"], point["seconds"]) for point in row["peer"]] == [(1, 2.0), (2, 2.0)]
-    assert row["peer"][0]["rmse"] == row["peer"][1]["rmse"] > 0
+    # Its error is that about its own mean, and the difference of the means stands apart.
+    assert [point["rmse"] for point in row["peer"]] == [pytest.approx(0.1), pytest.approx(0.1)]
+    assert row["converged"]["peer"] > 0.1
     assert row["portrait"].startswith("iVBORw0KGgo")
 
 
@@ -175,7 +177,8 @@ def test_a_picture_that_takes_long_is_timed_once(monkeypatch: pytest.MonkeyPatch
     assert row["image_s"]["min"] == row["image_s"]["max"] > 0
 
 
-def test_independent_samples_converge_with_the_root() -> None:
+def test_independent_samples_converge_with_the_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 64)
     scene = outside()
     pictures = curve.Curve(halfspace_native, scene, (64, 64), (1, 2, 4, 8, 16, 32), 1)
     pictures.converge(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
@@ -195,6 +198,25 @@ def test_a_few_bright_pixels_do_not_tilt_the_line_and_a_wrong_reference_does() -
     assert curve.judged(right).endswith("holds")
     assert not curve.is_right(wrong)
     assert curve.judged(wrong).endswith("does not hold")
+
+
+def test_errors_are_expectations_without_the_noise_of_the_reference() -> None:
+    rng = np.random.default_rng(6)
+    halves = [rng.normal(1.0, 0.2, (40_000, 3)).astype(np.float32) for _ in range(2)]
+    pictures = [rng.normal(1.0, 0.1, (40_000, 3)).astype(np.float32) for _ in range(4)]
+    found = curve.expected([curve.squared_errors(one, halves[0], halves[1]) for one in pictures])
+    assert found["rmse"] == pytest.approx(0.1, rel=0.02)
+    assert found["rmse_95"][0] < 0.1 < found["rmse_95"][1] < 0.105
+    # Against their mean, as usual, half of its own noise would be in it.
+    mean = np.mean(halves, axis=0, dtype=np.float64).astype(np.float32)
+    assert curve.errors(pictures[0], mean)["rmse"] == pytest.approx((0.1**2 + 0.2**2 / 2) ** 0.5, rel=0.02)
+
+
+def test_pictures_that_do_not_fit_into_the_time_are_left_out() -> None:
+    # Four pictures of each count and four times the samples of the largest.
+    assert curve.fitting((1, 2, 4, 8), 1.0, 44.0) == (1, 2, 4)
+    assert curve.fitting((1, 2, 4, 8), 1.0, 43.0) == (1, 2)
+    assert curve.fitting((4, 8), 1.0, 0.1) == (4,)
 
 
 def test_the_slope_is_that_of_the_logarithms() -> None:

@@ -48,8 +48,8 @@ def test_the_page_begins_with_answer_picture_and_the_plot_that_leads() -> None:
     order = [
         "<hr>",
         '<p class="answer">a is the quickest',
-        'src="data:image/png;base64,iVBORw0KGgo="',
         "<h3>Error</h3>",
+        'src="data:image/png;base64,iVBORw0KGgo="',
         '<ul class="findings">',
         "<h3>Speed</h3>",
         "<br>",

@@ -36,8 +36,8 @@ def rows_of(*seconds: float) -> list[dict[str, Any]]:
 def test_a_winner_is_named_with_its_rounds_and_the_next() -> None:
     assert answer(rows_of(5.0, 10.0)) == (
         "s0 is the quickest for the build and one picture of 1024 × 1024 pixels with 16 samples: 5.2 s (build 200 ms; "
-        "5.15 s to 5.25 s over 7 rounds); the next, s1, takes 1.96 times as long (1.96 to 1.96). "
-        "Up to 100 answers of each were compared: all are right."
+        "5.15 s to 5.25 s with 95 % confidence, 7 rounds); the next, s1, takes 1.96 times as long (95 %: 1.96 to 1.96)."
+        " Up to 100 answers of each were compared: all are right."
     )
 
 

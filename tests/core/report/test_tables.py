@@ -48,11 +48,11 @@ def test_every_row_stands_in_the_table_of_its_like_and_each_table_has_its_own_wi
     titles, _, kd, bvh, winner = found["One ray at a time"]
     assert titles.split()[:3] == ["structure", "nodes", "rays"]
     assert (kd.split()[:3], bvh.split()[:3]) == (["kd", "planes", "dir"], ["bvh-sah", "boxes", "ordered"])
-    assert winner == "Fastest, primary: kd:traversal=dir, 2.00 times bvh-sah:traversal=ordered"
+    assert winner == "Fastest, primary: kd:traversal=dir, 2.00 times bvh-sah:traversal=ordered (95 %: 1.95 to 2.05)"
     _, _, kd, bvh, legend, winner = found["As fast as it goes"]
     assert (kd.split()[:3], bvh.split()[:3]) == (["kd", "planes", "tile+stream"], ["bvh-sah", "boxes", "tile+stream"])
     assert legend == "tile+stream: primary by tile; shadow by stream"
-    assert winner == "Fastest, primary: kd, 1.12 times bvh-sah"
+    assert winner == "Fastest, primary: kd, 1.12 times bvh-sah (95 %: 1.12 to 1.13)"
 
 
 def test_no_ranking_and_no_percentage_mixes_two_tables() -> None:

@@ -19,7 +19,7 @@ from ...base.arrays import F32, I32
 from ...scene import grid, rays
 from ...scene.rays import RaySet
 from ...scene.workload import Workload
-from .. import accuracy, timing, yardstick
+from .. import accuracy, inference, timing, yardstick
 from ..accuracy import Answers
 from ..offsets import is_unguarded, unguarded
 from ..rows import Spread, spread
@@ -44,11 +44,11 @@ CHECKED_FAR = 2048
 BOXES = 4
 """Boxes along each axis of the grid."""
 
-ROUNDS = 5
+ROUNDS = inference.LEAST_ROUNDS
 """Largest number of timed passes, after one that warms the caches. The variants of a configuration alternate."""
 
-PASSES_SECONDS = 0.1
-"""No round but the first begins after this time."""
+PASSES_SECONDS = 0.2
+"""No round but the first begins after this time; medians of fewer rounds have no interval."""
 
 BUILD_SECONDS = 1.0
 """Configurations that take longer to build are not built again: their variants are measured on the grid only."""
@@ -86,10 +86,13 @@ class Place:
 
 @dataclass(frozen=True)
 class Limits:
-    """threads: of builds and timed passes. memory: bytes that a build may use, None for the native module's limit."""
+    """threads: of builds and timed passes. memory: bytes that a build may use, None for the native module's limit.
+    brief: without the moved scene.
+    """
 
     threads: int
     memory: int | None = None
+    brief: bool = False
 
 
 class Tradeoff:
@@ -111,7 +114,8 @@ class Tradeoff:
             some.append(whole.take(kept))
             expected[name] = right.take(kept)
         self._places = [Place(HERE, workload.vertices, workload.triangles, tuple(some), expected)]
-        self._places.append(_far(native, workload, some, seed))
+        if not limits.brief:
+            self._places.append(_far(native, workload, some, seed))
         if workload.name != GRID:
             boxes = grid.workload(BOXES, CHECKED, seed)
             self._places.append(_place(native, GRID, boxes.vertices, boxes.triangles, boxes.extra))
