@@ -30,7 +30,7 @@ RUNS, BOUNCES, GAP = 3, 4, 6
 STRUCTURE = "bvh-sah"
 """The structure whose build is shortest; all give the same picture."""
 
-HEAD = "| scene | means % | largest square | limit | processor s, both |\n| --- | --- | ---: | ---: | --- |"
+HEAD = "| scene | means % | largest square | processor s, both |\n| --- | --- | ---: | --- |"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -112,7 +112,7 @@ def compare(name: str, scene: Any, size: tuple[int, int], samples: int, out: Pat
     verdict = comparison.judge(*both)
     means = " ".join(f"{100 * mean:+.2f}" for mean in verdict.means)
     seconds = " / ".join(f"{worked[engine]:.0f}" for engine in found)
-    return f"| {name} | {means} | {verdict.worst:.1f} | {verdict.limit:.1f} | {seconds} |"
+    return f"| {name} | {means} | {verdict.worst:.1f} | {seconds} |"
 
 
 if __name__ == "__main__":

@@ -6,7 +6,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.lab.pictures.comparison import ComparisonError, Runs, compare, judge, side_by_side, stack
+from addon.lab.pictures.comparison import (
+    ComparisonError,
+    Runs,
+    against,
+    bias,
+    compare,
+    judge,
+    noise_of,
+    side_by_side,
+    stack,
+)
 
 SHAPE = (4, 64, 96, 3)
 
@@ -90,14 +100,67 @@ def test_the_pictures_stand_side_by_side() -> None:
 def test_a_verdict_passes_equal_scenes_and_falls_for_a_planted_error() -> None:
     same = judge(Runs("a", noisy(6)), Runs("b", noisy(7)))
     assert same.same
-    assert same.tests == 4 * 6 * 3
-    assert 4 < same.limit < 6
+    assert (same.tests, sum(same.histogram)) == (4 * 6, 4 * 6)
     assert same.noise == pytest.approx(1, rel=0.1)
     planted = noisy(6)
     planted[:, 16:32, 48:64] *= 0.85
     found = judge(Runs("a", planted), Runs("b", noisy(7)))
     assert not found.same
-    assert found.beyond >= 1
-    bright = judge(Runs("a", 1.015 * noisy(8, sigma=0.3)), Runs("b", noisy(9, sigma=0.3)))
-    assert not bright.same
+    assert found.alarms["one square"] < found.limit < found.alarms["mean"]
+    bright = judge(Runs("a", 1.03 * noisy(8)), Runs("b", noisy(9)))
+    assert bright.alarms["mean"] < bright.limit
     assert any("NOT" in line for line in bright.lines())
+
+
+def rendered(random: np.random.Generator, sigma: float, bias: float = 0.0) -> Runs:
+    """Pictures of a bright and a dark half, whose noise is that of their brightness and has a long tail."""
+    exact = np.where(np.arange(64)[None, :, None] < 32, 0.8, 0.1) * np.array([1.0, 0.8, 0.6])
+    shape = (12, 96, 64, 1)
+    noise = random.gamma(1 / sigma**2, sigma**2, shape)
+    return Runs("a", (exact * noise * (1 + bias)).astype(np.float32))
+
+
+def test_a_bias_of_a_thousandth_is_found_and_noise_raises_the_alarm_in_one_percent() -> None:
+    """Both engines have one expectation in a hundred comparisons; the most alarms of 1 % that chance explains are 3."""
+    random = np.random.default_rng(20)
+    verdicts = [judge(rendered(random, 0.02), rendered(random, 0.03), tolerance=0.0, of_mean=0.0) for _ in range(100)]
+    assert sum(not verdict.same for verdict in verdicts) <= 3
+    # Without a difference, p of all squares are spread evenly.
+    counts = np.sum([verdict.histogram for verdict in verdicts], axis=0)
+    assert (counts / counts.mean()).tolist() == pytest.approx([1.0] * len(counts), abs=0.25)
+    for _ in range(5):
+        found = judge(rendered(random, 0.02, bias=0.001), rendered(random, 0.03), tolerance=0.0, of_mean=0.0)
+        assert not found.same
+        assert found.histogram[0] > found.histogram[-1]
+
+
+def test_the_noise_is_that_of_the_samples_and_its_interval_holds_it() -> None:
+    random = np.random.default_rng(4)
+    inside, exact = 0, 2.0 * 0.3**2
+    for _ in range(60):
+        pictures = random.normal(1.0, 0.3, (7, 16, 24, 3)).astype(np.float32)
+        found = noise_of(Runs("a", pictures), random.normal(2.0, 0.1, 7))
+        inside += found.low <= exact <= found.high
+    assert inside >= 52
+    assert found.variance == pytest.approx(0.09, rel=0.1)
+    assert found.spectrum == pytest.approx((1.0, 1.0, 1.0, 1.0), abs=0.3)
+    assert "time to unit variance" in found.lines("a")[0]
+    # Neighbouring pixels that err alike have low frequencies.
+    smooth = np.repeat(np.repeat(random.normal(1.0, 0.3, (7, 4, 6, 3)), 4, axis=1), 4, axis=2).astype(np.float32)
+    spectrum = noise_of(Runs("a", smooth), [1.0] * 7).spectrum
+    assert spectrum[0] > 3 * spectrum[-1]
+    with pytest.raises(ComparisonError, match="at least 3"):
+        noise_of(Runs("a", smooth[:2]), [1.0] * 2)
+
+
+def test_the_bias_is_what_is_left_of_the_error_without_the_variance() -> None:
+    random = np.random.default_rng(5)
+    first, second = (Runs("a", random.normal(mean, 0.1, (8, 64, 64, 3)).astype(np.float32)) for mean in (1.02, 1.0))
+    low, found, high = bias(first, second)
+    assert found == pytest.approx(0.02, rel=0.05)
+    assert 0.018 < low < 0.02 < high < 0.022
+    low, _, high = bias(Runs("a", random.normal(1.0, 0.1, (8, 64, 64, 3)).astype(np.float32)), second)
+    assert low == 0.0 < high < 0.01
+    flat = noise_of(Runs("a", np.ones((3, 8, 8, 3), np.float32)), [1.0, 1.1, 0.9])
+    assert against(flat, flat).endswith("without noise has none")
+    assert "no difference beyond noise" in against(noise_of(second, [1.0] * 8), noise_of(second, [1.0] * 8))
