@@ -9,7 +9,6 @@ import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -287,7 +286,7 @@ def arguments(scene: Scene) -> SceneArguments:
     return {
         **carried,
         "layers": list(geometry.layers),
-        "objects": [asdict(frame) for frame in geometry.objects],
+        "objects": [shallow(frame) for frame in geometry.objects],
         "materials": [material.as_dict() for material in scene.materials],
         "lights": [shallow(light) for light in scene.lights],
         "world": shallow(scene.world),
