@@ -197,12 +197,7 @@ def run(asked: argparse.Namespace) -> int:
         cluster.check(asked.cluster)
     named = asked.scenes or scenes.of_preset(asked.preset, say)
     chosen_scenes = workload.distinct({scene: scenes.find(scene) for scene in named})
-    loaders = [
-        scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED, options.layout) for scene in chosen_scenes
-    ]
-    # Scenes that are sent to the workers of a cluster take no Blender along.
-    if options.curve and asked.cluster is None:
-        loaders = list(map(beside_cycles, loaders))
+    loaders = read_loaders(asked, options, chosen_scenes)
     if asked.out is not None:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
@@ -245,6 +240,15 @@ def run(asked: argparse.Namespace) -> int:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines) | pages.links(), published, formats)
     return status(rows)
+
+
+def read_loaders(
+    asked: argparse.Namespace, options: benchmark.Options, chosen: Sequence[str]
+) -> list[Callable[[], workload.Workload]]:
+    """The functions that load the scenes."""
+    loaders = [scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED, options.layout) for scene in chosen]
+    # Scenes that are sent to the workers of a cluster take no Blender along.
+    return list(map(beside_cycles, loaders)) if options.curve and asked.cluster is None else loaders
 
 
 def beside_cycles(load: Callable[[], workload.Workload]) -> Callable[[], workload.Workload]:

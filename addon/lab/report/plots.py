@@ -186,7 +186,7 @@ def _wrong(everything: Sequence[Row], rows: Sequence[Row], marks: dict[str, Mark
         return Figure(About(about.name, about.title, ""), 0.0, None, remark.strip())
     draw = partial(tradeoff_charts.draw, rows=counted, marks=marks, kind="wrong")
     wide, narrow = (tradeoff_charts.height(counted, "wrong", width) for width in (LEAD, NARROW))
-    return Figure(about, wide, draw, remark, narrow)
+    return Figure(about, wide, draw, remark, narrow_height=narrow)
 
 
 def _of_field(rows: Sequence[Row]) -> Iterator[Figure]:
