@@ -110,7 +110,7 @@ const SET: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Choice(&[named("any", "Any"), named("fixed", "Fixed")]),
     default: Value::Choice("any"),
-    group: Group::Main,
+    group: Group::Builder,
     needs: &[Need {
         key: "frames",
         only: Only::Above(2.0),
