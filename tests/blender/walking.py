@@ -82,7 +82,7 @@ def _solids(add: Any) -> None:
     skin = material("Skin")
     tree = skin.node_tree
     picture = tree.nodes.new("ShaderNodeTexImage")
-    picture.image = bpy.data.images.new("Picture", 2, 2)
+    picture.image = bpy.data.images.new("Picture", 130, 2)
     shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
     tree.links.new(picture.outputs["Color"], shader.inputs["Base Color"])
     moved = tree.nodes.new("ShaderNodeDisplacement")

@@ -22,6 +22,7 @@ from ...core.scene.scene import Geometry, Numbers, Scene
 from . import lights, materials, meshes, remarks, view_layers, world
 from .displacement.applying import Displacer
 from .identities import Identities
+from .images import Gallery
 from .instancing import Instancing
 from .layers import width
 from .linking import Linking
@@ -29,7 +30,7 @@ from .media import grids
 from .object_meshes import MESH_TYPES, ObjectMeshes
 from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
 from .remembered import Remembered
-from .simplifying import Culling
+from .simplifying import Culling, texture_limit
 from .standing import Standing
 from .strands.collecting import Collector
 from .value_nodes.outputs import NOTHING, Wanted
@@ -175,7 +176,11 @@ class _Reader:
             (layer, scene, scene.world),
             wanted.outputs,
             grids=grids.occur(depsgraph),
-            images=None if wanted.standing is None else wanted.standing.images,
+            gallery=Gallery(
+                scene.frame_current,
+                None if wanted.standing is None else wanted.standing.images,
+                texture_limit(depsgraph),
+            ),
         )
         layers, self._linking = self.palette.layers, Linking(depsgraph, notes)
         self._notes, self._standing = notes, wanted.standing or Standing()

@@ -74,15 +74,14 @@ class Palette:
         wanted: outputs.Outputs | None = None,
         *,
         grids: bool = False,
-        images: dict[Any, Image] | None = None,
+        gallery: Gallery | None = None,
     ) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
         before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
-        the passes that materials write. grids: whether there are volume objects. images: known ones, see `Gallery`.
+        the passes that materials write. grids: whether there are volume objects. gallery: for the images.
         """
         self.layers = Layers()
-        frames = (owner.frame_current for owner in owners if isinstance(owner, bpy.types.Scene))
-        self.gallery = Gallery(next(frames, 1), images)
+        self.gallery = gallery or Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[tuple[int, Hidden, Sets, Mask, bool], int] = {(0, (), (ALL, ALL), SEEN, False): 0}

@@ -69,14 +69,13 @@ def _fewer(kind: str) -> Check:
 
 
 CAUSTICS = "Shadow caustics are not supported"
-TEXTURES = "The limit of the size of textures is not supported, they are rendered as they are"
+TEXTURES = "The resolution of textures is not supported, only the limit of their size"
 SUBDIVISION = "Adaptive subdivision is not supported, rendered with the levels of the modifier"
 
 SETTINGS: dict[type, tuple[Setting, ...]] = {
     bpy.types.Scene: (
         Setting("cycles.use_fast_gi", False, "Fast GI is not supported, all bounces are rendered"),
         Setting("cycles.rolling_shutter_type", "NONE", "A rolling shutter is not supported", _moving),
-        Setting("cycles.texture_limit_render", "OFF", TEXTURES, _simplified),
         Setting("cycles.texture_resolution_render", 1.0, TEXTURES, _simplified),
         *(
             Setting(f"cycles.{kind}_bounces", -1, f"Fewer {kind} bounces than others are not supported", _fewer(kind))

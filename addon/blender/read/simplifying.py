@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects that *Simplify* leaves out of final renders: those outside of the camera's view, or too far from it."""
+"""*Simplify* of Cycles: objects left out of final renders, those outside of the camera's view or too far from it, and
+the largest size of textures.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,16 @@ import numpy as np
 from ...core.base.arrays import F64
 from ...core.base.notes import Notes
 from .camera import read_camera
+
+
+def texture_limit(depsgraph: Any) -> int | None:
+    """The most texels of a side of an image; None if there is no limit."""
+    scene = depsgraph.scene_eval
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None or not scene.render.use_simplify:
+        return None
+    limit = cycles.texture_limit_render if depsgraph.mode == "RENDER" else cycles.texture_limit
+    return None if limit == "OFF" else int(limit)
 
 
 class Culling:

@@ -297,6 +297,24 @@ class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):
             rows(column, context.scene.cycles, f"use_{kind}_cull", f"{kind}_cull_margin")
 
 
+class HALFSPACE_PT_simplify_textures(EnginePanel, bpy.types.Panel):
+    """The largest textures. Cycles stores the settings."""
+
+    bl_label = "Texture Size Limit"
+    bl_parent_id = "HALFSPACE_PT_simplify"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.scene, "cycles")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        column.active = context.scene.render.use_simplify
+        column.prop(context.scene.cycles, "texture_limit", text="Viewport")
+        column.prop(context.scene.cycles, "texture_limit_render", text="Render")
+
+
 class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
     """The time in which the shutter is open."""
 

@@ -2,11 +2,13 @@
 """Images are read as Cycles takes them."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
+from addon.blender.read import images
 from addon.blender.read.bundled import bundled
 from addon.blender.read.images import read_image
 from addon.core.base.notes import Notes
@@ -126,6 +128,44 @@ def test_packed_files_are_read_as_blender_holds_them(
         assert quick.pixels.shape[2] == (4 if channels in (2, 4) and mode == "STRAIGHT" else 3)
         assert held.srgb == quick.srgb
         np.testing.assert_array_equal(quick.pixels, held.pixels[..., : quick.pixels.shape[2]])
+
+
+@pytest.mark.parametrize("floats", [False, True])
+@pytest.mark.parametrize(("size", "most", "by"), [((300, 200), 128, 4), ((512, 3), 128, 4), ((128, 128), 128, 1)])
+def test_large_images_are_halved_to_the_limit_of_their_size(
+    floats: bool, size: tuple[int, int], most: int, by: int
+) -> None:
+    """The numbers are those of Cycles: means of whole squares, of bytes rounded to bytes."""
+    picture = bpy.data.images.new("Large", *size, alpha=True, float_buffer=floats)
+    picture.alpha_mode, picture.colorspace_settings.name = "CHANNEL_PACKED", "Non-Color"
+    values = np.random.default_rng(5).random((size[1], size[0], 4), np.float32)
+    picture.pixels.foreach_set(values.reshape(-1))
+    whole = read_image(picture, Notes()).pixels.astype(float)
+    found = read_image(picture, Notes(), most=most).pixels
+    assert found.dtype == (np.float32 if floats else np.uint8)
+    width, height = size[0] // by, max(size[1] // by, 1)
+    squares = whole[: height * by, : width * by].reshape(height, -1, width, by, 4).mean(axis=(1, 3))
+    assert found.shape == squares.shape
+    np.testing.assert_allclose(found, squares, atol=1e-6 if floats else 0.5)
+
+
+def test_images_that_exceed_the_memory_are_halved_with_a_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written(tmp_path / "small.png", "uint8", 3)
+    made = {"small": bpy.data.images.load(str(tmp_path / "small.png")), "large": bpy.data.images.new("Large", 200, 100)}
+    made["large"].pixels[:] = np.full(200 * 100 * 4, 0.5, np.float32)
+    whole = 53 * 37 * 3 + 200 * 100 * 4
+    for share, sizes, names in (
+        (1.1, ((37, 53), (100, 200)), []),
+        (0.9, ((37, 53), (50, 100)), ["Large"]),
+        (0.2, ((18, 26), (25, 50)), ["small.png, Large"]),
+    ):
+        free = int(share * whole / images.SHARE)
+        monkeypatch.setattr(images.native, "load", lambda free=free: SimpleNamespace(free_memory=lambda: free))
+        gallery, notes = images.Gallery(), Notes()
+        used = {gallery.number(made[name]) for name in made}
+        found = gallery.read(used, notes)
+        assert tuple(image.pixels.shape[:2] for image in found) == sizes
+        assert [line.split("texels: ")[1] for line in notes.lines()] == names
 
 
 def test_what_blender_holds_keeps_alpha_only_if_anything_is_transparent() -> None:

@@ -29,7 +29,7 @@ READ = {
     "CyclesLightSettings": "max_bounces",
     "CyclesObjectSettings": "use_motion_blur use_deform_motion use_camera_cull use_distance_cull",
     "CyclesRenderSettings": "transparent_max_bounces film_transparent_glass film_transparent_roughness use_camera_cull "
-    "camera_cull_margin use_distance_cull distance_cull_margin",
+    "camera_cull_margin use_distance_cull distance_cull_margin texture_limit texture_limit_render",
     "CyclesWorldSettings": "max_bounces use_shadows",
     "CyclesRenderLayerSettings": "use_denoising",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",

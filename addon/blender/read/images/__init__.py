@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ....core.base import native
 from ....core.scene.scene import Image
 from ..nodes import Unsupported
 from . import buffers, colours, files
-from .numbers import Memory, Numbers, associated, colourful, multiply
+from .numbers import Memory, Numbers, associated, colourful, halvings, multiply, smaller
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from ....core.base.arrays import F32
     from ....core.base.notes import Notes
 
@@ -23,17 +26,25 @@ __all__ = ["Gallery", "associated", "read_image"]
 EMPTY = np.zeros((0, 0, 4), np.float32)
 """A missing image: the native module shows Blender's pink for it."""
 
+SHARE = 0.5
+"""Share of the free memory that images may take, next to geometry and structures."""
+
+UNLIMITED = 1 << 31
+"""More than the texels of any side of an image."""
+
 Use = tuple[Any, int]
 """An image and the frame of it that is shown; 0 if it has only one."""
 
 
 class Gallery:
     """Collects the images of nodes; the pixels of those in use are read at the end. frame: that of the scene. known:
-    images that were read before, by their identity and frame, to which those read here are added.
+    images that were read before, by their identity and frame, to which those read here are added. most: texels of a
+    side, see `smaller`.
     """
 
-    def __init__(self, frame: int = 1, known: dict[Any, Image] | None = None) -> None:
-        self._frame = frame
+    def __init__(self, frame: int = 1, known: dict[Any, Image] | None = None, most: int | None = None) -> None:
+        self._frame, self._most = frame, most
+        self._fitting = UNLIMITED if most is None else most
         self._known = {} if known is None else known
         self._images: list[Image | Use] = []
         self._numbers: dict[tuple[int, int], int] = {}
@@ -57,6 +68,7 @@ class Gallery:
 
     def read(self, used: set[int], notes: Notes) -> tuple[Image, ...]:
         """All images by number; unused ones stay empty."""
+        self._fit([image for number, image in enumerate(self._images) if number in used], notes)
         found = []
         for number, image in enumerate(self._images):
             if isinstance(image, Image):
@@ -68,10 +80,37 @@ class Gallery:
 
     def _of(self, item: Any, frame: int, notes: Notes) -> Image:
         """A frame of an image, read once."""
-        key = item.original.as_pointer(), frame
+        key = self._key(item, frame)
         if key not in self._known:
-            self._known[key] = read_image(item, notes, frame)
+            self._known[key] = read_image(item, notes, frame, self._fitting)
         return self._known[key]
+
+    def _key(self, item: Any, frame: int) -> Any:
+        return item.original.as_pointer(), frame, self._most
+
+    def _fit(self, images: Iterable[Image | Use], notes: Notes) -> None:
+        """Halve the largest of these images until those to be read fit into a share of the free memory."""
+        new = [use for use in images if not isinstance(use, Image) and self._key(*use) not in self._known]
+        sizes = [(image.name, size) for image, frame in new for size in _sizes(image, frame)]
+        room = SHARE * native.load().free_memory() if sizes else 0
+
+        def needed() -> float:
+            return sum(x * y * bytes_ / halvings(x, y, self._fitting) ** 2 for _, (x, y, bytes_) in sizes)
+
+        whole = needed()
+        while needed() > room and self._fitting > 1:
+            self._fitting = min(self._fitting, max(max(size[:2]) for _, size in sizes)) // 2
+        for name in {name: None for name, size in sizes if max(size[:2]) > self._fitting and needed() < whole}:
+            text = f"Images would need {whole / 2**30:.1f} GiB of memory: rendered with a side of at most"
+            notes.add(f"{text} {self._fitting:,} texels", name)
+
+
+def _sizes(image: Any, frame: int) -> list[files.Size]:
+    """The sizes of an image, or of its tiles, that are known without reading it."""
+    if buffers.needed(image):
+        return [(*image.size, image.channels * (4 if image.is_float else 1))] if image.has_data else []
+    paths = files.tiles(image).values() if image.source == "TILED" else [files.path_of(image, frame)]
+    return [size for path in paths if (size := files.size(path)) is not None]
 
 
 def frame_of(user: Any, frame: int) -> int:
@@ -83,19 +122,22 @@ def frame_of(user: Any, frame: int) -> int:
     return int(at + user.frame_offset)
 
 
-def read_image(image: Any, notes: Notes, frame: int = 0) -> Image:
-    """The image, or a frame of it, its colours multiplied by alpha as in Cycles; zero rows if it is missing."""
+def read_image(image: Any, notes: Notes, frame: int = 0, most: int = UNLIMITED) -> Image:
+    """The image, or a frame of it, its colours multiplied by alpha as in Cycles; zero rows if it is missing. most: see
+    `smaller`.
+    """
     if image.source != "TILED":
         path = None if buffers.needed(image) else files.path_of(image, frame)
-        return _one(image, image.name, path, frame, notes)
+        return _one(image, image.name, path, frame, notes, most)
     with buffers.tiles(image) if buffers.needed(image) else nullcontext(files.tiles(image)) as tiles:
         read = tuple(
-            (number, _one(image, f"{image.name} ({number})", path, frame, notes)) for number, path in tiles.items()
+            (number, _one(image, f"{image.name} ({number})", path, frame, notes, most))
+            for number, path in tiles.items()
         )
     return Image(image.name, EMPTY, tiles=read)
 
 
-def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes) -> Image:
+def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes, most: int) -> Image:
     """An image, or one tile of it, from its file or, without one, from Blender's memory."""
     opaque = image.alpha_mode == "NONE"
     stored = buffers.packed(image, opaque=opaque) if path is None else files.read(path, opaque=opaque)
@@ -124,7 +166,7 @@ def _one(image: Any, name: str, path: str | None, frame: int, notes: Notes) -> I
         memory = colours.converted(wide.pixels, space, divided=associated(image) and not straight)
     if straight and stored.memory.pixels.shape[2] == 4:
         multiply(memory.pixels)
-    return Image(name, memory.shared(), space == colours.SRGB)
+    return Image(name, smaller(memory, most).shared(), space == colours.SRGB)
 
 
 def _texels(stored: Numbers, *, opaque: bool) -> Memory:

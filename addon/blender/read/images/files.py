@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..bundled import bundled
 from ..nodes import Unsupported
@@ -19,6 +21,9 @@ TYPES = {"uint8": "uint8", "uint16": "uint16", "half": "half", "float": "float",
 
 NUMPY = {"half": "float16", "float": "float32"}
 """NumPy's names of types that have another one."""
+
+Size = tuple[int, int, int]
+"""Width and height of a picture, and bytes of a texel."""
 
 BLOCK = 1 << 22
 """Numbers that are read at once, beside those of the whole picture."""
@@ -54,34 +59,56 @@ def read(path: str, *, opaque: bool = False, kinds: Collection[tuple[str, str]] 
     """The picture in a file as it is stored, of more than four channels the first ones; None if it is missing or cannot
     be read. opaque: without the alpha of colours. kinds: the formats and types that are read (none: all).
     """
-    if not Path(path).is_file():
-        return None
-    try:
-        oiio = bundled("OpenImageIO")
-    except Unsupported:
-        return None
-    # Read straight colours: in bytes, multiplied ones would lose digits before a conversion.
-    wishes = oiio.ImageSpec()
-    wishes.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(path, wishes)
-    if source is None:
-        oiio.geterror()
-        return None
-    try:
+    with _opened(path) as source:
+        if source is None:
+            return None
         spec = source.spec()
         if kinds and (source.format_name(), str(spec.format)) not in kinds:
             return None
         multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0
         memory = _pixels(source, spec, min(spec.nchannels, 3 if opaque else 4))
-    finally:
-        source.close()
     return None if memory is None else Numbers(memory, multiplied=multiplied)
+
+
+def size(path: str) -> Size | None:
+    """The size of the picture in a file, as its header states it; None if that cannot be read."""
+    with _opened(path) as source:
+        if source is None:
+            return None
+        spec = source.spec()
+        return spec.width, spec.height, min(spec.nchannels, 4) * np.dtype(_kind(spec)[1]).itemsize
+
+
+@contextmanager
+def _opened(path: str) -> Iterator[Any]:
+    """A file that is open in OpenImageIO, or None."""
+    source = None
+    if Path(path).is_file():
+        with suppress(Unsupported):
+            oiio = bundled("OpenImageIO")
+            # Read straight colours: in bytes, multiplied ones would lose digits before a conversion.
+            wishes = oiio.ImageSpec()
+            wishes.attribute("oiio:UnassociatedAlpha", 1)
+            source = oiio.ImageInput.open(path, wishes)
+            if source is None:
+                oiio.geterror()
+    try:
+        yield source
+    finally:
+        if source is not None:
+            source.close()
+
+
+def _kind(spec: Any) -> tuple[str, str]:
+    """The type in which numbers are read, and its name in NumPy."""
+    kind = TYPES.get(str(spec.format), "uint8")
+    return kind, NUMPY.get(kind, kind)
 
 
 def _pixels(source: Any, spec: Any, channels: int) -> Memory | None:
     """The first channels of an open file, turned upside down; None if they cannot be read."""
-    kind = TYPES.get(str(spec.format), "uint8")
-    memory = Memory((spec.height, spec.width, channels), NUMPY.get(kind, kind))
+    kind, dtype = _kind(spec)
+    memory = Memory((spec.height, spec.width, channels), dtype)
     # Read few rows at once, of a file in tiles whole rows of these.
     tall = spec.tile_height or 1
     step = max(BLOCK // max(spec.width * channels, 1) // tall, 1) * tall

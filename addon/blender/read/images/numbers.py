@@ -62,6 +62,33 @@ def colourful(memory: Memory, *, opaque: bool = False) -> Memory:
     return wide
 
 
+def halvings(width: int, height: int, most: int) -> int:
+    """The power of two by which both sides are divided so that none exceeds `most`."""
+    by = 1
+    while max(width, height) > most * by:
+        by *= 2
+    return by
+
+
+def smaller(memory: Memory, most: int) -> Memory:
+    """The texels, as long as a side has more than `most` halved on both sides: means of squares from the bottom left,
+    as in Cycles. Rows and columns without a whole square are dropped, unless they are the only ones.
+    """
+    pixels = memory.pixels
+    height, width, channels = pixels.shape
+    by = halvings(width, height, most)
+    if by == 1:
+        return memory
+    made = Memory((max(height // by, 1), max(width // by, 1), channels), pixels.dtype)
+    whole = slice(made.pixels.shape[1] * by)
+    first = np.arange(made.pixels.shape[1]) * by
+    for number, out in enumerate(made.pixels):
+        rows = pixels[number * by : (number + 1) * by, whole]
+        means = np.add.reduceat(rows.sum(axis=0, dtype=np.float64), first, axis=0) / (len(rows) * min(by, width))
+        out[:] = means if pixels.dtype.kind == "f" else np.floor(means + 0.5)
+    return made
+
+
 def multiply(pixels: NDArray[Any]) -> None:
     """Multiply the colours of (h, w, 4) pixels by their alpha, in their own type, rounded down as in Cycles."""
     colours, alpha = pixels[..., :3], pixels[..., 3:]
