@@ -183,6 +183,8 @@ class _Picture:
         if later and self.scene.render.use_persistent_data:
             _kept.extend(_structures(later[-1]))
         job = self._trace(settings, read, built, later)
+        if settings.record_rays:
+            reports.RECORDED.keep(self.scene, reports.Recorded(job.recorded(), read.scene.geometry.origin))
         self._report(job, read, built, tree, memory.bytes)
         self._warn()
 

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.base import denoise
 from ...core.structures.settings import Mist, RenderSettings
 from ..read import passes, view_layers
+from ..session import reports
 from ..settings import quality
 
 
@@ -28,6 +29,7 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
         mist=_mist(view_layers.world(depsgraph)),
+        record_rays=reports.RECORD.of(scene) or 0,
         **quality.settings(scene),
     )
 

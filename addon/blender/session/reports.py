@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...core.base.arrays import F64
 from ...core.choose.choice import NOT_COMPARED
 from ..state import Slot
 
@@ -35,6 +36,21 @@ class Report:
 
 
 REPORT: Slot[Report] = Slot()
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """The rays recorded of a picture, as `RenderJob.recorded` returns them, and the origin of their frame."""
+
+    kinds: dict[str, dict[str, Any]]
+    origin: F64
+
+
+RECORD: Slot[int] = Slot()
+"""Largest number of rays of each kind to record of the next pictures of a scene."""
+
+RECORDED: Slot[Recorded] = Slot()
+"""The rays of the last view layer of a scene's last picture, where they were to be recorded."""
 
 KEPT: Slot[bool] = Slot()
 """Whether the last picture of a scene, also one of a 3D view, kept its instances."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..base.arrays import F32, F64
 from .rays import RaySet
-from .workload import Workload, WorkloadError, as_in_file, naming, numbers, read_archive, real
+from .workload import Workload, WorkloadError, naming, numbers, read_archive, real
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,15 +80,11 @@ def added(workload: Workload, given: Sequence[Given]) -> Workload:
     return replace(workload, extra=(*workload.extra, *own))
 
 
-def packed(sets: Mapping[str, Mapping[str, Any]], origin: F64, up_axis: str = "z") -> bytes:
-    """An archive of recorded sets by name, each as `RenderJob.recorded` returns it. origin: of the scene frame.
-    up_axis: that of the file, whose geometry was rendered upright.
-    """
+def packed(sets: Mapping[str, Mapping[str, Any]], origin: F64) -> bytes:
+    """An archive of recorded sets by name, each as `RenderJob.recorded` returns it. origin: of the scene frame."""
     written = io.BytesIO()
-    arrays: dict[str, Any] = {ORIGIN: as_in_file(origin, up_axis)}
-    for name, one in sets.items():
-        turned = {key: as_in_file(one[key], up_axis) for key in KEYS}
-        arrays |= {f"{name}/{key}": value for key, value in {**one, **turned}.items()}
+    arrays: dict[str, Any] = {f"{name}/{key}": value for name, one in sets.items() for key, value in one.items()}
+    arrays[ORIGIN] = origin
     np.savez_compressed(written, allow_pickle=False, **arrays)
     return written.getvalue()
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arrays import F32, F64, I32
 from ..base.native import first_line
@@ -177,14 +176,6 @@ class Workload:
         """Length of the diagonal of the box around all finite vertices that a triangle uses."""
         low, high = bounds(self.vertices, self.triangles)
         return float(np.linalg.norm(high - low))
-
-
-def as_in_file(vectors: NDArray[Any], up_axis: str) -> NDArray[Any]:
-    """Undo `Workload.upright` for vectors, (..., 3)."""
-    order, signs = _ROTATIONS[up_axis]
-    found = np.empty_like(vectors)
-    found[..., order] = vectors * np.array(signs, vectors.dtype)
-    return found
 
 
 def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:

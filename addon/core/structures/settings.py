@@ -77,7 +77,8 @@ class RenderSettings:
     polygons mirror and refract go as beams, for whitted. exposure: factor on the colours. filter:
     blackman_harris or box, of filter_width pixels. passes: names of the output arrays. noise_threshold: error below
     which a block of pixels gets no more samples, 0 = none is skipped. time_limit: seconds after which no samples
-    begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
+    begin, 0 = no limit. record_rays: largest number of rays of each kind to record, 0 = none. threads: 0 means one per
+    core. Raises SettingsError.
     """
 
     width: int
@@ -105,6 +106,7 @@ class RenderSettings:
     noise_threshold: float = 0.0
     time_limit: float = 0.0
     mist: Mist = field(default_factory=Mist)
+    record_rays: int = 0
     threads: int = 0
 
     def __post_init__(self) -> None:
@@ -129,4 +131,6 @@ class RenderSettings:
     def as_dict(self) -> dict[str, Any]:
         """The settings as the native `render` takes them."""
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "threads"}
+        if not self.record_rays:  # the native module may be older than the setting
+            values.pop("record_rays")
         return {**values, "passes": list(self.passes), "mist": asdict(self.mist)}

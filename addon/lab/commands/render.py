@@ -14,14 +14,17 @@ import contextlib
 import importlib.util
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...core.base import command, interrupt, native, picture_files
+from ...core.base.arrays import F64
 from ...core.choose import choice
 from ...core.report import results
-from ...core.scene import workload
+from ...core.scene import ray_files, workload
 from ...core.structures import specs
 from ...core.structures.settings import RenderSettings
 from ..base.places import OUT
@@ -31,6 +34,9 @@ from ..pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """Largest values of Blender's own settings."""
+
+RECORDED = 1 << 16
+"""Largest number of recorded rays of a kind: the most that the native module records."""
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
 """Blender's name of the format by the suffix of a picture."""
@@ -55,6 +61,12 @@ def parser() -> argparse.ArgumentParser:
         "--integrator", choices=("path", "whitted", "ao"), help="how light is followed (default: the file's)"
     )
     made.add_argument("--percentage", type=int, help="size in percent of the file's (default: the file's)")
+    made.add_argument(
+        "--record-rays",
+        type=output,
+        metavar="FILE.npz",
+        help=f"also write at most {RECORDED:,} rays of each kind, for `bench --rays`; the render takes longer",
+    )
     return made
 
 
@@ -81,6 +93,12 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         picture_files.module()
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
+    if asked.record_rays is not None:
+        if asked.record_rays.suffix.lower() != ray_files.SUFFIX:
+            raise UsageError(f"{asked.record_rays}: expected a name that ends in {ray_files.SUFFIX}")
+        if asked.record_rays.is_dir():
+            raise UsageError(f"{asked.record_rays}: cannot be written: it is a folder")
+        results.prepare_folder(asked.record_rays.parent)
     results.prepare_folder(asked.out.parent)
     return asked
 
@@ -109,6 +127,8 @@ def render(asked: argparse.Namespace) -> int:
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
     _configure(scene, asked)
+    if asked.record_rays is not None:
+        reports.RECORD.keep(scene, RECORDED)
     with picture_files.replacing(asked.out) as picture:
         scene.render.filepath = str(picture)
         start = time.perf_counter()
@@ -132,6 +152,10 @@ def render(asked: argparse.Namespace) -> int:
     if peak is not None:
         print(f"Memory of reading, build and render at their peak: {peak / 1e6:,.0f} MB")
     print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
+    if asked.record_rays is not None:
+        recorded = reports.RECORDED.of(scene)
+        assert recorded is not None, "the engine has rendered"
+        _write_rays(asked, recorded.kinds, recorded.origin)
     return 0
 
 
@@ -146,14 +170,23 @@ def render_bare(asked: argparse.Namespace) -> int:
     width, height = (max(1, side * (asked.percentage or 100) // 100) for side in bare.FULL)
     given = {name: getattr(asked, name) for name in ("samples", "integrator") if getattr(asked, name) is not None}
     spec = specs.prove(module, [asked.structure or "kd"])[0]
-    settings = RenderSettings(width, height, **given)
+    settings = RenderSettings(width, height, record_rays=RECORDED if asked.record_rays else 0, **given)
     start = time.perf_counter()
-    found = bare.render(module, scene, spec, settings, bare.PASSES if asked.out.suffix.lower() == ".exr" else ())
+    found, kinds = bare.render(module, scene, spec, settings, bare.PASSES if asked.out.suffix.lower() == ".exr" else ())
     attributes = _told(spec, settings.samples, time.perf_counter() - start)
     picture = picture_files.Picture(found.pixels, found.names, attributes=attributes)
     picture_files.write(asked.out, picture, asked.compression or "zip")
     print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
+    if asked.record_rays is not None:
+        _write_rays(asked, kinds, np.zeros(3))
     return 0
+
+
+def _write_rays(asked: argparse.Namespace, kinds: Mapping[str, Mapping[str, Any]], origin: F64) -> None:
+    """Write the recorded rays in the coordinates of the rendered file, and print their numbers. Raises FolderError."""
+    results.write_all({asked.record_rays: ray_files.packed(kinds, origin)})
+    told = ", ".join(f"{name} {len(one['origins']):,} of {one['traced']:,}" for name, one in kinds.items())
+    print(f"{asked.record_rays}: rays recorded of those traced: {told or 'none'}")
 
 
 class _Progress:

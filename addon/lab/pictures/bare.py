@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,8 +31,9 @@ WAIT_MILLISECONDS = 100
 
 def render(
     native: Native, workload: Workload, spec: str, settings: RenderSettings, passes: Sequence[str] = ()
-) -> Picture:
+) -> tuple[Picture, dict[str, Any]]:
     """The scene through its view, scene linear: R, G and B, or all channels of these passes, named as Blender does.
+    Also the recorded rays, as `RenderJob.recorded` returns them, where the settings request them.
 
     Raises ValueError for a configuration that is not understood, MemoryError, and RuntimeError with the renderer's
     error.
@@ -46,6 +47,7 @@ def render(
         pass
     if job.error is not None:
         raise RuntimeError(job.error)
+    recorded: dict[str, Any] = dict(job.recorded()) if settings.record_rays else {}
     found, names = [], []
     for name, channels in job.passes.items():
         out = np.zeros(settings.width * settings.height * channels, np.float32)
@@ -53,5 +55,5 @@ def render(
         found.append(out.reshape(settings.height, settings.width, channels))
         names += [f"ViewLayer.{name}.{letter}" for letter in CHANNELS.get(name, "X")]
     if not passes:
-        return Picture(np.ascontiguousarray(found[0][..., :3]), ("R", "G", "B"))
-    return Picture(np.concatenate(found, axis=2), tuple(names))
+        return Picture(np.ascontiguousarray(found[0][..., :3]), ("R", "G", "B")), recorded
+    return Picture(np.concatenate(found, axis=2), tuple(names)), recorded

@@ -11,7 +11,8 @@ import pytest
 
 from addon.blender.measure import pictures
 from addon.blender.render import engine
-from addon.core.base import picture_files, resident
+from addon.core.base import native, picture_files, resident
+from addon.core.scene import ray_files, workload
 from addon.lab.commands import render
 from addon.lab.pictures import scenes
 from tests.blender.shapes import cube
@@ -137,6 +138,40 @@ def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixtu
     picture = pictures.load(out)[..., :3]
     assert picture.std() > 0.05, "a triangle before the sky"
     assert capsys.readouterr().out.strip().endswith(" with kd, answers not compared")
+
+
+@pytest.mark.parametrize("with_blender", [True, False])
+def test_rays_are_recorded_in_the_coordinates_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, with_blender: bool
+) -> None:
+    # A triangle around a far point, in a file whose y axis points up.
+    path, rays, far = tmp_path / "tent.npz", tmp_path / "rays.npz", np.array([40.0, 50.0, 60.0])
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, -1]], np.float32) + far.astype(np.float32)
+    view = {
+        "camera_eye": far + np.array([0, 1, 5]),
+        "camera_target": far,
+        "camera_up": [0, 1, 0],
+        "camera_vfov_deg": 45.0,
+    }
+    np.savez(path, vertices=corners, triangles=np.array([[0, 1, 2]]), up_axis="y", **view)
+    if not with_blender:
+        monkeypatch.setattr(render.importlib.util, "find_spec", lambda _: None)
+    out = ["--percentage", "2", "--out", str(tmp_path / "tent.png"), "--record-rays", str(rays)]
+    assert render.main([str(path), *QUICK, *out]) == 0
+    assert f"{rays}: rays recorded of those traced: camera 798 of 798, shadow 0 " in capsys.readouterr().out
+    scene = ray_files.added(workload.load_npz(path), ray_files.load([rays], 1 << 30))
+    sets = {one.name: one for one in scene.extra}
+    assert sets["shadow 0"].any_hit
+    # Camera rays hit as often as shadow rays begin, and these begin on the triangle.
+    tree = native.load().build(scene.vertices, scene.triangles, "kd")
+    camera, starts = sets["camera"], sets["shadow 0"].origins
+    hits = int((tree.closest(camera.origins, camera.directions, t_max=camera.t_max).triangle >= 0).sum())
+    assert 0 < len(starts) <= 3 * hits
+    assert hits > 20
+    assert np.abs(starts - far).max() < 1.1
+    np.testing.assert_allclose(camera.origins.mean(axis=0), view["camera_eye"], atol=0.2)
+    assert render.main([str(path), *out[:-1], str(tmp_path / "rays.csv")]) == 2
+    assert capsys.readouterr().err.endswith("rays.csv: expected a name that ends in .npz\n")
 
 
 def test_whatever_goes_wrong_is_one_line(

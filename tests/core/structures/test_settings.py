@@ -52,6 +52,11 @@ def test_the_picture_has_the_size_of_the_border() -> None:
     assert RenderSettings(width=4, height=3, border=(1, 0, 3, 1)).size == (2, 1)
 
 
+def test_rays_are_recorded_on_request() -> None:
+    assert "record_rays" not in RenderSettings(width=4, height=3).as_dict()
+    assert RenderSettings(width=4, height=3, record_rays=9).as_dict()["record_rays"] == 9
+
+
 def test_notes_are_grouped_counted_and_cut() -> None:
     notes = Notes()
     assert not notes
