@@ -38,7 +38,7 @@ use halfspace_structure::row::{
     Family, Group, Kind, Menu, Named, Need, Only, ParamSpec, StructureSpec, named,
 };
 use halfspace_structure::spec::{Config, Value};
-use halfspace_structure::way::Way;
+use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
 use rotations::{FIXED, Rows, fixed};
 use std::sync::Arc;
@@ -183,7 +183,16 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         let shape = tree.shape(frame.bounds());
         let single = Plan::single("boxes", "ordered", oriented_boxes(&tree, &leaves));
         let groups = together!(&tree, &leaves, turned_boxes, shadow_turned_boxes);
-        let plan = groups.plan(single, config.way().rays);
+        let plan = match config.way().rays {
+            // Send all rays in streams: tiles and packets turn every ray at each node that some of them meet. On five
+            // scenes, tiles took 0.5 (leaves) to 3.1 times (needles) as long for camera rays, and 1.2 to 6.6 times for
+            // shadow rays (Zen 3, AVX2).
+            Rays::Auto => groups
+                .streams
+                .take_all(single, Rays::Stream)
+                .with_few_singly(),
+            rays => groups.plan(single, rays),
+        };
         objects::built(config, frame, tree, leaves, plan, shape)
     };
     if frames > 1 && turns.is_empty() && !scene.live().is_empty() {
