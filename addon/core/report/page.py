@@ -9,8 +9,9 @@ import json
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
-from typing import Any
+from typing import Any, Literal
 
 from ..base.notes import few
 from ..measure import inference, ranking, yardstick
@@ -174,13 +175,22 @@ not; Embree is the yardstick and takes no part. ±: half the 95 % interval of a 
 percent of it; a number without it has fewer than six rounds."""
 
 
+def _per_triangle(row: Row, key: Literal["bytes", "peak_bytes"]) -> float | None:
+    """Bytes of a row per triangle of its scene; None where they were not measured."""
+    size = row[key]
+    return None if size is None or not row["triangles"] else size / row["triangles"]
+
+
 def _columns(sets: Sequence[str]) -> list[Column]:
     """The columns of times and errors."""
     image = "the build, and a picture of 1024 × 1024 pixels with 16 samples, predicted from smaller ones, seconds"
+    peak, each = (f"peak of a build in a process of its own, {unit}" for unit in ("megabytes", "bytes per triangle"))
     columns = [
         Column("s", "build", "seconds, median; processor time on one thread, else wall-clock time", "build_s/med", 3),
         Column("MB", "memory", "nodes and leaves", "bytes", 1, 1e-6),
-        Column("peak", "memory", "peak of a build in a process of its own, megabytes", "peak_bytes", 1, 1e-6),
+        Column("B/tri", "memory", "the same in bytes per triangle", "bytes", of=partial(_per_triangle, key="bytes")),
+        Column("peak", "memory", peak, "peak_bytes", 1, 1e-6),
+        Column("B/tri", "memory", each, "peak_bytes", of=partial(_per_triangle, key="peak_bytes")),
         Column("s", "image", image, "image_s/med", 2, of=report.image_total, ends=report.image_interval),
     ]
     for name in sets:

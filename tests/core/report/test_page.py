@@ -85,6 +85,10 @@ def test_every_number_leads_to_its_place_in_bench_json() -> None:
     assert len(links.targets) > 2 * 10
     assert {target.removeprefix("#") for target in links.targets} <= links.places
     assert {"#/rows/1/rays/primary/mrays_s/med", "#/rows/1/field/tree/depth/p90"} <= set(links.targets)
+    # Final and peak bytes are there per triangle too.
+    assert len([target for target in links.targets if target in ("#/rows/1/bytes", "#/rows/1/peak_bytes")]) == 4
+    each = f'<a href="#/rows/1/peak_bytes">{3_000_000 / 1234:,.0f}</a>'.replace(",", "\u202f")
+    assert each in page.as_html(document(rows))
     # Too many rows to hold them all: then the numbers lead to the file.
     many = Links()
     many.feed(page.as_html(document([row(f"kd:leaf_size={n}") for n in range(page.MOST_ROWS_INSIDE + 1)])))
