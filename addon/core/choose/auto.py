@@ -24,10 +24,13 @@ from . import choice
 from .choice import Comparison, Line, Mix, Plan
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ..base.interface import Native, Structure
 
 TREES = (
     "bvh-sah",
+    "bvh-hlbvh",
     "kd",
     "bih-sah",
     "octree-net",
@@ -39,6 +42,17 @@ TREES = (
 )
 """Trees to try: one of each kind, and the best of the sources' structures with few and with more directions. Each is
 tried with the quickest rays through each kind of its nodes.
+"""
+
+QUICK, FEW_SAMPLES = "bvh-hlbvh", 2
+"""The tree that is built in the shortest time, and the camera samples per triangle below which it is built first.
+Measured on one thread: its slower rays use up what its build saves against `bvh-sah` after 0.5 to 3.5 samples per
+triangle of Conference; on the Stanford bunny they are not slower.
+"""
+
+SMALL = "bvh-sah", "bih-sah"
+"""Trees whose builds take the least memory. Measured on the Stanford bunny, bytes per triangle at the peak of the build
+and of the tree: `bih-sah` 136 and 23, `bvh-sah` 136 and 54, `bvh-hlbvh` 257 and 56, `kd` 393 and 95.
 """
 
 SIZE, TRIAL_SIZE = (480, 320), (192, 128)
@@ -89,6 +103,13 @@ def view_of(pixels: int, most: tuple[int, int] = SIZE) -> tuple[int, int]:
     return width, height
 
 
+def rows_of(size: tuple[int, int], wanted: int) -> NDArray[np.int64]:
+    """Rows of tiles with at least `wanted` pixels, evenly spaced over a view of this size; all if it has no more."""
+    every = size[1] // rays.TILE
+    count = min(-(-wanted // (size[0] * rays.TILE)), every)
+    return ((np.arange(count) + 0.5) * every / count).astype(np.int64)
+
+
 def candidates(catalogue: Catalogue) -> list[str]:
     """The configurations to try: the quickest of those of TREES that this catalogue contains."""
     known = [(catalogue.get(specs.structure_of(tree)), tree) for tree in TREES if _problem(catalogue, tree) is None]
@@ -107,17 +128,6 @@ def _problem(catalogue: Catalogue, spec: str) -> str | None:
     except specs.SpecError as error:
         return str(error)
     return None
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Prediction for one configuration from a part of the scene. build: predicted seconds for the whole scene; speed:
-    relative to the first configuration's on the same part, 2 is twice as fast.
-    """
-
-    spec: str
-    build: float
-    speed: float
 
 
 @dataclass(frozen=True)
@@ -153,7 +163,7 @@ class Chooser:
     dropped: Sequence[str] = ()
     result: Choice | None = None
     _reference: Reference | None = None
-    _notes: list[str] = field(default_factory=list)
+    _left_out: dict[str, list[str]] = field(default_factory=dict)
     _lines: dict[str, Line] = field(default_factory=dict)
     _built: dict[str, Structure] = field(default_factory=dict)
 
@@ -165,12 +175,11 @@ class Chooser:
         # Build the first candidate; its rays and its time are the yardstick for all others.
         clock = time.process_time if self.threads == 1 else time.perf_counter
         began = clock()
-        first, *others = self.specs
-        yield f"{first}: building"
-        structure, build = check.timed_build(self.native, self.workload, first, self.threads, self.memory_limit)
+        first, structure, build, others = yield from self._first()
         size = view_of(self.plan.pixels)
-        sets = rays.make(self.workload, structure, size=size, seed=1, names=choice.SETS)
         wanted = max(LEAST_RAYS, self.plan.pixels * self.plan.samples // SHARE)
+        rows = rows_of(size, wanted)
+        sets = rays.make(self.workload, structure, size=size, seed=1, names=choice.SETS, rows=rows)
         sets = [some.take(rays.blocks(len(some), wanted, seed=1)) for some in sets if len(some)]
         # Count the rays of a small picture: the mix weights the measured speeds of the ray sets.
         yield "counting the rays of a small picture"
@@ -183,33 +192,58 @@ class Chooser:
         trials = yield from self._trials(first, others, clock)
         # Run full trials in the order of the predicted total time, within the budget.
         spent = 0.0
-        for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
+        for trial in sorted(trials, key=lambda trial: trial.total):
             best = self._best()
-            expected = self._expected(trial, first)
             cheap = trial.build <= CHEAP * best.total
             # While every tried structure is wrong, no candidate is too slow or too expensive.
-            if not best.problem and expected > best.total * (HOPELESS if cheap else MARGIN):
-                about = f"it would take about {expected:.2f} s, {choice.NOT_COMPARED}"
-                self._notes.append(f"{trial.spec}: left out, {about}")
+            if not best.problem and trial.total > best.total * (HOPELESS if cheap else MARGIN):
+                self._leave_out(trial.spec, f"left out, about {trial.times}, {choice.NOT_COMPARED}")
                 continue
             if not best.problem and spent + trial.build > BUDGET * best.total:
-                self._notes.append(f"{trial.spec}: left out, its trial would take longer than it could save")
+                self._leave_out(trial.spec, "left out, a full trial would take longer than it could save")
                 continue
             # Build and measure the candidate; one that does not fit into memory is left out.
             yield f"{trial.spec}: building"
             start = clock()
             try:
-                structure, build = check.timed_build(
-                    self.native, self.workload, trial.spec, self.threads, self.memory_limit
-                )
+                structure, build = self._build(trial.spec)
             except MemoryError as error:
                 spent += clock() - start
-                self._notes.append(f"{trial.spec}: left out, {error}")
+                self._leave_out(trial.spec, f"left out, {error}")
                 continue
             yield f"{trial.spec}: comparing and timing rays"
             self._measured(trial.spec, structure, build, sets, counted)
             spent += clock() - start
-        self._decide(clock() - began)
+        self._decide(clock() - began, trials)
+
+    def _build(self, spec: str) -> tuple[Structure, float]:
+        """A structure over the whole scene and its build time. Raises the build's exceptions."""
+        return check.timed_build(self.native, self.workload, spec, self.threads, self.memory_limit)
+
+    def _first(self) -> Generator[str, None, tuple[str, Structure, float, list[str]]]:
+        """Build the first candidate that fits into memory; returns it with its build time, and the others.
+
+        A picture of few samples begins with QUICK. Once a candidate does not fit, those of SMALL are next. Raises
+        MemoryError if none fits.
+        """
+        few = self.plan.pixels * self.plan.samples < FEW_SAMPLES * len(self.workload.triangles)
+        waiting = sorted(self.specs, key=lambda spec: spec != QUICK) if few else list(self.specs)
+        while True:
+            spec = waiting.pop(0)
+            yield f"{spec}: building"
+            try:
+                structure, build = self._build(spec)
+            except MemoryError as error:
+                if not waiting:
+                    raise
+                waiting.sort(key=lambda spec: spec not in SMALL)
+                self._leave_out(spec, f"left out, {error}")
+            else:
+                return spec, structure, build, waiting
+
+    def _leave_out(self, spec: str, reason: str) -> None:
+        """Record why a candidate has no full trial; those of one reason share a note."""
+        self._left_out.setdefault(reason, []).append(spec)
 
     def _measured(self, spec: str, structure: Structure, build: float, sets: list[rays.RaySet], counted: Mix) -> None:
         """Record the result of a full trial, and keep only the best structure built so far.
@@ -221,7 +255,7 @@ class Chooser:
         wrong, checked = self._reference.wrong(structure), len(self._reference)
         problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
         if problem:
-            self._notes.append(f"{spec}: left out, {problem}")
+            self._leave_out(spec, f"left out, {problem}")
         speeds = {some.name: check.rates(structure, some, 1, REPEATS) for some in sets}
         least, most = counted.bounds(speeds, self.plan, self.threads or os.cpu_count() or 1)
         self._lines[spec] = Line(spec, build, least, wrong, checked, problem, least, most)
@@ -244,24 +278,24 @@ class Chooser:
 
     def _trials(
         self, first: str, others: Sequence[str], clock: Callable[[], float]
-    ) -> Generator[str, None, list[Trial]]:
-        """Run a small trial of every candidate on a random part of the scene; returns the trials
-        without the first's.
+    ) -> Generator[str, None, list[Line]]:
+        """Run a small trial of every candidate on a random part of the scene; returns the predictions for the whole
+        scene without the first's.
         """
         count = len(self.workload.triangles)
         part = choice.subset(self.workload, TRIAL_TRIANGLES, seed=1)
         share = len(part.triangles)
         # Scale build times from the part to the whole scene: a build over n triangles takes about n log n.
         grown = count * math.log2(count + 2) / (share * math.log2(share + 2))
-        made: list[Trial] = []
+        made: list[Line] = []
         reference = scale = 1.0
         sets: list[rays.RaySet] = []
         began, limit = clock(), SMALL_BUDGET * self._lines[first].total
-        # Time each candidate on the part, relative to the first, whose times over the whole scene are known.
-        # After a wrong first, nothing is too slow.
+        # Time each candidate on the part, relative to the first, whose times over the whole scene are known. One is
+        # tried in any case, to have a second. After a wrong first, nothing is too slow.
         for spec in (first, *others):
-            if not self._lines[first].problem and clock() - began > limit:
-                self._notes.append(f"{spec}: not tried: a trial would take too long for this picture")
+            if made and not self._lines[first].problem and clock() - began > limit:
+                self._leave_out(spec, "not tried, because a trial would take too long for this picture")
                 continue
             yield f"{spec}: trying it on {share:,} triangles"
             structure, build = check.timed_build(self.native, part, spec, self.threads)
@@ -275,14 +309,10 @@ class Chooser:
                 reference = speed
                 scale = self._lines[first].build / max(build, 1e-9)
             else:
-                made.append(Trial(spec, build * scale, speed / reference))
+                made.append(Line(spec, build * scale, self._lines[first].trace * reference / speed))
         return made
 
-    def _expected(self, trial: Trial, first: str) -> float:
-        """Predicted build plus render time of a small trial, in seconds."""
-        return trial.build + self._lines[first].trace / trial.speed
-
-    def _decide(self, seconds: float) -> None:
+    def _decide(self, seconds: float, trials: Sequence[Line]) -> None:
         """Set `result` from the full trials. Raises RuntimeError when no structure answers correctly."""
         found = Comparison(self.plan, tuple(self._ranked()))
         best = self._best()
@@ -290,7 +320,13 @@ class Chooser:
             told = "; ".join(f"{line.spec}: {line.problem}" for line in found.lines)
             raise RuntimeError(f"{found.reason()} {told}")
         own = seconds - best.build
-        notes = [found.reason(), f"Choosing took {own:.2f} s in addition to that build.", *self.dropped, *self._notes]
+        # Without another full trial, the second is the best prediction.
+        reason = found.reason()
+        if len(found.lines) == 1 and trials:
+            second = min(trials, key=lambda trial: trial.total)
+            reason += f" Then, predicted from a part of the scene, {second.spec}: {second.times}."
+        left_out = (f"{', '.join(specs)}: {why}" for why, specs in self._left_out.items())
+        notes = [reason, f"Choosing took {own:.2f} s in addition to that build.", *self.dropped, *left_out]
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
 
 

@@ -98,6 +98,11 @@ class Line:
         return self.build + self.trace
 
     @property
+    def times(self) -> str:
+        """Build and render as text."""
+        return f"{self.build:.2f} s to build and {self.trace:.2f} s to trace"
+
+    @property
     def spread(self) -> tuple[float, float]:
         """Smallest and largest total of the repeats."""
         low, high = (self.trace if value is None else value for value in (self.least, self.most))
@@ -174,21 +179,15 @@ class Comparison:
         return f" This is not certain: its repeats took {low:.2f} to {high:.2f} s, and those of {others} overlap them."
 
     def _reason(self) -> str:
-        best, fastest = self.best, self.fastest
-        if best is None or fastest is None:
+        best, samples = self.best, self.plan.samples
+        picture = f"{self.plan.pixels:,} pixels of {samples:,} sample{'s' * (samples != 1)}"
+        if best is None:
             return "No configuration gives right answers."
         if len(self.sound) == 1:
             others = "gave right answers" if len(self.lines) > 1 else "was tried over the whole scene"
-            return f"{best.spec}: nothing else {others}."
-        picture = f"{self.plan.pixels:,} pixels of {self.plan.samples:,} samples"
-        if best.spec == fastest.spec:
-            return f"{best.spec}: for {picture} it traces fastest, and its build of {best.build:.2f} s pays off."
-        least = min(self.sound, key=lambda line: line.build)
-        quick = "the shortest of all" if least.spec == best.spec else f"instead of {fastest.build:.2f} s"
-        return (
-            f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} the "
-            f"shorter build ({best.build:.2f} s, {quick}) saves more."
-        )
+            return f"{best.spec}: {best.times} for {picture}; nothing else {others}."
+        second = min((line for line in self.sound if line is not best), key=lambda line: line.total)
+        return f"{best.spec} finishes {picture} first: {best.times}. Then {second.spec}: {second.times}."
 
 
 def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparison:

@@ -85,18 +85,23 @@ def make(
     seed: int,
     names: Sequence[str],
     offset: float = OFFSET,
+    rows: NDArray[np.int64] | None = None,
 ) -> list[RaySet]:
     """The named sets, in the order of NAMES, then the scene's own.
 
     tracer: a native structure over the workload's triangles; it finds the primary hits. size: width and height in
     pixels, multiples of 8. offset: distance of origins from the surface, as a share of the diagonal. Sets that need
-    hits are empty if no primary ray hits. Raises ValueError for a wrong size.
+    hits are empty if no primary ray hits. rows: rows of tiles whose pixels have rays, from the top; None for all.
+    Raises ValueError for a wrong size.
     """
     width, height = size
     if width % TILE or height % TILE or width <= 0 or height <= 0:
         raise ValueError(f"size: expected multiples of {TILE}, got {width}x{height}")
     view = workload.view
     directions = pinhole(view, size, width / height)
+    if rows is not None:
+        directions = directions.reshape(height // TILE, -1, 3)[rows].reshape(-1, 3)
+        height = TILE * len(rows)
     primary = _finish("primary", np.broadcast_to(view.eye, directions.shape), directions)
     tiles = tile_order(width, height)
     sets = {"primary": _ordered(primary, tiles)}

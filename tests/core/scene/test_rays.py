@@ -55,6 +55,20 @@ def test_primary_rays_cover_the_view(room: Workload) -> None:
     assert x[0] == pytest.approx(x.min())
 
 
+def test_some_rows_of_tiles_have_the_rays_that_they_have_among_all(room: Workload) -> None:
+    tracer = halfspace_native.build(room.vertices, room.triangles, "kd")
+    size, rows = (64, 32), np.array([1, 3])
+    whole, some = (
+        rays.make(room, tracer, size=size, seed=1, names=("primary", "shadow", "diffuse"), rows=given)
+        for given in (None, rows)
+    )
+    kept = np.concatenate([np.arange(8 * 64) + 8 * 64 * row for row in rows])
+    np.testing.assert_array_equal(some[0].directions, whole[0].directions[kept])
+    # Rays from the surface begin at hits of those pixels.
+    assert {tuple(origin) for origin in some[1].origins} <= {tuple(origin) for origin in whole[1].origins}
+    assert 0 < len(some[1]) == len(some[2]) <= len(kept)
+
+
 def test_secondary_rays_leave_the_surface_on_the_side_of_the_viewer(room: Workload) -> None:
     sets = make(room)
     brute = halfspace_native.build(room.vertices, room.triangles, "brute")
