@@ -199,7 +199,9 @@ class Chooser:
             if not best.problem and trial.total > best.total * (HOPELESS if cheap else MARGIN):
                 self._leave_out(trial.spec, f"left out, about {trial.times}, {choice.NOT_COMPARED}")
                 continue
-            if not best.problem and spent + trial.build > BUDGET * best.total:
+            # The best is built already: another one must build and trace in less time than the best traces.
+            late = not cheap and trial.build + trial.trace / MARGIN > best.trace
+            if not best.problem and (late or spent + trial.build > BUDGET * best.total):
                 self._leave_out(trial.spec, "left out, a full trial would take longer than it could save")
                 continue
             # Build and measure the candidate; one that does not fit into memory is left out.
