@@ -515,7 +515,10 @@ def test_rotated_boxes_pay_where_boxes_along_the_axes_do_not_fit(monkeypatch: py
         def times(_: Lab, made: workload.Workload, specs: list[str], *, alone: bool) -> dict[str, Timing]:
             own = along if made.name.endswith("axes") else oblique
             counters = {"steps": 1.0, "tests": 1.0}
-            return {one: Timing(1, own if one == claims_oriented.TURNED else 1.0, counters) for one in specs}
+            return {
+                one: Timing(1, own if one.startswith("obb") and one != claims_oriented.PLAIN else 1.0, counters)
+                for one in specs
+            }
 
         monkeypatch.setattr(claims_kd, "times", times)
         return {one.verdict for one in claims_oriented.kinds(lab)}
