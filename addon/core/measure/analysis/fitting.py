@@ -4,14 +4,11 @@
 from __future__ import annotations
 
 import itertools
-from statistics import NormalDist
 
 import numpy as np
 
 from ...base.arrays import F64
-
-CONFIDENCE = 0.95
-"""Probability that an interval contains its coefficient."""
+from .. import inference
 
 SINGULAR = 1e-9
 """Share of the largest singular value below which columns depend on each other (chosen)."""
@@ -32,7 +29,7 @@ def positive(matrix: F64, right: F64) -> F64:
 
 
 def intervals(matrix: F64, right: F64) -> F64:
-    """(columns, 2): the interval of each coefficient of least squares, which may be negative here.
+    """(columns, 2): the 95 % interval of each coefficient of least squares, which may be negative here.
 
     Infinite where the columns do not determine a coefficient, or no row is left to estimate the residuals.
     """
@@ -47,23 +44,10 @@ def intervals(matrix: F64, right: F64) -> F64:
     half = np.full(len(found), np.inf)
     if freedom > 0:
         variance = float(((right - columns @ found) ** 2).sum()) / freedom
-        half[determined] = student(freedom) * np.sqrt(variance * (inverse**2).sum(axis=1)[determined])
+        half[determined] = inference.student_quantile(inference.CONFIDENCE, freedom) * np.sqrt(
+            variance * (inverse**2).sum(axis=1)[determined]
+        )
     return np.stack([found - half, found + half], axis=1) / scale[:, None]
-
-
-def student(freedom: int) -> float:
-    """Half the width of the central CONFIDENCE of Student's t distribution, within 1 % for two degrees of freedom or
-    more (Abramowitz and Stegun 1964, 26.7.5).
-    """
-    z = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
-    terms = (
-        z,
-        (z**3 + z) / 4,
-        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
-        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
-        (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160,
-    )
-    return float(sum(term / float(freedom) ** power for power, term in enumerate(terms)))
 
 
 def told(price: float, low: float, high: float) -> str:
