@@ -31,7 +31,7 @@ STEPS = {
     "Rendering the built-in showcase with Halfspace through Blender": ["scripts/render.py"],
     f"Measuring {len(STRUCTURES)} structures on the same scene: speed, and errors against brute force": [
         "scripts/bench.py",
-        *("--structures", ",".join(STRUCTURES), "--size", "512x512", "--repeats", "3", "--seconds", "5"),
+        *("--structures", ",".join(STRUCTURES), "--size", "512x512", "--repeats", "6", "--seconds", "5"),
         *("--check-rays", "4096", "--only-rays", "--curve", "none", "--inspector", "kd,bvh-sah"),
         *("--out", str(OUT / "demo")),
     ],
