@@ -186,20 +186,6 @@ FAULTS = (
         ("lib", "objects::obb::tests"),
     ),
     Fault(
-        "boxes that packets turn without their error bound",
-        "native/group/src/packet/boxes.rs",
-        "packet::load::<S, L>(simd, &packet.oblique_pad)",
-        "L::Vector::splat(simd, 0.0)",
-        ALL,
-    ),
-    Fault(
-        "boxes that tiles turn without their error bound",
-        "native/group/src/tile/boxes.rs",
-        "pad: tile.oblique_pad",
-        "pad: 0.0",
-        ALL,
-    ),
-    Fault(
         "oblique planes crossed at the soonest where they are left",
         "native/single/src/objects/slanted.rs",
         "slabs.latest(direction, near)",

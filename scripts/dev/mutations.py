@@ -87,11 +87,12 @@ def build(copy: Path, faults: Sequence[Fault]) -> dict[str, list[Path]]:
     """
     crates = sorted({f"halfspace_{Path(fault.file).parts[1]}" for fault in faults if fault.test[0] == "lib"})
     programs = sorted({fault.test[0] for fault in faults})
+    packages = [*crates, *(["halfspace"] if set(programs) != {"lib"} else [])]
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
     command = [
         "cargo",
         "test",
-        *(part for crate in ("halfspace", *crates) for part in ("--package", crate)),
+        *(part for package in packages for part in ("--package", package)),
         "--release",
         "--no-run",
         "--message-format=json-render-diagnostics",
