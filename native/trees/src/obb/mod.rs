@@ -184,9 +184,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         let single = Plan::single("boxes", "ordered", oriented_boxes(&tree, &leaves));
         let groups = together!(&tree, &leaves, turned_boxes, shadow_turned_boxes);
         let plan = match config.way().rays {
-            // Send all rays in streams: tiles and packets turn every ray at each node that some of them meet. On five
-            // scenes, tiles took 0.5 (leaves) to 3.1 times (needles) as long for camera rays, and 1.2 to 6.6 times for
-            // shadow rays (Zen 3, AVX2).
+            // Send all rays in streams: tiles and packets turn every ray at each node that some of them meet.
             Rays::Auto => groups
                 .streams
                 .take_all(single, Rays::Stream)
