@@ -298,6 +298,7 @@ impl ShadowRays {
             passed,
             ..
         } = self;
+        record(context.recorder, rays, light, false);
         calls.cover(rays.len(), context.stop, |range| {
             passed.trace(context, &rays[range.clone()], &light[range.clone()]);
             for (i, at) in range.enumerate() {
