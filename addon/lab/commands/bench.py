@@ -24,12 +24,12 @@ from ...core.base.native import first_line
 from ...core.measure import benchmark, curve, inference, offsets, preparation, two_level, yardstick
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
-from ...core.scene import ray_files, rays, workload
+from ...core.scene import rays, workload
 from ...core.scene.instances import TOPS
 from ...core.structures import catalogue, specs, ways
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
-from ..bench import cluster, inspecting, merging, peers, scenes, sweep
+from ..bench import cluster, inspecting, merging, peers, ray_files, scenes, sweep
 from ..bench.bench_presets import AS_PUBLISHED, FAMILIES, PRESETS
 from ..export import files
 from ..motion import animations, motion

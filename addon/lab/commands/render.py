@@ -24,12 +24,12 @@ from ...core.base import command, interrupt, native, picture_files
 from ...core.base.arrays import F64
 from ...core.choose import choice
 from ...core.report import results
-from ...core.scene import ray_files, workload
+from ...core.scene import workload
 from ...core.structures import specs
 from ...core.structures.settings import RenderSettings
 from ..base.places import OUT
 from ..base.usage import Parser, UsageError, output
-from ..bench import mesh_files
+from ..bench import mesh_files, ray_files
 from ..pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}

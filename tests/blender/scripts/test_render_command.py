@@ -12,7 +12,8 @@ import pytest
 from addon.blender.measure import pictures
 from addon.blender.render import engine
 from addon.core.base import native, picture_files, resident
-from addon.core.scene import ray_files, workload
+from addon.core.scene import workload
+from addon.lab.bench import ray_files
 from addon.lab.commands import render
 from addon.lab.pictures import scenes
 from tests.blender.shapes import cube

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core.scene import ray_files, rays, workload
+from addon.core.scene import rays, workload
 from addon.core.scene.workload import WorkloadError
+from addon.lab.bench import ray_files
 
 GOOD: dict[str, Any] = {
     "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float64),

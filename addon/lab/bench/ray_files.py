@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.arrays import F32, F64
-from .rays import RaySet
-from .workload import Workload, WorkloadError, naming, numbers, read_archive, real
+from ...core.base.arrays import F32, F64
+from ...core.scene.rays import RaySet
+from ...core.scene.workload import Workload, WorkloadError, naming, numbers, read_archive, real
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
