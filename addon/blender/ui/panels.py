@@ -279,16 +279,21 @@ SIMPLIFY = tuple(
 """Panels of Blender's *Simplify* that serve all engines."""
 
 
-class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):
-    """Objects that final renders leave out. Cycles stores the settings."""
+class SimplifyPanel(EnginePanel):
+    """A part of *Simplify* whose settings Cycles stores."""
 
-    bl_label = "Culling"
     bl_parent_id = "HALFSPACE_PT_simplify"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
         return super().poll(context) and hasattr(context.scene, "cycles")
+
+
+class HALFSPACE_PT_simplify_culling(SimplifyPanel, bpy.types.Panel):
+    """Objects that final renders leave out."""
+
+    bl_label = "Culling"
 
     def draw(self, context: Any) -> None:
         column = self.column()
@@ -297,16 +302,10 @@ class HALFSPACE_PT_simplify_culling(EnginePanel, bpy.types.Panel):
             rows(column, context.scene.cycles, f"use_{kind}_cull", f"{kind}_cull_margin")
 
 
-class HALFSPACE_PT_simplify_textures(EnginePanel, bpy.types.Panel):
-    """The largest textures. Cycles stores the settings."""
+class HALFSPACE_PT_simplify_textures(SimplifyPanel, bpy.types.Panel):
+    """The largest textures."""
 
     bl_label = "Texture Size Limit"
-    bl_parent_id = "HALFSPACE_PT_simplify"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and hasattr(context.scene, "cycles")
 
     def draw(self, context: Any) -> None:
         column = self.column()

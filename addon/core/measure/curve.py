@@ -293,7 +293,7 @@ class Curve:
         return self._small[0] * self._small[1] * samples * RAYS_PER_SAMPLE
 
     def share(self, structures: int) -> float:
-        """Seconds for the pictures of each of so many structures."""
+        """Seconds for the pictures of each structure, of a number of structures."""
         return (1 - SHARED - OF_THE_PEER) * self._seconds / max(structures, 1)
 
     def point(self, structure: AnyLayout, samples: int, threads: int) -> tuple[dict[str, Any], int]:
@@ -388,7 +388,7 @@ class Curve:
 
 
 def _scaled(size: tuple[int, int], least: int) -> tuple[int, int]:
-    """A size of the same shape, whose shorter side has so many pixels."""
+    """The size in pixels with the aspect ratio of `size` whose shorter side is `least`."""
     scale = least / min(size)
     width, height = (max(TILE, round(side * scale)) for side in size)
     return width, height

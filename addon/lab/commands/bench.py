@@ -128,7 +128,7 @@ def parser() -> argparse.ArgumentParser:
         type=int,
         metavar="N",
         help=f"rays per set to compare (default: {benchmark.Options.check_rays}, fewer if the reference would make "
-        f"more than {CHECK_TESTS:.0e} triangle tests; of files and the scene grid's own set as many as these permit)",
+        f"more than {CHECK_TESTS:.0e} triangle tests; sets of files and of the scene grid are limited by these alone)",
     )
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
     add("--memory-limit", type=float, metavar="GB", help="memory limit of a build (default: most of the free memory)")

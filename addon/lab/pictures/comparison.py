@@ -148,10 +148,11 @@ class Verdict:
     2020, "Detecting bias in Monte Carlo renderers using Welch's t-test").
 
     means: relative difference of each channel's mean. tests: number of squares. alarms: probabilities of what was found
-    if only noise differed, the least of all channels for each test: of the mean, of the most different square (Šidák
-    1967), and of so many small p among all squares (one-sided Kolmogorov and Smirnov). histogram: squares by their p,
-    in equal bins, of the channel with the least of the last; level without a difference. worst: the largest difference
-    of a square, in standard errors of noise and rounding. noise: ratio of the variances of the two renderers' pictures.
+    if only noise differed, the least of all channels for each test: of the mean, of the square with the least p (Šidák
+    1967), and of the distribution of p over all squares (one-sided Kolmogorov and Smirnov). histogram: number of
+    squares in equal bins of p, of the channel with the least probability of the last test; level without a difference.
+    worst: the largest difference of a square, in standard errors of noise and rounding. noise: ratio of the variances
+    of the two renderers' pictures.
     """
 
     means: tuple[float, ...]
@@ -252,7 +253,9 @@ def _probability(difference: F64, square: F64, fourth: F64) -> F64:
 
 
 def _surplus(p: F64) -> float:
-    """Probability that uniform values have so many small ones: that of the largest excess of their distribution."""
+    """The p-value of the one-sided test of Kolmogorov and Smirnov against a uniform distribution: the asymptotic
+    probability of the largest excess of the empirical distribution over it.
+    """
     ordered = np.sort(p)
     excess = float((np.arange(1, len(p) + 1) / len(p) - ordered).max())
     return math.exp(-2 * len(p) * max(excess, 0.0) ** 2)
@@ -320,7 +323,9 @@ def noise_of(runs: Runs, seconds: Sequence[float]) -> Noise:
 def _spectrum(runs: Runs) -> tuple[float, ...]:
     """Mean power of the errors of the brightness in bands of frequencies, relative to that of all."""
     mean = runs.mean.mean(axis=2)
-    power: F64 = sum(np.abs(np.fft.fft2(one.mean(axis=2) - mean)) ** 2 for one in runs.pictures)  # type: ignore[assignment]
+    power = np.zeros(mean.shape)
+    for picture in runs.pictures:
+        power += np.abs(np.fft.fft2(picture.mean(axis=2) - mean)) ** 2
     power[0, 0] = 0.0
     vertical, horizontal = (np.abs(np.fft.fftfreq(size)) for size in mean.shape)
     frequency = np.hypot(vertical[:, None], horizontal[None])

@@ -206,7 +206,7 @@ def fitted_costs(figure: Any, fits: Sequence[Fit]) -> None:
         order = np.argsort(fit.measured)[::-1]
         places = np.arange(len(order))
         left = np.zeros(len(order))
-        # A part without width is named too: its label says that its cost is not identifiable.
+        # Draw the bars of each part; one of zero width has a label, which states that its cost is not identifiable.
         for number, key in enumerate(fit.nanoseconds):
             width = fit.parts[order, number]
             colour = COLOURS[list(PARTS).index(key)]
