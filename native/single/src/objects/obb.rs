@@ -61,6 +61,8 @@ pub struct Turned {
     inv: [f32; 4],
     near: [f32; 4],
     far: [f32; 4],
+    /// Bit `k` is set if the ray enters through the upper walls of row `k`: no load waits for the stores above.
+    down: usize,
 }
 
 impl Turned {
@@ -75,6 +77,7 @@ impl Turned {
             inv: [0.0; 4],
             near: [0.0; 4],
             far: [0.0; 4],
+            down: inv.simd_lt(splat(0.0)).to_bitmask() as usize,
         };
         inv.store_slice(&mut turned.inv);
         near.store_slice(&mut turned.near);
@@ -94,8 +97,7 @@ impl Turned {
         let splat = |x: f32| f32x8::splat(simd, x);
         let (mut enter, mut leave) = (splat(within.enter), splat(within.leave));
         for k in 0..3 {
-            // The ray enters through the upper walls of rows that it goes down along.
-            let upper = 3 * usize::from(self.inv[k] < 0.0);
+            let upper = 3 * (self.down >> k & 1);
             let near = f32x8::from_slice(simd, &bounds[k + upper]);
             let far = f32x8::from_slice(simd, &bounds[k + 3 - upper]);
             let inv = splat(self.inv[k]);
@@ -192,7 +194,11 @@ impl Columns {
             [column[first], column[first + 1], column[first + 2], 0.0]
         };
         let [inv, near, far] = &self.turned;
+        let down = (0..3).fold(0, |down, k| {
+            down | usize::from(inv[3 * number + k] < 0.0) << k
+        });
         Turned {
+            down,
             inv: of(inv),
             near: of(near),
             far: of(far),
