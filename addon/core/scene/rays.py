@@ -4,13 +4,18 @@
 *primary*: one ray per pixel centre of a pinhole view, in 8×8-pixel tiles; *shadow*: any-hit rays from the primary hits
 to one point light; *diffuse*: one cosine-weighted bounce per primary hit, in scanline order; *shuffled*: the same in
 random order. Origins of the last three are moved off the surface.
+
+Further sets, after the categories of LumiBench (Liu, Saed, Chou et al. 2023): *ambient*: short any-hit rays, cosine-
+weighted, from the primary hits; *second* and *fourth*: the second and the fourth diffuse bounce; *behind*: primary rays
+that go on behind their hits, as through a cut-out; *long*: chords of the bounding box; *coplanar*: rays in the planes
+of triangles.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +29,10 @@ if TYPE_CHECKING:
 
 
 NAMES = ("primary", "shadow", "diffuse", "shuffled")
-"""The sets in the order of the report."""
+"""The sets that are measured by default, in the order of the report."""
+
+ALL = (*NAMES, "ambient", "second", "fourth", "behind", "long", "coplanar")
+"""All sets in the order of the report."""
 
 MOST_SEED = 1 << 31
 """Exclusive limit on ray seeds of a command line: pictures use the seeds after it, up to 32 bits."""
@@ -38,6 +46,11 @@ OFFSET = 2e-5
 SHORT_OF_LIGHT = 1e-4
 """Share of their length by which shadow rays end before the light, so that no surface at the light blocks them."""
 
+AMBIENT = 0.05
+"""Length of ambient rays, as a share of the scene's diagonal."""
+
+BEFORE = 0.25
+"""Length of a coplanar ray before it meets its triangle, as a share of the scene's diagonal."""
 
 PIXEL_BYTES, HIT_BYTES = 112, 400
 """Peak bytes per pixel of making the primary rays, and of the sets that start at hits in addition."""
@@ -87,7 +100,7 @@ def make(
     offset: float = OFFSET,
     rows: NDArray[np.int64] | None = None,
 ) -> list[RaySet]:
-    """The named sets, in the order of NAMES, then the scene's own.
+    """The named sets, in the order of ALL, then the scene's own.
 
     tracer: a native structure over the workload's triangles; it finds the primary hits. size: width and height in
     pixels, multiples of 8. offset: distance of origins from the surface, as a share of the diagonal. Sets that need
@@ -105,9 +118,13 @@ def make(
     primary = _finish("primary", np.broadcast_to(view.eye, directions.shape), directions)
     tiles = tile_order(width, height)
     sets = {"primary": _ordered(primary, tiles)}
-    if set(names) - {"primary"}:
-        sets |= _secondary(workload, tracer, primary, directions, tiles, seed, offset)
-    return [sets[name] for name in NAMES if name in names] + list(workload.extra)
+    if set(names) - {"primary", "long", "coplanar"}:
+        sets |= _secondary(workload, tracer, primary, tiles, seed, offset, names)
+    if "long" in names:
+        sets["long"] = _chords(workload, len(primary), seed)
+    if "coplanar" in names:
+        sets["coplanar"] = _coplanar(workload, len(primary), seed)
+    return [sets[name] for name in ALL if name in names] + list(workload.extra)
 
 
 def fingerprint(sets: Iterable[RaySet]) -> str:
@@ -172,32 +189,50 @@ def pinhole(view: View, size: tuple[int, int], aspect: float) -> F64:
     return _unit(directions.reshape(-1, 3))
 
 
+@dataclass(frozen=True, eq=False)
+class _Hits:
+    """Where rays hit: a mask of the rays, and the points and the unit normals that face the ray, (hits, 3) float64."""
+
+    mask: NDArray[np.bool_]
+    points: F64
+    normals: F64
+
+
+def _hits(workload: Workload, tracer: Tracer, some: RaySet) -> _Hits:
+    """The nearest hits of rays, from barycentric coordinates in float64. Triangles without area count as missed."""
+    found = tracer.closest(some.origins, some.directions)
+    mask = found.triangle >= 0
+    corners = workload.vertices.astype(np.float64)[workload.triangles[found.triangle[mask]]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    flat = lengths == 0
+    mask[np.flatnonzero(mask)[flat]] = False
+    corners, normals = corners[~flat], normals[~flat] / lengths[~flat, None]
+    normals *= np.where((normals * some.directions[mask]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    u, v = found.u[mask].astype(np.float64)[:, None], found.v[mask].astype(np.float64)[:, None]
+    return _Hits(mask, corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v, normals)
+
+
 def _secondary(
     workload: Workload,
     tracer: Tracer,
     primary: RaySet,
-    directions: F64,
     tiles: NDArray[np.int64],
     seed: int,
     offset: float,
+    names: Sequence[str],
 ) -> dict[str, RaySet]:
-    """Shadow, diffuse and shuffled rays. Hit points come from barycentric coordinates in float64."""
-    # Find hit points, and geometric normals that face the ray.
-    found = tracer.closest(primary.origins, primary.directions)
-    corners = workload.vertices.astype(np.float64)[workload.triangles[np.maximum(found.triangle, 0)]]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    hit = (found.triangle >= 0) & (lengths > 0)
-    normals /= np.where(lengths > 0, lengths, 1.0)[:, None]
-    normals *= np.where((normals * directions).sum(axis=1) > 0, -1.0, 1.0)[:, None]
-    u, v = found.u.astype(np.float64)[:, None], found.v.astype(np.float64)[:, None]
+    """The rays that leave the primary hits, and those of later bounces where `names` has them."""
+    seen = _hits(workload, tracer, primary)
     diagonal = workload.diagonal()
-    points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + offset * diagonal * normals
+    lift = offset * diagonal
+    points = seen.points + lift * seen.normals
 
     # Aim a shadow ray from each hit, in tile order, at the light.
     light = _light(workload.view, tracer, diagonal)
-    seen = tiles[hit[tiles]]
-    origins = points[seen].astype(np.float32)
+    place = np.cumsum(seen.mask) - 1
+    in_tiles = place[tiles[seen.mask[tiles]]]
+    origins = points[in_tiles].astype(np.float32)
     towards = light - origins.astype(np.float64)
     distance = np.linalg.norm(towards, axis=1)
     shadow = RaySet(
@@ -208,20 +243,86 @@ def _secondary(
         any_hit=True,
     )
 
-    rng = np.random.default_rng(seed)
     # Draw one pair per pixel, hit or not, so that a pixel's bounce does not depend on its neighbours.
-    xi = rng.random((len(hit), 2))[hit]
-    # Sample the hemisphere with a cosine-weighted density.
-    radius, angle = np.sqrt(xi[:, 0]), 2 * np.pi * xi[:, 1]
-    first, second = frames(normals[hit])
-    bounce = (
+    rng = np.random.default_rng(seed)
+    diffuse = _finish("diffuse", points, _cosine(seen.normals, rng.random((len(seen.mask), 2))[seen.mask]))
+    shuffled = _ordered(diffuse, rng.permutation(len(diffuse)), name="shuffled", order="none")
+    sets = {"shadow": shadow, "diffuse": diffuse, "shuffled": shuffled}
+    if "ambient" in names:
+        above = _finish("ambient", points, _cosine(seen.normals, _pairs(seed, "ambient", len(points))))
+        sets["ambient"] = replace(above, t_max=np.full(len(points), AMBIENT * diagonal, np.float32), any_hit=True)
+    if "behind" in names:
+        behind = _finish("behind", seen.points - lift * seen.normals, primary.directions[seen.mask])
+        sets["behind"] = _ordered(behind, in_tiles, name="behind", order="none")
+    # Let diffuse rays bounce on, as far as a set needs it.
+    last = max((bounce for name, bounce in _BOUNCES.items() if name in names), default=1)
+    bounced = diffuse
+    for bounce in range(2, last + 1):
+        met = _hits(workload, tracer, bounced)
+        onward = _cosine(met.normals, _pairs(seed, f"bounce {bounce}", len(met.points)))
+        bounced = _finish("", met.points + lift * met.normals, onward)
+        sets |= {name: replace(bounced, name=name) for name, wanted in _BOUNCES.items() if wanted == bounce}
+    return sets
+
+
+_BOUNCES = {"second": 2, "fourth": 4}
+"""Number of the diffuse bounce by set."""
+
+
+def _pairs(seed: int, stream: str, count: int) -> F64:
+    """Uniform (count, 2) numbers of a stream of their own, so that one set does not depend on which others are made."""
+    return np.random.default_rng([seed, *stream.encode()]).random((count, 2))
+
+
+def _cosine(normals: F64, pairs: F64) -> F64:
+    """Unit directions about unit normals with a cosine-weighted density, from uniform (n, 2) numbers."""
+    radius, angle = np.sqrt(pairs[:, 0]), 2 * np.pi * pairs[:, 1]
+    first, second = frames(normals)
+    return _unit(
         first * (radius * np.cos(angle))[:, None]
         + second * (radius * np.sin(angle))[:, None]
-        + normals[hit] * np.sqrt(1 - xi[:, 0])[:, None]
+        + normals * np.sqrt(1 - pairs[:, 0])[:, None]
     )
-    diffuse = _finish("diffuse", points[hit], _unit(bounce))
-    shuffled = _ordered(diffuse, rng.permutation(len(diffuse)), name="shuffled", order="none")
-    return {"shadow": shadow, "diffuse": diffuse, "shuffled": shuffled}
+
+
+def _chords(workload: Workload, count: int, seed: int) -> RaySet:
+    """Rays that enter the bounding box at a uniform point of its surface and pass a uniform point inside."""
+    low, high = workload.bounds()
+    extent = high - low
+    rng = np.random.default_rng([seed, *b"long"])
+    # Choose one of six faces by its area.
+    areas = np.array([extent[1] * extent[2], extent[0] * extent[2], extent[0] * extent[1]])
+    shares = areas / areas.sum() if areas.any() else np.full(3, 1 / 3)
+    axis = rng.choice(3, size=count, p=shares)
+    start = rng.random((count, 3))
+    start[np.arange(count), axis] = rng.integers(0, 2, count)
+    way = (rng.random((count, 3)) - start) * extent
+    moving = way.any(axis=1)
+    return _finish("long", (low + start * extent)[moving], _unit(way[moving]))
+
+
+def _coplanar(workload: Workload, count: int, seed: int) -> RaySet:
+    """Rays along the chord of two uniform points of a triangle chosen by area, from a point before it in its plane."""
+    corners = workload.vertices.astype(np.float64)[workload.triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas[~np.isfinite(areas)] = 0.0
+    if not areas.any():
+        return _finish("coplanar", np.zeros((0, 3)), np.zeros((0, 3)))
+    rng = np.random.default_rng([seed, *b"coplanar"])
+    chosen = corners[rng.choice(len(corners), size=count, p=areas / areas.sum())]
+
+    def inside() -> F64:
+        # Fold the unit square onto the triangle.
+        pairs = rng.random((count, 2))
+        pairs = np.where(pairs.sum(axis=1, keepdims=True) > 1, 1 - pairs, pairs)
+        edges = chosen[:, 1:] - chosen[:, :1]
+        points: F64 = chosen[:, 0] + (pairs[:, :, None] * edges).sum(axis=1)
+        return points
+
+    first, second = inside(), inside()
+    moving = (first != second).any(axis=1)
+    directions = _unit((second - first)[moving])
+    return _finish("coplanar", first[moving] - BEFORE * workload.diagonal() * directions, directions)
 
 
 def _light(view: View, tracer: Tracer, diagonal: float) -> F64:
@@ -241,7 +342,7 @@ def _light(view: View, tracer: Tracer, diagonal: float) -> F64:
     return place
 
 
-def _finish(name: str, origins: F64, directions: F64) -> RaySet:
+def _finish(name: str, origins: F64, directions: F32 | F64) -> RaySet:
     endless = np.full(len(origins), np.inf, np.float32)
     return RaySet(
         name, np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32), endless

@@ -142,7 +142,7 @@ class Workload:
             raise WorkloadError(f"{self.name}: triangles: an index is out of range for {len(vertices)} vertices")
         if not np.isfinite(vertices[triangles.ravel()]).all(axis=1).any():
             raise WorkloadError(f"{self.name}: vertices: none is finite")
-        taken = {*rays.NAMES}
+        taken = {*rays.ALL}
         for one in self.extra:
             if one.name in taken:
                 raise WorkloadError(f"{self.name}: two of its ray sets are called {one.name!r}")
@@ -172,9 +172,13 @@ class Workload:
         digest.update(rays.fingerprint(self.extra).encode())
         return digest.hexdigest()
 
+    def bounds(self) -> tuple[F64, F64]:
+        """The box around all finite vertices that a triangle uses: two (3,) float64."""
+        return bounds(self.vertices, self.triangles)
+
     def diagonal(self) -> float:
-        """Length of the diagonal of the box around all finite vertices that a triangle uses."""
-        low, high = bounds(self.vertices, self.triangles)
+        """Length of the diagonal of `bounds`."""
+        low, high = self.bounds()
         return float(np.linalg.norm(high - low))
 
 

@@ -55,22 +55,25 @@ class Given:
         return replace(self.rays, origins=(self.rays.origins + offset).astype(np.float32))
 
 
-def load(paths: Sequence[Path], memory_limit: int) -> tuple[Given, ...]:
-    """The ray sets of all files. Each is named as in its file, one without a name by its file's; with several files the
-    file's name precedes it.
+def load(files: Mapping[Path, Sequence[str]], memory_limit: int) -> tuple[Given, ...]:
+    """The named ray sets of each file, or all where none is named. Each is called as in its file, one without a name as
+    its file; with several files the file's name precedes it.
 
     memory_limit: bytes that reading may use. Raises WorkloadError.
     """
     found = []
-    for path in paths:
+    for path, wanted in files.items():
         origin, sets = _sets(path, memory_limit)
-        for name, one in sets.items():
-            label = f"{path.stem} {name}" if name and len(paths) > 1 else name or path.stem
+        if unknown := [name for name in wanted if name not in sets]:
+            raise WorkloadError(f"{path}: there is no ray set {unknown[0]!r}; there are {', '.join(sets)}")
+        for name in wanted or sets:
+            one = sets[name]
+            label = f"{path.stem} {name}" if name and len(files) > 1 else name or path.stem
             # Names are shown in reports, where they are a part of pages and of file names.
             found.append(Given(replace(one, name=re.sub(r"[^\w .-]", "_", label)[:40]), origin))
     names = [one.rays.name for one in found]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise WorkloadError(f"{paths[-1]}: two ray sets are called {twice[0]!r}")
+        raise WorkloadError(f"{path}: two ray sets are called {twice[0]!r}")
     return tuple(found)
 
 

@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -85,8 +86,8 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--rays",
         metavar="SET[,SET...]",
-        help=f"ray sets: {', '.join(rays.NAMES)} (default: all), and .npz files of one's own rays, see "
-        "docs/benchmark.md",
+        help=f"ray sets: {', '.join(rays.NAMES)} (default: these), {', '.join(rays.ALL[len(rays.NAMES) :])}, and .npz "
+        "files of one's own rays, see docs/benchmark.md",
     )
     add("--size", default="1024x1024", metavar="WxH", help="pixels of the primary rays, multiples of 8")
     add(
@@ -427,21 +428,28 @@ def read_export(asked: argparse.Namespace) -> tuple[str, ...]:
         raise UsageError(f"--export: {error}") from error
 
 
-def read_sets(asked: argparse.Namespace) -> tuple[list[str], list[Path]]:
-    """The names of the requested ray sets, and the files of one's own rays. Raises UsageError."""
+def read_sets(asked: argparse.Namespace) -> tuple[list[str], dict[Path, list[str]]]:
+    """The names of the requested ray sets; the files of one's own rays, each with the sets of it that are named, none
+    for all. Raises UsageError.
+    """
     preset = PRESETS.get(asked.preset or "", {})
     given = [name.strip() for name in (asked.rays or preset.get("rays") or ",".join(rays.NAMES)).split(",")]
-    names = [name for name in given if not name.lower().endswith(ray_files.SUFFIX)]
-    unknown = [name for name in names if name not in rays.NAMES]
-    if unknown:
-        raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}, and .npz files")
-    return names, [Path(name) for name in dict.fromkeys(given) if name not in names]
+    names: list[str] = []
+    files: dict[Path, list[str]] = {}
+    for name in given:
+        if name in rays.ALL:
+            names.append(name)
+        elif found := re.fullmatch(rf"(.*{re.escape(ray_files.SUFFIX)})(?::(.+))?", name, re.IGNORECASE):
+            files.setdefault(Path(found[1]), []).append(found[2] or "")
+        else:
+            raise UsageError(f"--rays: unknown set {name!r}; there are {', '.join(rays.ALL)}, and .npz files")
+    return names, {path: [] if "" in wanted else wanted for path, wanted in files.items()}
 
 
 def read_own(asked: argparse.Namespace) -> tuple[ray_files.Given, ...]:
     """One's own rays. Raises UsageError and WorkloadError."""
-    _, paths = read_sets(asked)
-    return ray_files.load(paths, native.load().free_memory()) if paths else ()
+    _, files = read_sets(asked)
+    return ray_files.load(files, native.load().free_memory()) if files else ()
 
 
 def read_options(

@@ -11,7 +11,6 @@ from mathutils import Matrix, Vector
 
 from ...blender.samples import arrays
 from ...blender.samples.camera import looking
-from ...core.scene.workload import bounds
 from . import proving_parts as parts
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ of the sky.
 def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
     """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
     arrays.add(scene, workload)
-    low, high = bounds(workload.vertices, workload.triangles)
+    low, high = workload.bounds()
     _lights(scene, workload.view, float(np.linalg.norm(high - low)), lights)
 
 

@@ -121,11 +121,61 @@ def test_the_seed_decides_and_nothing_else(room: Workload) -> None:
     assert not np.array_equal(first["diffuse"].directions, other["diffuse"].directions)
 
 
+def test_further_sets_go_where_their_categories_say(room: Workload) -> None:
+    sets = make(room, names=rays.ALL)
+    assert list(sets) == list(rays.ALL)
+    brute = halfspace_native.build(room.vertices, room.triangles, "brute")
+    primary, lift = sets["primary"], rays.OFFSET * room.diagonal()
+    seen = brute.closest(primary.origins, primary.directions).triangle >= 0
+    # Ambient rays are short, and begin where diffuse rays do.
+    ambient = sets["ambient"]
+    assert ambient.any_hit
+    assert np.array_equal(ambient.origins, sets["diffuse"].origins)
+    assert np.allclose(ambient.t_max, rays.AMBIENT * room.diagonal())
+    assert not np.array_equal(ambient.directions, sets["diffuse"].directions)
+    # A later bounce begins at what the one before hits.
+    found = brute.closest(sets["diffuse"].origins, sets["diffuse"].directions)
+    hit = found.triangle >= 0
+    assert 0 < len(sets["fourth"]) < len(sets["second"]) == hit.sum() < seen.sum()
+    ends = sets["diffuse"].origins[hit] + found.t[hit, None] * sets["diffuse"].directions[hit]
+    np.testing.assert_allclose(np.linalg.norm(sets["second"].origins - ends, axis=1), lift, atol=2e-6)
+    # Rays behind a hit go on without meeting it again.
+    behind = sets["behind"]
+    assert len(behind) == seen.sum()
+    assert set(map(tuple, behind.directions)) <= set(map(tuple, primary.directions))
+    below = behind.origins[:, 2] < 0
+    assert below.any()
+    assert (brute.closest(behind.origins[below], behind.directions[below]).triangle < 0).all()
+    # Long rays begin on the bounding box.
+    low, high = room.bounds()
+    onto = np.abs(np.stack([sets["long"].origins - low, sets["long"].origins - high]))
+    np.testing.assert_allclose(onto.min(axis=(0, 2)), 0, atol=1e-6)
+    assert len(sets["long"]) == len(primary)
+
+
+def test_coplanar_rays_lie_in_the_plane_of_a_triangle(room: Workload) -> None:
+    flat = make(room, names=("coplanar",))["coplanar"]
+    floor, wall = np.abs(flat.directions[:, 2]) == 0, np.abs(flat.directions[:, 1]) == 0
+    assert (floor | wall).all()
+    # Triangles are chosen by area: the floor has 64 of 88 units.
+    assert floor.mean() == pytest.approx(64 / 88, abs=0.04)
+    assert (flat.origins[floor, 2] == 0).all()
+
+
+def test_a_set_does_not_depend_on_the_others_that_are_made(room: Workload) -> None:
+    whole = make(room, names=rays.ALL)
+    for name in rays.ALL:
+        (alone,) = make(room, names=(name,)).values()
+        assert rays.fingerprint([alone]) == rays.fingerprint([whole[name]])
+
+
 def test_only_the_named_sets_are_made_and_a_view_of_nothing_gives_empty_ones(room: Workload) -> None:
     assert list(make(room, names=("diffuse", "primary"))) == ["primary", "diffuse"]
     away = View(np.array([0.0, 0.0, 9.0]), np.array([0.0, 1.0, 20.0]), UP, 20.0)
-    sets = make(Workload("away", room.vertices, room.triangles, away))
-    assert [len(sets[name]) for name in rays.NAMES] == [64 * 32, 0, 0, 0]
+    sets = make(Workload("away", room.vertices, room.triangles, away), names=rays.ALL)
+    assert {name: len(one) for name, one in sets.items() if len(one)} == dict.fromkeys(
+        ("primary", "long", "coplanar"), 64 * 32
+    )
 
 
 def test_rejects_sizes_that_are_no_tiles(room: Workload) -> None:

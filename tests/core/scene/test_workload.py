@@ -184,7 +184,7 @@ def rays_of(tmp_path: Path, **arrays: Any) -> tuple[rays.RaySet, ...]:
     good: dict[str, Any] = {"origins": np.eye(3)[:2], "directions": np.array([[0.0, 0.0, -2.0], [1.0, 0.0, 0.0]])}
     path = tmp_path / "my (rays).npz"
     np.savez(path, **{key: value for key, value in {**good, **arrays}.items() if value is not None})
-    return tuple(one.rays for one in ray_files.load([path], 1 << 20))
+    return tuple(one.rays for one in ray_files.load({path: []}, 1 << 20))
 
 
 def test_rays_of_a_file_begin_at_their_least_distance(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_sets_of_a_file_are_named(tmp_path: Path) -> None:
     paths = tmp_path / "a.npz", tmp_path / "b.npz"
     for path in paths:
         path.write_bytes(ray_files.packed(recorded, np.array([1.0, 2.0, 3.0])))
-    alone, both = ray_files.load(paths[:1], 1 << 20), ray_files.load(paths, 1 << 20)
+    alone, both = ray_files.load({paths[0]: []}, 1 << 20), ray_files.load(dict.fromkeys(paths, ()), 1 << 20)
     assert [(one.rays.name, one.rays.any_hit) for one in alone] == [("camera", False), ("shadow 0", True)]
     assert [one.rays.name for one in both] == ["a camera", "a shadow 0", "b camera", "b shadow 0"]
     whole = workload.load_npz(save(tmp_path))
@@ -221,8 +221,12 @@ def test_sets_of_a_file_are_named(tmp_path: Path) -> None:
     np.testing.assert_array_equal(seen.extra[0].origins, np.eye(3) + np.array([1.0, 2.0, 3.0]))
     with pytest.raises(WorkloadError, match="two of its ray sets are called 'camera'"):
         ray_files.added(seen, alone)
-    with pytest.raises(WorkloadError, match=r"a\.npz: two ray sets are called 'a camera'"):
-        ray_files.load([paths[0], paths[0]], 1 << 20)
+    (shadow,) = ray_files.load({paths[0]: ["shadow 0"]}, 1 << 20)
+    assert (shadow.rays.name, shadow.rays.any_hit) == ("shadow 0", True)
+    with pytest.raises(WorkloadError, match=r"a\.npz: two ray sets are called 'camera'"):
+        ray_files.load({paths[0]: ["camera", "camera"]}, 1 << 20)
+    with pytest.raises(WorkloadError, match=r"a\.npz: there is no ray set 'lens'; there are camera, shadow 0"):
+        ray_files.load({paths[0]: ["lens"]}, 1 << 20)
 
 
 @pytest.mark.parametrize(

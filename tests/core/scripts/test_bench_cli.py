@@ -20,7 +20,7 @@ from addon.core.measure import benchmark, yardstick
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
-from addon.lab.bench import bench_presets, inspecting, scenes
+from addon.lab.bench import bench_presets, inspecting, ray_files, scenes
 from addon.lab.commands import bench
 from addon.lab.export import files
 from addon.lab.report import history, page, plots
@@ -240,8 +240,13 @@ def test_rays_of_a_file_are_further_sets(scene: Path, tmp_path: Path, capsys: An
     assert other["rays"]["mine"]["hits"] < rows[0]["rays"]["mine"]["hits"]
     assert bench.main([str(out), str(again), "--merge", "--out", str(tmp_path / "merged")]) == 2
     assert "different --rays" in capsys.readouterr().err
-    # Files alone are enough.
-    assert bench.main([str(scene), *QUICK, "--rays", str(mine)]) == 0
+    # Files alone are enough, and one set of a file.
+    rays = {f"{name}/{key}": array for name in "ab" for key, array in np.load(mine).items() if key in ray_files.KEYS}
+    np.savez(tmp_path / "two.npz", **rays)
+    assert bench.main([str(scene), *QUICK, "--rays", f"{tmp_path / 'two.npz'}:b", "--out", str(tmp_path / "b")]) == 0
+    assert {tuple(row["rays"]) for row in document(tmp_path / "b")["rows"]} == {("b",)}
+    assert bench.main([str(scene), *QUICK, "--rays", f"{tmp_path / 'two.npz'}:c"]) == 2
+    assert "there is no ray set 'c'; there are a, b" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
