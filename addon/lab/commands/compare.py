@@ -24,8 +24,9 @@ images), meadow and fur (hair), foliage (cut-outs), patina (Ambient Occlusion, B
 `--equal-error`: the time to equal error of FILE or of the scenes of `--scene`, with the defaults of Cycles (filter
 glossy 1, clamp indirect 10, light tree; adaptive sampling and denoising off) in both engines. Each engine renders a
 converged picture and several numbers of samples; the table has the ratios of their times at equal error, with and
-without the constant part of reading and building. A mean that differs by more than 1 %, or with `--most R` a larger
-ratio of processor times, is a failure.
+without the constant part of reading and building. NAME-equal.png has the crop with the largest errors side by side:
+converged, by Cycles, by Halfspace at equal time and at equal error, with the numbers of samples. A mean that differs by
+more than 1 %, or with `--most R` a larger ratio of processor times, is a failure.
 
 `compare A B`, with two pictures (.exr, .png, .jpg and all that OpenImageIO reads): prints how the colours of A differ
 from those of B, without Blender. With `--most R` an RMSE above R is a failure.
@@ -38,7 +39,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,9 @@ DIFFERENT = 1
 
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
+
+CROP = 320
+"""Least pixels along a side of a magnified crop, if the crop has fewer."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -343,6 +347,9 @@ def time_to_equal_error(asked: argparse.Namespace) -> bool:
         print(f"\n{name}, {asked.size}, {asked.bounces} bounces, {asked.structure}:")
         for line in result.lines():
             print(f"  {line}", flush=True)
+        path = asked.out / f"{name}-equal.png"
+        _save_crops(path, scene, result, render)
+        print(f"  the same crop at equal time and at equal error: {path}", flush=True)
     here = results.machine(native.load())
     print(f"\n{here['processor']}, {here['level']}: Halfspace over Cycles at the error of its {counts[-1]} samples\n")
     print(equal_error.HEAD)
@@ -350,6 +357,36 @@ def time_to_equal_error(asked: argparse.Namespace) -> bool:
         print(result.row())
     most = asked.most if asked.most is not None else float("inf")
     return all(result.same and result.ratios("processor")[0] <= most for result in measured)
+
+
+def _save_crops(path: Path, scene: Any, result: Any, render: Callable[[str, int, int], Any]) -> None:
+    """Write one crop of four pictures, magnified: converged; by Cycles with its last number of samples; by Halfspace in
+    the same time, and with the same error.
+    """
+    from ...blender.measure import lettering, pictures
+    from ..pictures import equal_error
+
+    last = result.points["CYCLES"][-1].samples
+    in_time, in_error = result.equal_samples()
+    # Use random numbers of no measured picture.
+    wanted = ("CYCLES", last), ("HALFSPACE", in_time), ("HALFSPACE", in_error)
+    found = [render(engine, samples, 500) for engine, samples in wanted]
+    rows, columns = equal_error.crop(result.reference, found)
+    shown = [one[rows, columns] for one in (result.reference, *found)]
+    gap = np.zeros((shown[0].shape[0], 1, 3))
+    strip = np.concatenate([part for one in shown for part in (one, gap)][:-1], axis=1)
+    displayed = pictures.save_displayed(path, strip.astype("float32"), scene)
+    # Magnify the pixels, and write below each crop which one it is.
+    factor = max(CROP // len(gap), 1)
+    large = displayed.repeat(factor, axis=0).repeat(factor, axis=1)
+    ours = (f"Halfspace, same {what}, {count} spp" for what, count in (("time", in_time), ("error", in_error)))
+    labels = "converged", f"Cycles, {last} spp", *ours
+    size = factor * len(gap) / 18
+    foot = np.zeros((int(2.2 * size), large.shape[1], 3), np.float32)
+    lines = [(text, i * factor * (len(gap) + 1) + 0.4 * size, 0.8 * size) for i, text in enumerate(labels)]
+    whole = np.concatenate([foot, large], axis=0)
+    lettering.write(whole, lines, size)
+    pictures.save(path, whole)
 
 
 def judge_slopes(asked: argparse.Namespace) -> bool:

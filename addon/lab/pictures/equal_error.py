@@ -80,13 +80,28 @@ def fit(points: Sequence[Point], clock: str = "clock") -> Fit:
     return Fit(float(fixed), float(each), scale, power)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
-    """The measurements of one scene. means: of Halfspace's converged picture over those of Cycles, per channel."""
+    """The measurements of one scene. means: of Halfspace's converged picture over those of Cycles, per channel.
+    reference: the converged picture, (height, width, 3).
+    """
 
     name: str
     points: dict[str, list[Point]]
     means: tuple[float, ...]
+    reference: F64 = field(default_factory=lambda: np.zeros((0, 0, 3)))
+
+    def equal_samples(self, clock: str = "processor") -> tuple[int, int]:
+        """The numbers of samples with which Halfspace takes the time of Cycles' last point, and with which it reaches
+        its error; at least 1, at most CONVERGED times Cycles' number.
+        """
+        ours, theirs = (fit(self.points[engine], clock) for engine in ENGINES)
+        last = self.points["CYCLES"][-1].samples
+        left = theirs.seconds(last) - ours.fixed
+        in_time = left / ours.each if ours.each > 0 else math.inf
+        in_error = ours.samples(theirs.scale / last**theirs.power)
+        in_time, in_error = (min(max(count, 1.0), float(CONVERGED * last)) for count in (in_time, in_error))
+        return round(in_time), round(in_error)
 
     def ratios(self, clock: str = "clock") -> tuple[float, float, float]:
         """Ratio of the times to the error of Cycles' last point: whole renders, and without their constant parts;
@@ -188,4 +203,20 @@ def measure(
                     float(np.mean(of.fireflies)),
                 )
             )
-    return Result(name, points, tuple(float(x) for x in ratio))
+    return Result(name, points, tuple(float(x) for x in ratio), reference)
+
+
+def crop(reference: F64, pictures: Sequence[F64]) -> tuple[slice, slice]:
+    """Rows and columns of the square, a quarter of the picture's height, where the relative squared errors of all
+    pictures together are largest. Pictures are (height, width, 3).
+    """
+    error = sum(((one - reference) ** 2).mean(axis=2) for one in pictures)
+    relative = error / (reference.mean(axis=2) ** 2 + 1e-4 * reference.mean() ** 2 + 1e-30)
+    # Let no single pixel decide.
+    relative = np.minimum(relative, np.percentile(relative, 99))
+    side = max(min(reference.shape[:2]) // 4, 1)
+    # Sum over all squares by differences of a summed-area table.
+    table = np.pad(relative.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = table[side:, side:] - table[:-side, side:] - table[side:, :-side] + table[:-side, :-side]
+    row, column = np.unravel_index(int(sums.argmax()), sums.shape)
+    return slice(int(row), int(row) + side), slice(int(column), int(column) + side)

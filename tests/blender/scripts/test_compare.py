@@ -83,6 +83,10 @@ def test_the_time_to_equal_error_is_measured(court: Path, tmp_path: Path, capsys
     text = capsys.readouterr().out
     assert "time to equal error by the processor: whole × " in text
     assert "| court | " in text
+    # Four crops of 8 × 8 pixels stand side by side, magnified 40 times, above their labels.
+    crops = pictures.load(tmp_path / "out" / "court-equal.png")
+    assert crops.shape[1] == 40 * (4 * 8 + 3)
+    assert crops.shape[0] > 40 * 8
     # The error falls with the samples in both engines, towards pictures of equal means.
     for engine in ("HALFSPACE", "CYCLES"):
         lines = [line for line in text.splitlines() if line.lstrip().startswith(f"{engine}: ")]

@@ -53,6 +53,9 @@ def test_half_the_variance_at_equal_speed_halves_the_time() -> None:
     slow = equal_error.Result("scene", {"HALFSPACE": points(1.0, 0.5, 16.0), "CYCLES": points(1.0, 1.0)}, means)
     assert slow.ratios("processor") == pytest.approx((1.0, 0.5, 0.5))
     assert slow.same
+    # Halfspace takes half a sample's variance in the same time, or has the same error after half as many samples.
+    assert result.equal_samples() == (32, 16)
+    assert slow.equal_samples() == (16, 16)
     assert "| scene | 1.00 | 1.00 | 0.50 | 0.50 |" in slow.row()
 
 
@@ -82,3 +85,13 @@ def test_fireflies_are_counted_in_pixels() -> None:
     result = measure("scene", render, (2, 8), 1, 64)
     found = {engine: [p.fireflies for p in of] for engine, of in result.points.items()}
     assert found == {"HALFSPACE": [0, 0], "CYCLES": [pytest.approx(1e6 / (16 * 24)), 0]}
+
+
+def test_the_crop_is_where_the_errors_are() -> None:
+    reference = np.ones((16, 24, 3))
+    noisy = reference.copy()
+    noisy[8:12, 17:21] += 0.5
+    assert equal_error.crop(reference, [reference, noisy]) == (slice(8, 12), slice(17, 21))
+    # One outlier does not decide.
+    noisy[2, 3] = 1e4
+    assert equal_error.crop(reference, [noisy]) == (slice(8, 12), slice(17, 21))
