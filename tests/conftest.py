@@ -117,10 +117,12 @@ def _own_file(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture
 def scene(_addon: None) -> Any:
-    """The scene of an empty file."""
+    """The scene of an empty file. Its pictures have all their samples and keep their noise, unlike by default."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    group = bpy.context.scene.halfspace
+    group.use_adaptive = group.use_preview_adaptive = group.use_denoising = False
     return bpy.context.scene
 
 

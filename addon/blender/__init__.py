@@ -13,7 +13,7 @@ from .read import sky
 from .render import engine, running, viewport
 from .samples import arrays, operators
 from .session import building, unpacking
-from .settings import inspector_settings, overlay_settings, presets, properties
+from .settings import from_cycles, inspector_settings, overlay_settings, presets, properties
 from .ui import (
     bake_panels,
     compare_panels,
@@ -29,7 +29,18 @@ from .ui import (
 )
 
 MODULES: tuple[Any, ...] = (
-    *(state, overlay_settings, inspector_settings, properties, operators, arrays, building, manual, presets),
+    *(
+        state,
+        overlay_settings,
+        inspector_settings,
+        properties,
+        operators,
+        arrays,
+        building,
+        manual,
+        presets,
+        from_cycles,
+    ),
     *(checking, picking, cost_maps, compare_operators),
     *(browsing, isolating, second, worst, levels, map_cursor, exporting),
     *(structure, panels, data_panels, pass_panels, bake_panels, overlay_panels),

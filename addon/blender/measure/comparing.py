@@ -41,13 +41,15 @@ COMPARE, CHOOSE = "Compare", "Choose for Me"
 
 @dataclass
 class Found:
-    """Result for a scene. notes: reasons and omissions, as lines; the first is the answer. rows, options: of the
-    benchmark, for the report. name: of the command. state, read: of the scene, and its `moment` when it was read.
+    """Result for a scene. notes: reasons and omissions, as lines; the first is the answer. rest: lines on what an
+    automatic choice left out, for panels. rows, options: of the benchmark, for the report. name: of the command. state,
+    read: of the scene, and its `moment` when it was read.
     """
 
     comparison: Comparison
     notes: list[str]
     name: str
+    rest: list[str] = field(default_factory=list)
     rows: list[Any] = field(default_factory=list)
     options: dict[str, Any] = field(default_factory=dict)
     state: SceneState | None = None
@@ -118,6 +120,12 @@ def name(spec: str) -> str:
     parameters = specs.parameters(spec)
     label = structure.label if structure is not None else spec
     return f"{label}, {parameters}" if parameters else label
+
+
+def rest(found: auto.Choice) -> list[str]:
+    """What a choice cost, and the candidates that it left out, by the reason, as lines with names for readers."""
+    left_out = (f"{len(some)} {why}: {'; '.join(map(name, some))}" for why, some in found.left_out.items())
+    return [f"Choosing took {found.own:.2f} s in addition to that build", *found.dropped, *left_out]
 
 
 def plan_of(scene: Any) -> Plan:
@@ -225,7 +233,7 @@ def comparing(scene: Any) -> Work:
         comparison = choice.compare(rows, counted, plan).of_trees(chosen[0])
         told = [f"Measured in two levels, as Instances is set; top: {top}"] if workload.kept is not None else []
         notes = [comparison.reason(), *told, *workload.notes]
-        keep(Found(comparison, notes, COMPARE, rows, options.as_dict()))
+        keep(Found(comparison, notes, COMPARE, rows=rows, options=options.as_dict()))
 
     return Work(scene, steps, quality.instancing(scene.halfspace))
 
@@ -241,6 +249,7 @@ def choosing(scene: Any) -> Work:
         for number, text in enumerate(chooser.steps()):
             yield min(number / (len(candidates) + 6), 1.0), text
         if chooser.result is not None:
-            keep(Found(chooser.result.comparison, [*chooser.result.notes, *workload.notes], CHOOSE))
+            chosen = chooser.result
+            keep(Found(chosen.comparison, [*chosen.notes, *workload.notes], CHOOSE, [*rest(chosen), *workload.notes]))
 
     return Work(scene, steps)

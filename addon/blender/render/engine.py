@@ -285,7 +285,8 @@ class _Picture:
         session = Session(module, read.scene.geometry, chosen.spec, structure=chosen.structure)
         session.show(read.scene)
         answers = chosen.comparison.lines[0].answers
-        return stages.Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
+        reasons = [*chosen.comparison.answer(comparing.name), *comparing.rest(chosen), *seen.lines()]
+        return stages.Built(session, chosen.spec, comparing.name(chosen.spec), reasons, answers)
 
     def _keep(self, read: stages.Read, built: stages.Built) -> trees.Tree | None:
         """Keep the tree for the overlay, which can only show flattened geometry; None with instances."""

@@ -26,10 +26,10 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         border=border_pixels(render, width, height) if render.use_border else None,
         samples=depsgraph.view_layer_eval.samples or group.samples,
         passes=denoise.with_features(wanted, quality.integrator(group)) if removes_noise(depsgraph) else wanted,
-        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
         mist=_mist(view_layers.world(depsgraph)),
         record_rays=reports.RECORD.of(scene) or 0,
+        **quality.adaptive(group),
         **quality.settings(scene),
     )
 

@@ -233,6 +233,7 @@ def preview_settings(scene: Any) -> RenderSettings:
         width=1,
         height=1,
         samples=scene.halfspace.preview_samples,
+        **quality.adaptive(scene.halfspace, "preview_"),
         **quality.settings(scene),
     )
 

@@ -17,9 +17,9 @@ class Report:
 
     label: of the structure. statistics: of structure and render, with the native module's names. left_out: features
     that were not computed because the scene lacks them. warnings: unsupported features. reasons: for an automatic
-    choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
-    instances: whether the scene's instances were kept, and why; "" without instances. made: lines on hair and points,
-    which were made into triangles.
+    choice of the structure, the first three its answer. answers: text on their check. tree: the number of the
+    structure, if it was kept. instances: whether the scene's instances were kept, and why; "" without instances. made:
+    lines on hair and points, which were made into triangles.
     """
 
     label: str

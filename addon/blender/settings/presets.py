@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Named configurations: those of the literature, and the user's own in Blender's preset system."""
+"""Named configurations: those of the literature, those of pictures, and the user's own in Blender's preset system."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import bpy
 from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
 from bpy.props import StringProperty
 
 from ...core.base import native
@@ -87,7 +89,23 @@ class HALFSPACE_MT_presets(bpy.types.Menu):
         self.draw_preset(context)
 
 
-class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
+class _AddPreset(AddPresetBase):
+    """An operator that saves or removes a preset, and reports a folder that cannot be written."""
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            # Blender prints a traceback where it cannot make the folder itself.
+            folder = Path(bpy.utils.user_resource("SCRIPTS", path="presets"), self.preset_subdir)
+            folder.mkdir(parents=True, exist_ok=True)
+            found: set[str] = super().execute(context)
+        except OSError as error:
+            # Blender lets this through where its folder is read-only or the disk is full.
+            self.report({"ERROR"}, f"The preset cannot be saved: {error.filename}: {error.strerror}")
+            return {"CANCELLED"}
+        return found
+
+
+class HALFSPACE_OT_preset_add(_AddPreset, bpy.types.Operator):
     """Saves or removes a preset."""
 
     bl_idname = "halfspace.preset_add"
@@ -103,17 +121,138 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         names = [parameter.name for parameter in properties.structure_parameters(bpy.context.scene.halfspace)]
         return [f"group.{name}" for name in ("structure", *names)]
 
+
+@dataclass(frozen=True)
+class Picture:
+    """Presets of a part of the settings of pictures. key: of their folder and classes. names: of the properties that a
+    preset holds. offered: presets that the extension brings, by title.
+    """
+
+    key: str
+    label: str
+    names: tuple[str, ...]
+    offered: dict[str, dict[str, Any]]
+
+
+def _quality(prefix: str, samples: int, threshold: float, *, denoised: bool) -> dict[str, Any]:
+    """The values of a preset of sampling. prefix: of the properties. threshold: of noise, 0 = all samples."""
+    found = {f"use_{prefix}adaptive": threshold > 0, f"{prefix}samples": samples, f"{prefix}min_samples": 0}
+    if threshold > 0:
+        found[f"{prefix}noise_threshold"] = threshold
+    return {**found, f"use_{prefix}denoising": denoised}
+
+
+def _paths(bounces: int, volume: int, *, caustics: bool) -> dict[str, Any]:
+    """The values of a preset of light paths."""
+    both = {f"caustics_{kind}": caustics for kind in ("reflective", "refractive")}
+    return {"max_bounces": bounces, "volume_bounces": volume, **both}
+
+
+PICTURES = (
+    Picture(
+        "sampling",
+        "Sampling Presets",
+        ("use_adaptive", "noise_threshold", "samples", "min_samples", "time_limit", "use_denoising"),
+        {
+            "Preview": _quality("", 1024, 0.1, denoised=True),
+            "Final": _quality("", 4096, 0.01, denoised=True),
+            "Unbiased": _quality("", 1024, 0.0, denoised=False),
+        },
+    ),
+    Picture(
+        "viewport_sampling",
+        "Viewport Sampling Presets",
+        (
+            *("use_preview_adaptive", "preview_noise_threshold", "preview_samples", "preview_min_samples"),
+            *("use_preview_denoising", "preview_denoising_start_sample"),
+        ),
+        {
+            "Preview": _quality("preview_", 1024, 0.1, denoised=False),
+            "Final": _quality("preview_", 4096, 0.01, denoised=True),
+        },
+    ),
+    Picture(
+        "light_paths",
+        "Light Paths Presets",
+        (
+            *("max_bounces", "volume_bounces", "clamp_direct", "clamp_indirect", "filter_glossy"),
+            *("caustics_reflective", "caustics_refractive"),
+        ),
+        {
+            "Direct Light": _paths(0, 0, caustics=False),
+            "Limited Global Illumination": _paths(8, 0, caustics=False),
+            "Full Global Illumination": _paths(32, 32, caustics=True),
+        },
+    ),
+)
+"""Presets of pictures, by the parts of the panels. Samples and thresholds are those of Cycles' presets."""
+
+
+class HALFSPACE_OT_use_picture_preset(bpy.types.Operator):
+    """Applies one of the presets of pictures that the extension brings."""
+
+    bl_idname = "halfspace.use_picture_preset"
+    bl_label = "Use Preset"
+    bl_description = "Take over the values of this preset"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    part: StringProperty(name="Part", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    preset: StringProperty(name="Preset", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+
     def execute(self, context: Any) -> set[str]:
-        try:
-            # Blender prints a traceback where it cannot make the folder itself.
-            folder = Path(bpy.utils.user_resource("SCRIPTS", path="presets"), self.preset_subdir)
-            folder.mkdir(parents=True, exist_ok=True)
-            found: set[str] = super().execute(context)
-        except OSError as error:
-            # Blender lets this through where its folder is read-only or the disk is full.
-            self.report({"ERROR"}, f"The preset cannot be saved: {error.filename}: {error.strerror}")
+        values = next((one.offered.get(self.preset) for one in PICTURES if one.key == self.part), None)
+        if values is None:
+            self.report({"ERROR"}, f"There is no preset {self.preset} of {self.part}")
             return {"CANCELLED"}
-        return found
+        for name, value in values.items():
+            setattr(context.scene.halfspace, name, value)
+        context.scene.update_tag()
+        return {"FINISHED"}
+
+
+class _PicturePresets(PresetPanel):
+    """The list of presets of one part: those that the extension brings, then the user's own."""
+
+    preset_operator = "script.execute_preset"
+    part: Picture
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout  # type: ignore[attr-defined]
+        layout.emboss = "PULLDOWN_MENU"
+        for name in self.part.offered:
+            button = layout.operator(HALFSPACE_OT_use_picture_preset.bl_idname, text=name)
+            button.part, button.preset = self.part.key, name
+        super().draw(context)
+
+
+@cache
+def _picture_classes() -> dict[str, tuple[type, type]]:
+    """The panel and the operator of each part, by its key."""
+    found = {}
+    for part in PICTURES:
+        panel, operator = f"HALFSPACE_PT_{part.key}_presets", f"halfspace.{part.key}_preset_add"
+        folder = f"halfspace/{part.key}"
+        shown = {"bl_label": part.label, "preset_subdir": folder, "preset_add_operator": operator, "part": part}
+        saved = {
+            "__doc__": "Save these settings under a name, or forget a preset",
+            "bl_idname": operator,
+            "bl_label": f"Save {part.label[:-1]}",
+            "preset_menu": panel,
+            "preset_subdir": folder,
+            "preset_defines": ("group = bpy.context.scene.halfspace",),
+            "preset_values": [f"group.{name}" for name in part.names],
+        }
+        found[part.key] = (
+            type(panel, (_PicturePresets, bpy.types.Panel), shown),
+            type(f"HALFSPACE_OT_{part.key}_preset_add", (_AddPreset, bpy.types.Operator), saved),
+        )
+    return found
+
+
+def draw_picture(layout: Any, key: str) -> None:
+    """Draw the button that lists the presets of a part in the header of its panel."""
+    panel: Any = _picture_classes()[key][0]
+    panel.draw_panel_header(layout)
 
 
 def _classes() -> tuple[type, ...]:
@@ -132,11 +271,12 @@ def draw(layout: Any) -> None:
 
 
 def register() -> None:
-    """Register menu and operators, which need a catalogue."""
-    if native.problem() is None:
-        for kind in _classes():
-            bpy.utils.register_class(kind)
-            _registered.append(kind)
+    """Register menus, panels and operators; those of structures need a catalogue."""
+    of_structures = _classes() if native.problem() is None else ()
+    of_pictures = (kind for pair in _picture_classes().values() for kind in pair)
+    for kind in (*of_structures, HALFSPACE_OT_use_picture_preset, *of_pictures):
+        bpy.utils.register_class(kind)
+        _registered.append(kind)
 
 
 def unregister() -> None:

@@ -7,6 +7,8 @@ Names, ranges and defaults are those of Cycles where Cycles has the setting.
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from typing import TYPE_CHECKING, Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
@@ -18,6 +20,40 @@ if TYPE_CHECKING:
 
 FILTERS = {"BLACKMAN_HARRIS": "blackman_harris", "BOX": "box"}
 """Native names of the pixel filters."""
+
+MOST_SAMPLES = 1 << 20
+"""Largest number of samples per pixel."""
+
+
+def _adaptive(prefix: str, where: str, threshold: float) -> dict[str, Any]:
+    """The properties of adaptive sampling. prefix: of their names. where: for which pictures."""
+    return {
+        f"use_{prefix}adaptive": BoolProperty(
+            name="Adaptive Sampling",
+            description=f"Stop sampling parts of the pictures of {where} whose noise is below the threshold. A picture "
+            "is then no longer unbiased: parts that seem converged too early stay so",
+            default=True,
+        ),
+        f"{prefix}noise_threshold": FloatProperty(
+            name="Noise Threshold",
+            description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
+            "samples",
+            default=threshold,
+            min=1e-4,
+            soft_max=0.2,
+            max=1.0,
+            precision=4,
+        ),
+        f"{prefix}min_samples": IntProperty(
+            name="Min Samples",
+            description="Number of samples that each pixel gets before its noise is compared with the threshold; 0 "
+            "depends on the threshold",
+            default=0,
+            min=0,
+            max=4096,
+        ),
+    }
+
 
 _SAMPLING: dict[str, Any] = {
     "integrator": EnumProperty(
@@ -42,27 +78,13 @@ _SAMPLING: dict[str, Any] = {
         description="Camera rays per pixel; four times as many halve the noise",
         default=32,
         min=1,
-        max=1 << 20,
+        max=MOST_SAMPLES,
     ),
     "preview_samples": IntProperty(
-        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
+        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=MOST_SAMPLES
     ),
-    "use_adaptive": BoolProperty(
-        name="Adaptive Sampling",
-        description="Stop sampling parts of the picture whose noise is below the threshold. The picture is then no "
-        "longer unbiased: parts that seem converged too early stay so",
-        default=False,
-    ),
-    "noise_threshold": FloatProperty(
-        name="Noise Threshold",
-        description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
-        "samples",
-        default=0.01,
-        min=1e-4,
-        soft_max=0.2,
-        max=1.0,
-        precision=4,
-    ),
+    **_adaptive("", "final renders", 0.01),
+    **_adaptive("preview_", "the viewport", 0.1),
     "time_limit": FloatProperty(
         name="Time Limit",
         description="Seconds after which a final render ends with the samples taken so far, at least one. The picture "
@@ -76,7 +98,7 @@ _SAMPLING: dict[str, Any] = {
         name="Denoise",
         description="Remove the noise of final renders with Open Image Denoise, guided by the albedo and the normal "
         "of the first surfaces. The picture is then no longer unbiased",
-        default=False,
+        default=True,
     ),
     "use_preview_denoising": BoolProperty(
         name="Viewport Denoise",
@@ -96,6 +118,11 @@ _SAMPLING: dict[str, Any] = {
         description="Seed of the random numbers: each value gives the same picture with different noise",
         default=0,
         min=0,
+    ),
+    "use_animated_seed": BoolProperty(
+        name="Animate Seed",
+        description="Give each frame random numbers of its own, so that the noise of an animation does not stand still",
+        default=False,
     ),
 }
 
@@ -123,7 +150,7 @@ _BAKING: dict[str, Any] = {
 
 _LIGHT_PATHS: dict[str, Any] = {
     "max_bounces": IntProperty(
-        name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
+        name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=1024
     ),
     "volume_bounces": IntProperty(
         name="Volume",
@@ -241,6 +268,23 @@ def remark_unknown(group: Any, notes: Notes) -> None:
     stored.remark_choices(group, CHOICES, notes)
 
 
+def seed(scene: Any) -> int:
+    """The 32-bit seed of the random numbers of a scene's frame, which may be a fraction."""
+    group = scene.halfspace
+    if not group.use_animated_seed:
+        return int(group.render_seed)
+    return zlib.crc32(struct.pack("<d", scene.frame_float), group.render_seed)
+
+
+def adaptive(group: Any, prefix: str = "") -> dict[str, Any]:
+    """The arguments of `RenderSettings` for adaptive sampling. prefix: as of the properties."""
+    used = getattr(group, f"use_{prefix}adaptive")
+    return {
+        "noise_threshold": getattr(group, f"{prefix}noise_threshold") if used else 0.0,
+        "min_samples": getattr(group, f"{prefix}min_samples") if used else 0,
+    }
+
+
 def settings(scene: Any) -> dict[str, Any]:
     """The arguments of `RenderSettings` that final renders and the viewport share."""
     group, render = scene.halfspace, scene.render
@@ -263,7 +307,7 @@ def settings(scene: Any) -> dict[str, Any]:
         "filter": FILTERS[pixels],
         # As in Cycles, whose box is always one pixel wide.
         "filter_width": 1.0 if pixels == "BOX" else group.filter_width,
-        "seed": group.render_seed,
+        "seed": seed(scene),
         "film_transparent": render.film_transparent,
         "transparent_glass": cycles.film_transparent_roughness if glass else -1.0,
         "threads": render.threads if render.threads_mode == "FIXED" else 0,

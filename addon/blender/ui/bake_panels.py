@@ -24,7 +24,7 @@ class HALFSPACE_PT_bake(EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         scene = context.scene
         wanted = scene.halfspace.bake_type
         column.operator("object.bake", icon="RENDER_STILL").type = wanted
@@ -46,7 +46,7 @@ class HALFSPACE_PT_bake_influence(EnginePanel, bpy.types.Panel):
         return super().poll(context) and context.scene.halfspace.bake_type in ("NORMAL", "COMBINED", *LIT)
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         bake, wanted = context.scene.render.bake, context.scene.halfspace.bake_type
         if wanted == "NORMAL":
             rows(column, bake, normal_space="Space", normal_r="Swizzle R", normal_g="G", normal_b="B")
@@ -71,7 +71,7 @@ class HALFSPACE_PT_bake_selected_to_active(EnginePanel, bpy.types.Panel):
         self.layout.prop(context.scene.render.bake, "use_selected_to_active", text="")
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         bake = context.scene.render.bake
         column.active = bake.use_selected_to_active
         column.prop(bake, "use_cage", text="Cage")
@@ -88,7 +88,7 @@ class HALFSPACE_PT_bake_output(EnginePanel, bpy.types.Panel):
     bl_parent_id = "HALFSPACE_PT_bake"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         bake = context.scene.render.bake
         column.prop(bake, "target")
         if bake.target == "IMAGE_TEXTURES":

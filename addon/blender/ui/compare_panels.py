@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels that compare structures for the open scene, in the sidebar and in the render properties."""
+"""The panel that compares structures for the open scene."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from typing import Any
 
 import bpy
 
-from ...core.base import native
 from ...core.choose import choice
 from ...core.choose.choice import Comparison, Line
 from ...core.structures import catalogue
 from ..measure import compare_operators, comparing
 from ..settings import presets, properties
 from . import panels, structure
-from .texts import wrapped
+from .texts import counted, fold, wrapped
 
 
-class _ComparePanel:
+class HALFSPACE_PT_view_compare(panels.SidebarPanel, bpy.types.Panel):
+    """Comparison of structures, and automatic choice of one."""
+
     bl_label = "Compare"
     section = "Compare"
 
     def draw(self, context: Any) -> None:
-        layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
+        layout, scene = self.layout, context.scene
         layout.operator(compare_operators.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
         structure.draw_top(layout, scene)
         _ticks(layout, scene.halfspace)
@@ -35,17 +36,29 @@ class _ComparePanel:
             return
         if found.stale:
             layout.label(text="The scene has changed since", icon="ERROR")
-        _table(layout, found.comparison)
-        for line in found.notes:
-            wrapped(layout, line)
+        if found.name == comparing.CHOOSE:
+            answer(layout, found)
+        else:
+            _table(layout, found.comparison)
+            for line in found.notes:
+                wrapped(layout, line)
         layout.operator(compare_operators.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
+
+
+def answer(layout: Any, found: comparing.Found) -> None:
+    """Draw the answer of an automatic choice in three lines, and the measurements below in a closed part."""
+    column = layout.column(align=True)
+    for line, icon in zip(found.comparison.answer(comparing.name), ("SOLO_ON", "TIME", "INFO"), strict=False):
+        wrapped(column, line, icon=icon)
+    if (body := fold(layout, "chosen", f"{counted(len(found.comparison.lines), 'structure')} measured")) is not None:
+        _table(body, found.comparison)
+        for line in found.rest:
+            wrapped(body, line)
 
 
 def _ticks(layout: Any, group: Any) -> None:
     """Check boxes for all structures, collapsed; the chosen structure is always compared."""
-    header, body = layout.panel("HALFSPACE_compared", default_closed=True)
-    header.label(text=f"{len(comparing.ticked(group))} structures")
-    if body is not None:
+    if (body := fold(layout, "compared", f"{len(comparing.ticked(group))} structures")) is not None:
         flow = body.grid_flow(row_major=True, columns=2, even_columns=True)
         for one in catalogue.load().structures:
             flow.prop(group.compared, properties.tick(one.id))
@@ -87,16 +100,4 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value < 10 else f"{value:,.0f} s"
 
 
-class HALFSPACE_PT_view_compare(_ComparePanel, panels.SidebarPanel, bpy.types.Panel):
-    """Comparison panel in the sidebar of the 3D viewport."""
-
-
-class HALFSPACE_PT_compare(_ComparePanel, panels.EnginePanel, bpy.types.Panel):
-    """Comparison panel in the render properties."""
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and native.problem() is None
-
-
-CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)
+CLASSES = (HALFSPACE_PT_view_compare,)

@@ -11,7 +11,7 @@ import bpy
 
 from ..read.camera import COEFFICIENTS
 from ..read.nodes import active_tree, output_node
-from .panels import EnginePanel, registered, rows
+from .panels import EnginePanel, registered, rows, switched
 
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Kinds of objects with surfaces."""
@@ -296,11 +296,7 @@ class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):
         light = context.light
         self.layout.row().prop(light, "type", expand=True)
         column = self.column()
-        row = column.row(heading="Temperature", align=True)
-        row.prop(light, "use_temperature", text="")
-        value = row.row()
-        value.active = light.use_temperature
-        value.prop(light, "temperature", text="")
+        switched(column, light, "use_temperature", "temperature", "Temperature")
         column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
         column.separator()
         rows(column, light, "energy", "exposure", "normalize")

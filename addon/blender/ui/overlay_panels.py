@@ -14,6 +14,7 @@ from ...core.overlay import planes
 from ..inspector import second
 from ..measure import checking, cost_maps
 from ..overlay import choosing, drawing, picking, replaying
+from ..render.engine import ENGINE
 from ..session import building, trees
 from ..settings import properties
 from . import inspector_panels, panels, structure
@@ -73,19 +74,18 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
 
 
 class HALFSPACE_PT_view_statistics(panels.SidebarPanel, bpy.types.Panel):
-    """Costs of the last structure, and the check of its answers."""
+    """Costs of the last structure, and the check of its answers, for engines without the panel of the last picture."""
 
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
     section = "Statistics"
 
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.engine != ENGINE
+
     def draw(self, context: Any) -> None:
-        tree = trees.last(context.scene)
-        if tree is not None:
-            panels.statistics(self.layout, tree.structure.statistics, tree.count)
-            for line in tree.structure.statistics["left_out"]:
-                wrapped(self.layout, f"Left out: {line}")
-        panels.answers(self.layout, tree)
+        panels.of_tree(self.layout, trees.last(context.scene))
 
 
 class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
@@ -262,7 +262,8 @@ def _popover(panel: Any, context: Any) -> None:
         panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
 
 
-CLASSES = panels.registered(globals())
+CLASSES = tuple(sorted(panels.registered(globals()), key=lambda panel: panel is not HALFSPACE_PT_view_overlay))
+"""The overlay, which the tab is for, comes first."""
 
 
 def register() -> None:

@@ -14,8 +14,9 @@ from ...core.choose import choice
 from ..measure import checking
 from ..render.engine import ENGINE
 from ..session import reports, trees
+from ..settings import presets
 from . import manual, structure
-from .texts import wrapped
+from .texts import fold, wrapped
 
 STATISTICS = (
     ("Extraction", "extract_seconds", "{:.2f} s"),
@@ -40,12 +41,26 @@ STATISTICS = (
 )
 """Lines of the statistics panel: label, key, format."""
 
+ANSWER = 3
+"""Number of reasons for an automatic choice that are always shown."""
+
 
 def registered(names: Mapping[str, Any]) -> tuple[type, ...]:
     """The panels of a module, by its `globals()`, in the order of their definitions, which is that of registration."""
     values = [one for value in names.values() for one in (value if isinstance(value, tuple) else (value,))]
     kinds = [one for one in values if isinstance(one, type) and issubclass(one, bpy.types.Panel)]
     return tuple(kind for kind in kinds if kind.__module__ == names["__name__"])
+
+
+def switched(column: Any, owner: Any, switch: str, value: str, heading: str) -> None:
+    """Add a row with a check box and the value that has an effect with it, whose animation has a dot."""
+    row = column.row(align=True, heading=heading)
+    row.use_property_decorate = False
+    row.prop(owner, switch, text="")
+    inner = row.row(align=True)
+    inner.active = getattr(owner, switch)
+    inner.prop(owner, value, text="")
+    row.prop_decorator(owner, value)
 
 
 def rows(layout: Any, owner: Any, *names: str, **labelled: str) -> None:
@@ -66,6 +81,9 @@ class EnginePanel:
     section = ""
     """Heading of docs/manual.md that explains the panel."""
 
+    presets = ""
+    """The key of the presets of pictures that its header lists."""
+
     block = ""
     """Name in the context of the data that the panel shows; without that data it does not appear."""
 
@@ -74,13 +92,15 @@ class EnginePanel:
         return context.engine == ENGINE and (not cls.block or getattr(context, cls.block) is not None)
 
     def draw_header_preset(self, context: Any) -> None:
+        if self.presets:
+            presets.draw_picture(self.layout, self.presets)  # type: ignore[attr-defined]
         help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
-    def column(self) -> Any:
-        """A column with labels next to the values."""
+    def column(self, *, moves: bool = True) -> Any:
+        """A column with labels next to the values. moves: whether the properties have the dots of animation."""
         layout = self.layout  # type: ignore[attr-defined]
         layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout.use_property_decorate = moves
         return layout.column()
 
 
@@ -114,6 +134,16 @@ class HALFSPACE_PT_sampling(EnginePanel, bpy.types.Panel):
         column.prop(group, "integrator")
         if group.integrator == "ao":
             column.prop(group, "ambient_distance")
+        self.layout.operator("halfspace.import_cycles", icon="IMPORT")
+
+
+def _samples(column: Any, group: Any, prefix: str = "") -> None:
+    """Noise threshold and number of samples. prefix: of their properties."""
+    used = getattr(group, f"use_{prefix}adaptive")
+    switched(column, group, f"use_{prefix}adaptive", f"{prefix}noise_threshold", "Noise Threshold")
+    column.prop(group, f"{prefix}samples", text="Max Samples" if used else "Samples")
+    if used:
+        column.prop(group, f"{prefix}min_samples")
 
 
 class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
@@ -121,9 +151,10 @@ class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
 
     bl_label = "Viewport"
     bl_parent_id = "HALFSPACE_PT_sampling"
+    presets = "viewport_sampling"
 
     def draw(self, context: Any) -> None:
-        self.column().prop(context.scene.halfspace, "preview_samples", text="Samples")
+        _samples(self.column(), context.scene.halfspace, "preview_")
 
 
 class HALFSPACE_PT_sampling_viewport_denoise(EnginePanel, bpy.types.Panel):
@@ -148,16 +179,12 @@ class HALFSPACE_PT_sampling_render(EnginePanel, bpy.types.Panel):
 
     bl_label = "Render"
     bl_parent_id = "HALFSPACE_PT_sampling"
+    presets = "sampling"
 
     def draw(self, context: Any) -> None:
         column = self.column()
         group = context.scene.halfspace
-        row = column.row(heading="Max Noise", align=True)
-        row.prop(group, "use_adaptive", text="")
-        value = row.row()
-        value.active = group.use_adaptive
-        value.prop(group, "noise_threshold", text="")
-        column.prop(group, "samples", text="Max Samples" if group.use_adaptive else "Samples")
+        _samples(column, group)
         column.prop(group, "time_limit")
 
 
@@ -183,7 +210,11 @@ class HALFSPACE_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
-        self.column().prop(context.scene.halfspace, "render_seed")
+        row, group = self.column().row(align=True), context.scene.halfspace
+        row.use_property_decorate = False
+        row.prop(group, "render_seed")
+        row.prop(group, "use_animated_seed", text="", icon="TIME")
+        row.prop_decorator(group, "render_seed")
 
 
 class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
@@ -191,6 +222,7 @@ class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
 
     bl_label = "Light Paths"
     section = "Light Paths"
+    presets = "light_paths"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -239,13 +271,13 @@ class HALFSPACE_PT_light_paths_caustics(EnginePanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
-    """The acceleration structure and its parameters, or the reason why there is none."""
+    """The acceleration structure, or the reason why there is none. The sidebar of 3D views has its parameters."""
 
     bl_label = "Structure"
     section = "Structure"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         if problem := native.problem():
             wrapped(column, problem, icon="ERROR")
             return
@@ -253,10 +285,9 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
         column.prop(group, "automatic")
         if group.automatic:
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
-        structure.draw(column, group)
-        header, body = column.panel("HALFSPACE_memory", default_closed=True)
-        header.label(text="Memory")
-        if body is not None:
+        structure.draw_choice(column, group)
+        wrapped(column, "Parameters: sidebar of the 3D view, tab Halfspace", icon="PREFERENCES")
+        if (body := fold(column, "memory", "Memory")) is not None:
             body.prop(group, "instancing")
             structure.draw_top(body, context.scene)
             body.prop(group, "memory_limit")
@@ -375,7 +406,7 @@ class HALFSPACE_PT_performance(EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         render = context.scene.render
         column.prop(render, "threads_mode")
         threads = column.column()
@@ -399,24 +430,23 @@ class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        report = reports.last(context.scene)
+        report, tree = reports.last(context.scene), trees.last(context.scene)
         if report is None:
             layout.label(text="Nothing rendered yet")
-            answers(layout, trees.last(context.scene))
+            of_tree(layout, tree)
             return
         layout.label(text=report.label)
         layout.label(text=f"{report.triangles:,} triangles")
         statistics(layout, {**report.statistics, "extract_seconds": report.extract_seconds}, report.triangles)
         if report.instances:
             wrapped(layout, report.instances[0].upper() + report.instances[1:], icon="INFO")
-        tree = trees.last(context.scene)
         if tree is not None and tree.number != report.tree and tree.check is not None:
             layout.label(text=f"The picture: {report.answers}", icon="INFO")
         answers(layout, tree, report.answers)
         for title, lines, icon in (
             ("Not supported", report.warnings, "ERROR"),
             ("Made into triangles", report.made, "INFO"),
-            ("Why this structure", report.reasons, "SHADERFX"),
+            ("Why this structure", report.reasons[:ANSWER], "SHADERFX"),
             ("Left out, at no cost", report.left_out, "INFO"),
         ):
             if lines:
@@ -424,6 +454,22 @@ class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
                 box.label(text=title, icon=icon)
                 for line in lines:
                     wrapped(box, line)
+        more = report.reasons[ANSWER:]
+        if more and (body := fold(layout, "reasons", "More on this choice")) is not None:
+            for line in more:
+                wrapped(body, line)
+        if tree is not None and tree.number != report.tree:
+            layout.label(text=f"Built since: {tree.label}")
+            statistics(layout, tree.structure.statistics, tree.count)
+
+
+def of_tree(layout: Any, tree: trees.Tree | None) -> None:
+    """Draw the costs of the last structure, and the check of its answers."""
+    if tree is not None:
+        statistics(layout, tree.structure.statistics, tree.count)
+        for line in tree.structure.statistics["left_out"]:
+            wrapped(layout, f"Left out: {line}")
+    answers(layout, tree)
 
 
 def help_button(layout: Any, section: str) -> None:

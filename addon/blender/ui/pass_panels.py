@@ -19,7 +19,7 @@ class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         layer = context.view_layer
         rows(column, layer, "use_pass_combined", *(one.switch for one in DATA_PASSES[1:]))
         column.separator()
@@ -34,7 +34,7 @@ class HALFSPACE_PT_passes_light(EnginePanel, bpy.types.Panel):
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         layer = context.view_layer
         for kind in ("diffuse", "glossy", "transmission"):
             rows = column.column(heading=kind.capitalize(), align=True)
@@ -57,7 +57,7 @@ class HALFSPACE_PT_passes_cryptomatte(EnginePanel, bpy.types.Panel):
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         layer = context.view_layer
         for kind, switch in MATTES.items():
             column.prop(layer, switch, text=kind)
@@ -110,7 +110,7 @@ class _LightGroupPanel(EnginePanel):
 
     def draw(self, context: Any) -> None:
         layer, item = context.view_layer, getattr(context, self.block)
-        row = self.column().row(align=True)
+        row = self.column(moves=False).row(align=True)
         row.prop_search(item, "lightgroup", layer, "lightgroups", text="Light Group", results_are_suggestions=True)
         button = row.column(align=True)
         button.enabled = bool(item.lightgroup) and item.lightgroup not in layer.lightgroups

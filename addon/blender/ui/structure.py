@@ -12,7 +12,7 @@ from ...core.structures import catalogue, relevance
 from ...core.structures.settings import same
 from ..session import reports
 from ..settings import presets, properties, quality
-from .texts import wrapped
+from .texts import fold, wrapped
 
 if TYPE_CHECKING:
     from ...core.structures.catalogue import Parameter, Structure
@@ -51,10 +51,8 @@ RAYS = {
 def draw(layout: Any, group: Any) -> None:
     """Draw the choice of a structure, its parameters that have an effect, and its source."""
     presets.draw(layout)
-    layout.prop(group, "structure", text="")
+    draw_choice(layout, group)
     chosen = properties.structure(group)
-    if not group.structure:
-        wrapped(layout, f"{properties.UNKNOWN}: {chosen.label}", icon="ERROR")
     shown = properties.shown(group)
     # Nodes and rays follow the parameters of the tree, chosen or not.
     named = False
@@ -67,7 +65,15 @@ def draw(layout: Any, group: Any) -> None:
         _name_only_kinds(layout, chosen)
     for key, title in PARTS.items():
         _part(layout, group, key, title, shown[key])
-    wrapped(layout, chosen.paper, icon="BOOKMARKS")
+    if (body := fold(layout, "source", "Source")) is not None:
+        wrapped(body, chosen.paper, icon="BOOKMARKS")
+
+
+def draw_choice(layout: Any, group: Any) -> None:
+    """Draw the choice of a structure, without its parameters."""
+    layout.prop(group, "structure", text="")
+    if not group.structure:
+        wrapped(layout, f"{properties.UNKNOWN}: {properties.structure(group).label}", icon="ERROR")
 
 
 def draw_top(layout: Any, scene: Any) -> None:
@@ -82,8 +88,7 @@ def _part(layout: Any, group: Any, key: str, title: str, parameters: list[Parame
     if not parameters:
         return
     changed = sum(not same(getattr(group, one.name), one.default) for one in parameters)
-    header, body = layout.panel(f"HALFSPACE_{key}", default_closed=True)
-    header.label(text=f"{title}, {changed} changed" if changed else title)
+    body = fold(layout, key, f"{title}, {changed} changed" if changed else title)
     if body is not None:
         column = body.column()
         for parameter in parameters:

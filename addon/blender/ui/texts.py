@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import blf
@@ -39,13 +40,32 @@ def wrapped(layout: Any, text: str, *, icon: str = "NONE") -> None:
     """Draw a text as labels that fit into the region, because labels do not wrap."""
     room = _room() - MARGINS - (ICON if icon != "NONE" else 0)
     line = ""
-    for word in text.split():
+    for word in (part for whole in text.split() for part in _parts(whole, room)):
         if line and wide(f"{line} {word}") > room:
             layout.label(text=line, icon=icon)
             line, icon = word, "BLANK1" if icon != "NONE" else "NONE"
         else:
             line = f"{line} {word}".strip()
     layout.label(text=line, icon=icon)
+
+
+def _parts(word: str, room: float) -> list[str]:
+    """A word in parts that fit, cut after the separators of specifications; as it is where it fits."""
+    if wide(word) <= room:
+        return [word]
+    parts = [""]
+    for piece in re.split(r"(?<=[,:=/])", word):
+        if parts[-1] and wide(parts[-1] + piece) > room:
+            parts.append("")
+        parts[-1] += piece
+    return parts
+
+
+def fold(layout: Any, key: str, title: str) -> Any:
+    """Add a part that is closed at first. Returns its layout; None while it is closed."""
+    header, body = layout.panel(f"HALFSPACE_{key}", default_closed=True)
+    header.label(text=title)
+    return body
 
 
 def _room() -> float:

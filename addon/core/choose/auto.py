@@ -133,7 +133,8 @@ def _problem(catalogue: Catalogue, spec: str) -> str | None:
 @dataclass(frozen=True)
 class Choice:
     """Result of a choice. spec: the configuration to use. structure: built over the whole scene. comparison: all full
-    trials. notes: the reasons for and against each candidate.
+    trials. notes: the reasons for and against each candidate. left_out: the candidates without a full trial, by the
+    reason. dropped: those that the catalogue lacks, one per line.
 
     seconds: total time of choosing; own: the same without the build of the chosen structure, which is not wasted.
     """
@@ -144,6 +145,8 @@ class Choice:
     notes: tuple[str, ...]
     seconds: float
     own: float
+    left_out: dict[str, list[str]] = field(default_factory=dict)
+    dropped: tuple[str, ...] = ()
 
 
 @dataclass
@@ -329,7 +332,9 @@ class Chooser:
             reason += f" Then, predicted from a part of the scene, {second.spec}: {second.times}."
         left_out = (f"{', '.join(specs)}: {why}" for why, specs in self._left_out.items())
         notes = [reason, f"Choosing took {own:.2f} s in addition to that build.", *self.dropped, *left_out]
-        self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
+        self.result = Choice(
+            best.spec, self._built[best.spec], found, tuple(notes), seconds, own, self._left_out, tuple(self.dropped)
+        )
 
 
 def choose(native: Native, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -153,6 +153,33 @@ class Comparison:
         """The reason for the best configuration, in one sentence, and whether the repeats separate it from others."""
         return f"{self._reason()}{self._doubt()}"
 
+    def answer(self, name: Callable[[str], str]) -> tuple[str, ...]:
+        """The best configuration, its times beside those of the second, and the reason, as three lines; one line
+        without a sound configuration. name: of a specification, for readers.
+        """
+        best = self.best
+        if best is None:
+            return (self._reason(),)
+        others = sorted((line for line in self.sound if line is not best), key=lambda line: line.total)
+        times = f"{_seconds(best.build)} to build and {_seconds(best.trace)} to trace"
+        if not others:
+            why = "Nothing else gave right answers." if len(self.lines) > 1 else "No other could have saved time."
+            return f"{name(best.spec)}.", f"{times}.", why
+        second = others[0]
+        more = second.total / max(best.total, 1e-9) - 1
+        by = f"{times}; {name(second.spec)} takes {more:.0%} longer."
+        doubt = " Not certain: repeats overlap." if self.equal else ""
+        return f"{name(best.spec)}.", by, f"{self._advantage(best)}{doubt}"
+
+    def _advantage(self, best: Line) -> str:
+        """Why the best is better than the others, in one sentence."""
+        shortest = min(self.sound, key=lambda line: line.build) is best
+        if best is self.fastest:
+            return f"Its {'build is the shortest and its ' * shortest}rays are the fastest."
+        if shortest:
+            return "Its build is the shortest; faster rays would save less than they cost to build."
+        return "Others have faster rays or a shorter build, but take longer for both together."
+
     def beside(self, other: Comparison, name: str) -> str:
         """Whether another comparison for the same plan agrees, in one sentence; "" for another plan.
 
@@ -188,6 +215,11 @@ class Comparison:
             return f"{best.spec}: {best.times} for {picture}; nothing else {others}."
         second = min((line for line in self.sound if line is not best), key=lambda line: line.total)
         return f"{best.spec} finishes {picture} first: {best.times}. Then {second.spec}: {second.times}."
+
+
+def _seconds(value: float) -> str:
+    """A duration with two or three digits."""
+    return f"{value:.2f} s" if value < 10 else f"{value:,.0f} s"
 
 
 def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparison:

@@ -31,6 +31,8 @@ class Preparing:
     def __init__(
         self, native: Native, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int
     ) -> None:
+        self.wanted = (specs[-1], limit)
+        """The last structure, and the memory limit of all."""
         self.ended = False
         self.shown = False
         """Whether the first structure is ready."""

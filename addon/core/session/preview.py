@@ -163,16 +163,19 @@ class Preview:
         """Set the scene and how to render it; size, border and passes of the settings are ignored.
 
         clean_from: number of samples from which pictures lose their noise, 0 for none; the last one does in any case.
-        Unchanged arguments have no effect.
+        Unchanged arguments have no effect. Another structure is built while the samples of the picture go on, since the
+        picture does not depend on it.
         """
-        before = (self._spec, self._memory_limit, self._settings, self._clean_from)
-        if before == (spec, memory_limit, settings, clean_from) and same(self._scene, scene):
+        built, shown = (self._spec, self._memory_limit), (self._settings, self._clean_from)
+        same_picture = shown == (settings, clean_from) and same(self._scene, scene)
+        if same_picture and built == (spec, memory_limit):
             return
         self._scene, self._spec, self._memory_limit, self._settings = scene, spec, memory_limit, settings
         self._clean_from = clean_from
-        self._edits += 1
-        if self._cleaning is not None:
-            self._cleaning.drop()
+        if not same_picture:
+            self._edits += 1
+            if self._cleaning is not None:
+                self._cleaning.drop()
         self.problem = ""
         # Let a fast-building structure finish and show first; otherwise an object that is dragged would never be seen.
         if self._preparing is None or self._preparing.shown:
@@ -245,21 +248,25 @@ class Preview:
         self._preparing = None  # frees, or stops, what is not shared
         specs = [self._spec]
         geometry = self._scene.geometry
-        quick = [spec for triangles, spec in QUICK if triangles <= geometry.size]
+        is_shown = self._ready is not None and self._ready.edit == self._edits
+        quick = [] if is_shown else [spec for triangles, spec in QUICK if triangles <= geometry.size]
         chosen = structure_of(self._spec)
         if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
             specs.insert(0, quick[-1])
         self._preparing = Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
 
     def _take_structure(self) -> None:
-        """Take a structure that became ready, and prepare the next edit if the scene changed meanwhile."""
-        if self._preparing is None or (ready := self._preparing.advance()) is None:
+        """Take a structure that became ready, and prepare the next one if scene or structure changed meanwhile."""
+        preparing = self._preparing
+        if preparing is None:
             return
-        better = self._ready is not None and self._ready.edit == ready.edit
+        better = preparing.shown
+        if (ready := preparing.advance()) is None:
+            return
         self._ready = ready
-        if self._preparing.ended:
+        if preparing.ended:
             self._preparing = None
-        if ready.edit != self._edits:
+        if ready.edit != self._edits or preparing.wanted != (self._spec, self._memory_limit):
             self._prepare()
         elif better and self._job is not None and self._job.native.progress < BEGUN:
             self._drop()  # restarted with the better structure, which soon regains the lost time
@@ -373,6 +380,7 @@ class Preview:
             height=height,
             border=border,
             samples=1 if coarse else self._settings.samples,
+            noise_threshold=0.0 if coarse else self._settings.noise_threshold,
             passes=passes,
         )
         native = render(self._native, ready.scene, view.camera, settings)

@@ -76,7 +76,8 @@ class RenderSettings:
     whether lobes that reflect and refract are kept after a diffuse bounce. secondary_beams: whether rays that flat
     polygons mirror and refract go as beams, for whitted. exposure: factor on the colours. filter:
     blackman_harris or box, of filter_width pixels. passes: names of the output arrays. noise_threshold: error below
-    which a block of pixels gets no more samples, 0 = none is skipped. time_limit: seconds after which no samples
+    which a block of pixels gets no more samples, 0 = none is skipped. min_samples: number of samples before that, 0 =
+    derived from the threshold. time_limit: seconds after which no samples
     begin, 0 = no limit. record_rays: largest number of rays of each kind to record, 0 = none. threads: 0 means one per
     core. Raises SettingsError.
     """
@@ -104,6 +105,7 @@ class RenderSettings:
     transparent_glass: float = -1.0
     passes: tuple[str, ...] = field(default=("Combined",))
     noise_threshold: float = 0.0
+    min_samples: int = 0
     time_limit: float = 0.0
     mist: Mist = field(default_factory=Mist)
     record_rays: int = 0
@@ -111,7 +113,7 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         positive = ("width", "height", "samples")
-        others = ("max_bounces", "volume_bounces", "transparent_bounces", "threads")
+        others = ("max_bounces", "volume_bounces", "transparent_bounces", "min_samples", "threads")
         for name, least in (*((name, 1) for name in positive), *((name, 0) for name in others)):
             if getattr(self, name) < least:
                 raise SettingsError(f"{name}: expected at least {least}, got {getattr(self, name)}")

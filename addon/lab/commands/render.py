@@ -60,6 +60,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--integrator", choices=("path", "whitted", "ao"), help="how light is followed (default: the file's)"
     )
+    made.add_argument(
+        "--exact", action="store_true", help="all samples, and no denoising (default: the file's settings)"
+    )
     made.add_argument("--percentage", type=int, help="size in percent of the file's (default: the file's)")
     made.add_argument(
         "--record-rays",
@@ -139,7 +142,7 @@ def render(asked: argparse.Namespace) -> int:
         tree = trees.last(scene)
         spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
         if asked.out.suffix.lower() == ".exr":
-            told = _told(spec, scene.halfspace.samples, seconds)
+            told = {**_told(spec, scene.halfspace.samples, seconds), "sampling": _sampling(scene.halfspace)}
             picture_files.describe(picture, told, asked.compression or "zip")
     # Print the picture's size, structure and checked answers.
     width, height = _size(scene, asked.out)
@@ -151,6 +154,7 @@ def render(asked: argparse.Namespace) -> int:
     peak = None if report is None else report.statistics.get("peak_bytes")
     if peak is not None:
         print(f"Memory of reading, build and render at their peak: {peak / 1e6:,.0f} MB")
+    print(f"Sampling: {_sampling(scene.halfspace)}")
     print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
     if asked.record_rays is not None:
         recorded = reports.RECORDED.of(scene)
@@ -225,6 +229,8 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
         except specs.SpecError as error:
             raise UsageError(f"--structure: {error}") from error
         scene.halfspace.automatic = False
+    if asked.exact:
+        scene.halfspace.use_adaptive = scene.halfspace.use_denoising = False
     if asked.samples is not None:
         scene.halfspace.samples = asked.samples
     if asked.integrator is not None:
@@ -240,6 +246,13 @@ def _size(scene: Any, picture: Path) -> tuple[int, int]:
     except ImportError:
         share = scene.render.resolution_percentage
         return scene.render.resolution_x * share // 100, scene.render.resolution_y * share // 100
+
+
+def _sampling(group: Any) -> str:
+    """How the settings of a `scene.halfspace` group sample a picture and treat its noise."""
+    limit = f"at most {group.samples:,} samples per pixel, noise threshold {group.noise_threshold:g}"
+    samples = limit if group.use_adaptive else f"{group.samples:,} samples per pixel"
+    return f"{samples}, {'denoised' if group.use_denoising else 'not denoised'}"
 
 
 def _told(spec: str, samples: int, seconds: float) -> dict[str, Any]:

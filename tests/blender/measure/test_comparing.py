@@ -15,7 +15,7 @@ from addon.blender.measure import compare_files, compare_operators, comparing
 from addon.blender.render import engine
 from addon.blender.session import trees
 from addon.blender.settings import presets, properties
-from addon.blender.ui import compare_panels, panels
+from addon.blender.ui import compare_panels, panels, texts
 from addon.core.choose import auto, choice
 from addon.core.structures import catalogue, ways
 from tests.blender import atlas
@@ -158,6 +158,23 @@ def test_says_which_structures_were_not_compared(seen: Any) -> None:
         assert "Answers not compared" in draw_all(panel, scene=seen).log
 
 
+def test_a_choice_answers_in_three_lines_and_closes_the_rest(seen: Any) -> None:
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    found = last(seen)
+    layout = draw_all(compare_panels.HALFSPACE_PT_view_compare, scene=seen)
+    answer = found.comparison.answer(comparing.name)
+    assert len(answer) == 3
+    text = " ".join(layout.log)
+    assert text.index(answer[0]) < text.index(answer[1]) < text.index(answer[2])
+    assert layout.parts == ["HALFSPACE_compared", "HALFSPACE_chosen"]
+    assert text.index(answer[2]) < text.index("measured") < text.index("Choosing took")
+    room = texts.NARROW - texts.MARGINS
+    raw = [spec for spec in auto.candidates(catalogue.load()) if ":" in spec]
+    assert raw
+    assert not [line for line in layout.log if any(spec in line for spec in raw)], "names in place of specifications"
+    assert not [line for line in layout.log if ("left out" in line or "not tried" in line) and texts.wide(line) > room]
+
+
 def test_compare_and_choose_agree_or_leave_the_best_open(seen: Any, tmp_path: Path) -> None:
     assert bpy.ops.halfspace.choose() == {"FINISHED"}
     chosen = last(seen)
@@ -191,9 +208,14 @@ def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
     assert seen.halfspace.structure == "brute"  # the setting stays the user's
     assert "answers wrong" in report.answers
     assert not report.answers.startswith("0 of 0")
-    drawn = draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    layout = draw_all(panels.HALFSPACE_PT_statistics, scene=seen)
+    drawn = layout.log
     assert "Why this structure" in drawn
     assert report.answers in drawn
+    # The answer has three lines, and the rest is closed.
+    assert report.reasons[0] == f"{comparing.name(tree.spec)}."
+    assert "to build and" in report.reasons[1]
+    assert "HALFSPACE_reasons" in layout.parts
     # What was chosen is measured, not what is set.
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert trees.last(seen) is tree

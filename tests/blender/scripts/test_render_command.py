@@ -63,6 +63,25 @@ def test_a_time_is_told_beside_the_errors(file: Path, tmp_path: Path, capsys: py
     assert re.search(r": 32 × 16 pixels with [a-z].*, 0 of [0-9,]+ answers wrong$", told), told
 
 
+def test_the_command_states_how_it_sampled(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    scene = bpy.context.scene
+    scene.halfspace.automatic, scene.halfspace.use_adaptive, scene.halfspace.use_denoising = False, True, True
+    bpy.ops.wm.save_mainfile()
+    found = []
+    for options, expected in (
+        ([], "at most 1 samples per pixel, noise threshold 0.01, denoised"),
+        (["--exact"], "1 samples per pixel, not denoised"),
+    ):
+        out = tmp_path / "out.exr"
+        assert render.main([str(file), *QUICK, *options, "--out", str(out)]) == 0
+        assert f"Sampling: {expected}" in capsys.readouterr().out.splitlines()
+        picture = picture_files.read(out)
+        assert picture.attributes["halfspace:sampling"] == expected
+        found.append(picture.colour())
+    assert not np.array_equal(*found)
+
+
 def test_a_configuration_is_taken_whatever_the_file_would_choose(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
 from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import compare_panels, panels, structure, texts
+from addon.blender.ui import compare_panels, overlay_panels, panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
@@ -97,7 +97,7 @@ def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: An
     view = Viewport()
     view.update(Engine(), SimpleNamespace(space_data=None), bpy.context.evaluated_depsgraph_get())
     assert f"{properties.UNKNOWN}: kd-tree" in view.status()
-    assert "max_depth" in draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert "max_depth" in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene)
 
 
 def shown_as(parameter: Parameter) -> str:
@@ -111,7 +111,7 @@ def drawn_parameters(scene: Any) -> list[str]:
     """The items that the panel draws between the choice of the structure and its source."""
     chosen = properties.structure(scene.halfspace)
     every = {shown_as(parameter) for parameter in chosen.parameters}
-    return [name for name in draw(panels.HALFSPACE_PT_structure, scene=scene) if name in every]
+    return [name for name in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene) if name in every]
 
 
 @pytest.mark.parametrize("one", catalogue.load().structures, ids=lambda one: one.id)
@@ -129,14 +129,16 @@ def test_the_structure_panel_shows_what_has_an_effect_and_nothing_else(scene: An
         expected = [shown_as(parameter) for key in relevance.GROUPS for parameter in grouped[key]]
         assert drawn_parameters(scene) == expected
         assert set(expected) == {shown_as(parameter) for parameter in relevance.relevant(one, values)}
-        drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-        assert drawn[0] == "automatic"
+        drawn = draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene)
         assert one.paper.replace(" ", "") in "".join(drawn).replace(" ", "")
-        assert drawn[-2:] == ["instancing", "memory_limit"]
+    drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert drawn[:2] == ["automatic", "structure"]
+    assert drawn[-2:] == ["instancing", "memory_limit"]
+    assert not set(drawn) & {shown_as(parameter) for parameter in one.parameters}, "parameters are in the sidebar"
 
 
 def test_the_tree_over_instances_is_chosen_where_they_are_kept(scene: Any) -> None:
-    group, kinds = scene.halfspace, (panels.HALFSPACE_PT_structure, compare_panels.HALFSPACE_PT_compare)
+    group, kinds = scene.halfspace, (panels.HALFSPACE_PT_structure, compare_panels.HALFSPACE_PT_view_compare)
     for mode, kept, shown in (
         ("auto", None, False),
         ("auto", False, False),
@@ -152,15 +154,15 @@ def test_the_tree_over_instances_is_chosen_where_they_are_kept(scene: Any) -> No
 
 def test_k_and_alpha_come_first_and_the_rest_is_closed(scene: Any) -> None:
     scene.halfspace.structure = "bsp-wn-plus-kd"
-    layout = draw_all(panels.HALFSPACE_PT_structure, scene=scene)
+    layout = draw_all(overlay_panels.HALFSPACE_PT_view_structure, scene=scene)
     known = {parameter.name for parameter in properties.structure_parameters(scene.halfspace)}
     numbers = [name for name in layout.log if name in known]
     assert numbers[:2] == ["k", "alpha"]
-    assert layout.parts == ["HALFSPACE_builder", "HALFSPACE_costs", "HALFSPACE_numerics", "HALFSPACE_memory"]
+    assert layout.parts == ["HALFSPACE_builder", "HALFSPACE_costs", "HALFSPACE_numerics", "HALFSPACE_source"]
     assert "Costs" in layout.log
     scene.halfspace.leaf_cost = 9.0
     scene.halfspace.enough = 0.3
-    assert "Costs, 2 changed" in draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert "Costs, 2 changed" in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene)
 
 
 def test_a_switch_is_a_check_box_over_the_stored_choice(scene: Any) -> None:
@@ -241,6 +243,12 @@ def test_texts_are_broken_by_their_width() -> None:
     room = texts.NARROW - texts.MARGINS - texts.ICON
     assert all(texts.wide(line) <= room for line in layout.log)
     assert all(texts.wide(f"{line} interval") > room - 60 for line in layout.log[:-1]), "the lines are full"
+    # A specification has no blanks.
+    layout, text = Layout(), "bsp-cn-plus-kd:k=6,alpha=0.5,nodes=wide,traversal=stream,shadow=cache,early=1"
+    texts.wrapped(layout, text)
+    assert "".join(layout.log) == text
+    assert len(layout.log) > 1
+    assert all(texts.wide(line) <= texts.NARROW - texts.MARGINS for line in layout.log)
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,7 +76,7 @@ def italics(text: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def known() -> set[str]:
+def known(_addon: None) -> set[str]:
     return labels() | drawn()
 
 

@@ -28,7 +28,7 @@ from addon.blender.ui import (
 from addon.core.base import native
 from addon.core.structures import catalogue, specs
 from addon.core.structures.presets import offered
-from tests.blender.layouts import Layout, draw, draw_all
+from tests.blender.layouts import Layout, draw, draw_all, draw_own
 from tests.blender.shapes import cube
 
 PANELS = [
@@ -157,6 +157,69 @@ def test_the_preset_menu_lists_names_of_the_sources_and_saves_the_users_own(
         assert properties.spec(scene.halfspace) == "kd:step_cost=0.75"
     finally:
         Path(path).unlink()
+
+
+PARTS = {part.key: part for part in presets.PICTURES}
+
+
+@pytest.mark.parametrize("key", PARTS)
+def test_presets_of_pictures_are_offered_saved_and_used(scene: Any, key: str) -> None:
+    part, group = PARTS[key], scene.halfspace
+    listed = Layout()
+    menu = SimpleNamespace(layout=listed, part=part, path_menu=lambda *_args, **_rest: None)
+    menu.preset_subdir, menu.preset_operator, menu.preset_add_operator = f"halfspace/{key}", "script.execute_preset", ""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(presets.PresetPanel, "draw", lambda _panel, _context: None)
+        panel = type("Panel", (presets._PicturePresets,), {"layout": listed, "part": part})
+        panel().draw(None)
+    assert [(button.part, button.preset) for button in listed.operators] == [(key, name) for name in part.offered]
+    for name, values in part.offered.items():
+        assert set(values) <= set(part.names)
+        assert bpy.ops.halfspace.use_picture_preset(part=key, preset=name) == {"FINISHED"}
+        assert {one: getattr(group, one) for one in values} == pytest.approx(values)
+    # The user's own hold all values.
+    before = {name: getattr(group, name) for name in part.names}
+    assert getattr(bpy.ops.halfspace, f"{key}_preset_add")(name="mine") == {"FINISHED"}
+    path = bpy.utils.preset_find("mine", f"halfspace/{key}")
+    assert path
+    try:
+        for name, value in before.items():
+            setattr(group, name, not value if isinstance(value, bool) else value + 1)
+        bpy.ops.script.execute_preset(filepath=path, menu_idname=f"HALFSPACE_PT_{key}_presets")
+        assert {name: getattr(group, name) for name in part.names} == pytest.approx(before)
+    finally:
+        Path(path).unlink()
+    with pytest.raises(RuntimeError, match=f"no preset other of {key}"):
+        bpy.ops.halfspace.use_picture_preset(part=key, preset="other")
+
+
+@pytest.mark.parametrize("engine", ["HALFSPACE", "CYCLES"])
+def test_structure_statistics_and_compare_are_drawn_once(scene: Any, engine: str) -> None:
+    where = SimpleNamespace(**{**context(scene), "engine": engine})
+    shown = [panel for panel in PANELS if panel.poll(where) and not getattr(panel, "bl_parent_id", "")]
+    sidebar = [panel.bl_label for panel in shown if panel.bl_region_type == "UI" and panel.bl_space_type == "VIEW_3D"]
+    assert sidebar[:2] == ["Overlay", "Structure"]
+    titles = [panel.bl_label for panel in shown if panel.bl_label in ("Statistics", "Compare")]
+    assert sorted(titles) == ["Compare", "Statistics"]
+    # The parameters of the structure are in one panel.
+    scene.halfspace.structure = "bsp-wn-plus-kd"
+    owners = [panel.__name__ for panel in shown if "alpha" in draw(panel, **vars(where))]
+    assert owners == ["HALFSPACE_PT_view_structure"]
+
+
+@pytest.mark.parametrize(
+    ("panel", "moves"),
+    [
+        (panels.HALFSPACE_PT_sampling_render, True),
+        (panels.HALFSPACE_PT_light_paths, True),
+        (panels.HALFSPACE_PT_film, True),
+        (data_panels.HALFSPACE_PT_light, True),
+        (data_panels.HALFSPACE_PT_visibility, True),
+        (panels.HALFSPACE_PT_structure, False),
+    ],
+)
+def test_settings_that_move_have_dots(scene: Any, panel: Any, *, moves: bool) -> None:
+    assert draw_own(panel, SimpleNamespace(**context(scene))).use_property_decorate == moves
 
 
 def test_no_column_of_the_menu_of_structures_is_longer_than_the_screen() -> None:

@@ -34,7 +34,8 @@ READ = {
     "CyclesRenderLayerSettings": "use_denoising",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_preview_denoising "
-    "preview_denoising_start_sample use_denoising use_adaptive noise_threshold time_limit render_seed max_bounces "
+    "preview_denoising_start_sample use_denoising use_adaptive noise_threshold min_samples use_preview_adaptive "
+    "preview_noise_threshold preview_min_samples time_limit render_seed use_animated_seed max_bounces "
     "volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
     "secondary_beams "
     "film_exposure pixel_filter_type filter_width bake_type automatic instancing top memory_limit structure",
@@ -180,6 +181,7 @@ def contexts(scene: Any) -> Iterator[Context]:
     }
     scene.render.bake.use_cage = True
     scene.halfspace.instancing = "two-level"
+    scene.halfspace.use_adaptive = scene.halfspace.use_preview_adaptive = True
     for integrator, bake in (("ao", "NORMAL"), ("whitted", "DIFFUSE"), ("path", "COMBINED")):
         scene.halfspace.integrator, scene.halfspace.bake_type = integrator, bake
         yield Context(**common, object=mesh, material=material, mesh=mesh.data)

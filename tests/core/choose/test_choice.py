@@ -65,6 +65,31 @@ def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
     assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
 
 
+def test_the_answer_has_three_lines() -> None:
+    quick, both = Line("bvh-sah", 0.1, 6.0), Line("kd", 0.05, 1.0)
+    slow, close = Line("kd", 5.0, 1.0, least=0.5), Line("bih", 0.2, 5.0, least=5.0, most=7.0)
+    wrong = Line("brute", problem="3 of 10 answers are wrong")
+    times = "0.10 s to build and 6.00 s to trace"
+    for lines, expected in (
+        ((quick,), ("BVH-SAH.", f"{times}.", "No other could have saved time.")),
+        ((quick, wrong), ("BVH-SAH.", f"{times}.", "Nothing else gave right answers.")),
+        ((both, quick), ("KD.", "0.05 s to build and 1.00 s to trace; BVH-SAH takes 481% longer.", "Its build is the")),
+        ((slow, dataclasses.replace(quick, trace=9.0)), ("KD.", "5.00 s to build and 1.00 s to", "Its rays are the")),
+        (
+            (dataclasses.replace(quick, trace=3.0), slow),
+            ("BVH-SAH.", "0.10 s to build and 3.00", "Its build is the sho"),
+        ),
+        (
+            (close, Line("grid", 0.1, 9.0), slow),
+            ("BIH.", "0.20 s to build", "Others have faster rays or a shorter build"),
+        ),
+    ):
+        answer = Comparison(Plan(100, 1), lines).answer(str.upper)
+        assert all(line.startswith(start) for line, start in zip(answer, expected, strict=True)), answer
+    assert Comparison(Plan(100, 1), (close, slow)).answer(str.upper)[-1].endswith("Not certain: repeats overlap.")
+    assert Comparison(Plan(100, 1), (wrong,)).answer(str.upper) == ("No configuration gives right answers.",)
+
+
 def test_configurations_that_the_repeats_do_not_separate_are_equal() -> None:
     plan = Plan(100, 1)
     best, close = Line("kd", 1.0, 2.0, least=2.0, most=2.4), Line("bvh-sah", 0.5, 2.8, least=2.8, most=3.5)

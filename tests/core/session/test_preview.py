@@ -76,6 +76,33 @@ def test_a_large_scene_is_shown_before_the_chosen_structure_is_there(monkeypatch
     assert monitor.cancelled, "a structure that nobody waits for goes on being built"
 
 
+@pytest.mark.parametrize("begun", [False, True], ids=["first build", "samples"])
+def test_another_structure_is_built_while_the_samples_go_on(*, begun: bool) -> None:
+    native = FakeNative(build_seconds=0.0 if begun else 0.2)
+    seen = preview(native)
+    if begun:
+        until(seen, lambda: bool(native.jobs) and native.jobs[-1].settings["samples"] == 4)
+        native.jobs[-1]._end = math.inf
+    else:
+        until(seen, lambda: native.builds == 1)
+    jobs, done = len(native.jobs), seen.samples
+    seen.edit(scene_of(), "bih", None, SETTINGS)
+    if begun:
+        until(seen, lambda: native.builds == 2 and seen.preparing is None)
+        assert (len(native.jobs), seen.samples) == (jobs, done)
+        native.jobs[-1]._end = 0.0
+    until(seen)
+    assert not any(job.cancelled for job in native.jobs)
+    assert (native.builds, seen.samples) == (2, (4, 4))
+    if begun:
+        assert len(native.jobs) == jobs, "the picture is not rendered again"
+    # The next picture uses it.
+    seen.look(view_from(6))
+    until(seen)
+    assert seen._ready is not None
+    assert seen._ready.session.spec == "bih"
+
+
 def test_a_moved_view_stops_the_fine_picture_and_starts_coarse() -> None:
     native = FakeNative()
     seen = preview(native)
