@@ -16,6 +16,7 @@ import numpy as np
 
 from ...core.base import native
 from ...core.base.arrays import F32, F64, I32
+from ...core.base.steps import Steps
 from ...core.scene.instances import TOPS, InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
@@ -79,13 +80,19 @@ class MeshArrays:
         return Mesh(self.positions, np.ascontiguousarray(self.triangles, np.int32), self.slots, normals)
 
 
-def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
-    """Copy the render data of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
+def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> Steps[MeshArrays]:
+    """Copy the render data of an evaluated `bpy.types.Mesh`, an attribute at a time; with `uvs` also the active render
+    UV map.
+    """
     positions = _positions(mesh).reshape(-1, 3)
     bounded = _bound(positions)
+    yield
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
+    yield
     corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
+    yield
     triangles = corner_vertices.take(corners).reshape(-1, 3)
+    yield
 
     # Read material slots; a mesh with slot 0 only needs none.
     slots = None
@@ -93,6 +100,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         face_slots = _attribute(mesh, "material_index", np.int32, len(mesh.polygons))
         faces = _read(mesh.loop_triangle_polygons, "value", np.int32, len(triangles))
         slots = face_slots.take(faces) if face_slots.any() else None
+        yield
 
     # Read normals where Blender's shading is smooth.
     normals, normal_rows = None, None
@@ -102,6 +110,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
     elif len(triangles) and mesh.normals_domain == NORMALS_CORNER:
         normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
         normal_rows = corners.reshape(-1, 3)
+    yield
 
     lost = 0
     if normals is not None and normal_rows is not None and not np.isfinite(texture_layers.extremes(normals)).all():
@@ -114,7 +123,8 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
     if uv_map is not None:
         by_corner = _read(uv_map.uv, "vector", np.float32, len(mesh.loops) * 2).reshape(-1, 2)
         uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
-    found = texture_layers.read_layers(mesh, layers)
+        yield
+    found = yield from texture_layers.read_layers(mesh, layers)
     box = texture_layers.box(mesh) if bounded else texture_layers.box_around(positions)
     return MeshArrays(positions, triangles, slots, normals, normal_rows, uv, found, box, lost)
 
