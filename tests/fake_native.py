@@ -106,6 +106,7 @@ class FakeNative:
         self, scene: Any, camera: dict[str, Any], settings: dict[str, Any], *, threads: int, points: Any = None
     ) -> Job:
         job = Job(settings, self.render_seconds, self.job_error)
+        job.camera = camera
         self.jobs.append(job)
         return job
 
@@ -120,6 +121,7 @@ class Job:
         self.cancelled = False
         self.error = error
         self.settings = settings
+        self.camera: dict[str, Any] = {}
         self.statistics = {"mrays_s": 1.0, "seconds": seconds}
 
     @property

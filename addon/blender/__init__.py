@@ -10,7 +10,7 @@ from .inspector import browsing, exporting, isolating, levels, map_cursor, secon
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
-from .render import engine, running, viewport
+from .render import engine, reading, running, viewport
 from .samples import arrays, operators
 from .session import building, unpacking
 from .settings import from_cycles, inspector_settings, overlay_settings, presets, properties
@@ -44,7 +44,7 @@ MODULES: tuple[Any, ...] = (
     *(checking, picking, cost_maps, compare_operators),
     *(browsing, isolating, second, worst, levels, map_cursor, exporting),
     *(structure, panels, data_panels, pass_panels, bake_panels, overlay_panels),
-    *(histogram_icons, inspector_panels, compare_panels, drawing),
+    *(histogram_icons, inspector_panels, compare_panels, drawing, reading),
 )
 """Registered modules, in their order: settings before the panels that show them. Each module may have `CLASSES`, and
 functions `register` and `unregister` for everything else.

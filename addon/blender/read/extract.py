@@ -9,6 +9,7 @@ attributes, `displacement` may move it, `core/scene/instances.py` chooses whethe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base.arrays import F64
+from ...core.base.notes import Notes
+from ...core.base.steps import Steps, Stepwise
 from ...core.scene.instances import TOPS, AnyGeometry, InstancedGeometry, Layout, choose
 from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Geometry, Numbers, Scene
@@ -28,16 +31,16 @@ from .layers import width
 from .linking import Linking
 from .media import grids
 from .object_meshes import MESH_TYPES, ObjectMeshes
-from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, MASK, Instance, is_regular
 from .remembered import Remembered
 from .simplifying import Culling, texture_limit
-from .standing import Standing
+from .standing import Standing, moves
 from .strands.collecting import Collector
 from .value_nodes.outputs import NOTHING, Wanted
 from .visibility import Visibility
 
 if TYPE_CHECKING:
-    from ...core.base.notes import Notes
+    from ...core.scene.scene import Image, Light, World
 
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
 ROUND_TYPES = {"CURVES", "POINTCLOUD"}
@@ -118,7 +121,14 @@ def find(
     keep_going: Callable[[], bool] | None = None,
     wanted: Wanted = NOTHING,
 ) -> Found:
-    """Read everything renderable that the depsgraph's mode shows; with a 3D view (`space`), only what that view shows.
+    """Read everything renderable that the depsgraph's mode shows, see `Reading`."""
+    reading = Reading(depsgraph, notes, uvs=uvs, space=space, sky=sky, keep_going=keep_going, wanted=wanted)
+    reading.advance(math.inf)
+    return reading.found()
+
+
+class Reading:
+    """Reads everything renderable that the depsgraph's mode shows; with a 3D view (`space`), only what that view shows.
 
     Reads meshes, objects convertible to meshes (curves, surfaces, text, metaballs), hair, point clouds and lights, with
     all their instances, and the materials and the world of the view layer; unsupported objects are noted in `notes` by
@@ -127,51 +137,127 @@ def find(
     sky: WAIT for a Sky Texture, which takes seconds; start it now and use it LATER; or NO_WORLD, for triangles alone.
     By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
     wanted: what the picture needs.
+
+    `advance` reads a part at a time from Blender. Between two calls the depsgraph must not be evaluated: what was being
+    read is then freed, and only `close` is left. `found` makes the scene of the copies, on any thread.
     """
-    layer = depsgraph.view_layer_eval
-    reader = _Reader(notes, uvs, depsgraph, wanted)
-    # Read everything from an instance at once: Blender reuses its memory for the next one.
-    for instance in depsgraph.object_instances:
-        if space is None or instance.object.visible_in_viewport_get(space):
-            reader.visit(instance)
-    placements = reader.placements()
-    reader.note()
-    remarks.unread(depsgraph, notes)
-    # Read the world after the materials, because both share the gallery of images.
-    sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
-    sky_world = view_layers.world(depsgraph)
-    background, shown, suns = world.read_world(
-        sky_world if layer.use_sky and sky != NO_WORLD else None,
-        notes,
-        reader.palette.gallery,
-        wait=sky == WAIT,
-        keep_going=keep_going,
-        wanted=wanted.outputs,
-    )
-    group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
-    identities = reader.identities
-    scene = Scene(
-        Geometry.empty(),
-        reader.palette.materials(),
-        (*reader.lamps.found(), *(replace(sun, group=group) for sun in suns)),
-        replace(background, group=group),
-        Numbers(identities.indices, reader.palette.pass_indices(), identities.groups),
-        reader.palette.images(shown | reader.lamps.images),
-        tuple(reader.volumes.voxels),
-        Mattes(identities.mattes, reader.palette.names()) if wanted.mattes else None,
-    )
-    layers = reader.palette.layers
-    return Found(placements, scene, tuple(layers.keys), layers.objects, layers.apart, tuple(reader.strands.made))
+
+    def __init__(
+        self,
+        depsgraph: Any,
+        notes: Notes,
+        *,
+        uvs: bool = False,
+        space: Any = None,
+        sky: str = "",
+        keep_going: Callable[[], bool] | None = None,
+        wanted: Wanted = NOTHING,
+    ) -> None:
+        self._notes, self._wanted, self._space = notes, wanted, space
+        self._sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
+        self._keep_going = keep_going
+        self._reader = _Reader(notes, uvs, depsgraph, wanted)
+        self._work = Stepwise(self._steps(depsgraph))
+
+    @property
+    def ended(self) -> bool:
+        """Whether everything was read."""
+        return self._work.ended
+
+    def advance(self, seconds: float) -> bool:
+        """Read for about this time, at least one step. Returns whether everything was read."""
+        return self._work.advance(seconds)
+
+    def close(self) -> None:
+        """Break off, and drop all of Blender's data."""
+        self._work.close()
+
+    def found(self) -> Found:
+        """The scene that was read. Once; needs nothing of Blender."""
+        assert self.ended, "everything was read"
+        reader, rest = self._reader, self._work.result
+        placements = reader.placements()
+        reader.note()
+        self._notes.join(rest.notes)
+        identities, palette = reader.identities, reader.palette
+        scene = Scene(
+            Geometry.empty(),
+            palette.materials(),
+            rest.lights,
+            rest.world,
+            Numbers(identities.indices, palette.pass_indices(), identities.groups),
+            rest.images,
+            tuple(reader.volumes.voxels),
+            Mattes(identities.mattes, palette.names()) if self._wanted.mattes else None,
+        )
+        layers = palette.layers
+        return Found(placements, scene, tuple(layers.keys), layers.objects, layers.apart, tuple(reader.strands.made))
+
+    def _steps(self, depsgraph: Any) -> Steps[_Rest]:
+        """Read all of Blender's data."""
+        reader, space = self._reader, self._space
+        yield from reader.begin()
+        # Read everything from an instance at once: Blender reuses its memory for the next one.
+        for instance in depsgraph.object_instances:
+            if space is None or instance.object.visible_in_viewport_get(space):
+                yield from reader.visit(instance)
+            yield
+        yield from reader.end()
+        rest = Notes()
+        yield from remarks.unread(depsgraph, rest)
+        # Read the world after the materials, because both share the gallery of images.
+        sky_world, wanted = view_layers.world(depsgraph), self._wanted
+        background, shown, suns = world.read_world(
+            sky_world if depsgraph.view_layer_eval.use_sky and self._sky != NO_WORLD else None,
+            rest,
+            reader.palette.gallery,
+            wait=self._sky == WAIT,
+            keep_going=self._keep_going,
+            wanted=wanted.outputs,
+        )
+        group = 0 if sky_world is None else wanted.groups.get(sky_world.lightgroup, 0)
+        yield
+        images = yield from reader.palette.images(rest, shown | reader.lamps.images)
+        lights = (*reader.lamps.found(), *(replace(sun, group=group) for sun in suns))
+        return _Rest(lights, replace(background, group=group), images, rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What a scene has besides its objects. notes: on it and on settings."""
+
+    lights: tuple[Light, ...]
+    world: World
+    images: tuple[Image, ...]
+    notes: Notes
+
+
+@dataclass(frozen=True, eq=False)
+class _Repeated:
+    """A mesh that an instancer has placed. group: its placement. moves: whether it has motion blur."""
+
+    group: meshes.Placement
+    name: str
+    moves: bool
+
+
+def _repetition(item: Any, parent: Any) -> tuple[int, int, int]:
+    """Equal for instances of the same mesh and object by the same instancer."""
+    return item.data.as_pointer(), item.original.as_pointer(), parent.as_pointer()
 
 
 class _Reader:
-    """One pass over the depsgraph's instances, which gives each to the part that reads its kind."""
+    """One pass over the depsgraph's instances, which gives each to the part that reads its kind.
+
+    Call `begin`, `visit` for each instance, and `end`; then, on any thread, `placements` and `note`.
+    """
 
     def __init__(self, notes: Notes, uvs: bool, depsgraph: Any, wanted: Wanted) -> None:
         layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
+        self._remembered = wanted.remembered or Remembered()
+        self._remembered.begin(depsgraph)
         self.palette = materials.Palette(
             notes,
-            depsgraph.ids,
             layer.material_override,
             (layer, scene, scene.world),
             wanted.outputs,
@@ -182,26 +268,38 @@ class _Reader:
                 texture_limit(depsgraph),
             ),
         )
-        layers, self._linking = self.palette.layers, Linking(depsgraph, notes)
+        self._linking = Linking(depsgraph, notes)
         self._notes, self._standing = notes, wanted.standing or Standing()
-        self._culling, self._instancing = Culling(depsgraph), Instancing(depsgraph, layers.object_values)
+        self._culling, self._depsgraph, self._uvs = Culling(depsgraph), depsgraph, uvs
         self._visibility = Visibility(layer, self._linking)
         self._surfaces, self._hair, self._clouds = layer.use_solid, layer.use_strand, layer.use_volumes
         # Each part collects what it reads.
         self.identities = Identities(wanted.groups)
         self.lamps = lights.Lamps(notes, self.palette.gallery, self._linking, wanted.groups)
-        remembered = wanted.remembered or Remembered()
-        remembered.begin(depsgraph, (tuple(layers.keys), uvs))
-        self.strands = Collector(depsgraph, notes, self.palette, remembered, uvs=uvs)
+        self.strands = Collector(depsgraph, notes, self.palette, self._remembered, uvs=uvs)
         self.volumes = grids.Volumes(notes)
-        self._meshes = ObjectMeshes(notes, layers, self._standing, remembered, uvs=uvs)
+        self._meshes = ObjectMeshes(notes, self.palette.layers, self._standing, self._remembered, uvs=uvs)
+        self._displacer = Displacer(self.palette, notes)
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
+        self._repeated: dict[tuple[int, int, int], _Repeated] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
-    def visit(self, placed: Any) -> None:
+    def begin(self) -> Steps[None]:
+        """Read all materials, before what they read of objects."""
+        yield from self.palette.read(self._depsgraph.ids)
+        layers = self.palette.layers
+        self._instancing = Instancing(self._depsgraph, layers.object_values)
+        self._remembered.want((tuple(layers.keys), self._uvs))
+
+    def visit(self, placed: Any) -> Steps[None]:
         """Read one instance of the depsgraph: an object at one place."""
         item, parent = placed.object, placed.parent if placed.is_instance else None
+        if parent is not None and item.data is not None:
+            repeated = self._repeated.get(_repetition(item, parent))
+            if repeated is not None:
+                self._repeat(repeated, item, parent, placed)
+                return
         shown, kind = (placed.show_self, placed.show_particles), item.type
         # Find the place of the instance, unless it is culled.
         matrix = np.array(placed.matrix_world, np.float64)
@@ -212,35 +310,56 @@ class _Reader:
         instance = Instance(item, parent, tuple(matrix[:3, 3].tolist()), placed.random_id & MASK, given=given)
         # Give the object to the part that reads its kind, and its particle hair in addition.
         if self._hair and shown[1] and kind in MESH_TYPES and len(item.particle_systems):
-            self._place_round(instance, matrix, self.strands.visit_hair, tube=True)
+            yield from self._place_round(instance, matrix, self.strands.visit_hair, tube=True)
         if not shown[0]:
             return
         if kind in ROUND_TYPES:
             if self._hair or kind != "CURVES":
-                self._place_round(instance, matrix, self.strands.visit, tube=kind == "CURVES")
+                yield from self._place_round(instance, matrix, self.strands.visit, tube=kind == "CURVES")
         elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
             if self._surfaces:
-                self._place(instance, matrix)
+                yield from self._place(instance, matrix)
         elif kind == "LIGHT":
             self.lamps.visit(instance, matrix)
         elif kind == "VOLUME" and self._clouds:
             self._place_volume(instance, matrix)
+
+    def _repeat(self, repeated: _Repeated, item: Any, parent: Any, placed: Any) -> None:
+        """Read one more instance of a mesh that its instancer has placed: only its place and its values differ."""
+        matrix = np.array(placed.matrix_world, np.float64)
+        if self._culling.leaves_out(item, matrix):
+            return
+        if not repeated.moves:
+            matrix = self._standing.place(item, parent, placed.persistent_id, matrix)
+        number, keys, values = placed.random_id & MASK, self.palette.layers.object_values, ()
+        if keys:
+            given, location = self._instancing.of(placed), tuple(matrix[:3, 3].tolist())
+            values = Instance(item, parent, location, number, given=given).values(keys)
+        repeated.group.add(repeated.name, number, matrix, values)
+
+    def end(self) -> Steps[None]:
+        """Read what all instances together need."""
+        for (mesh, _), group in self._groups.items():
+            if mesh[0] != "volume":
+                yield from self._displacer.read(group)
+        self._remembered.end()
 
     def placements(self) -> list[meshes.Placement]:
         """The placements, by the names of their objects, those of hair and points last: where surfaces lie
         on each other, the order of triangles decides, and must not depend on that of Blender's lists.
         """
         for group in self._groups.values():
+            group.keep_usable(self._notes)
             group.sort()
         # Displace the meshes of surfaces.
-        found, displacer = [], Displacer(self.palette, self._notes)
+        found = []
         for (mesh, _), group in sorted(self._groups.items(), key=lambda item: item[1].keys[0]):
             if mesh[0] == "object" and mesh[1] in self._given:
                 continue  # otherwise every triangle would occur twice
             if mesh[0] != "volume":
-                group.mesh = displacer.mesh(group)
+                group.mesh = self._displacer.mesh(group)
             found.append(group)
         return found + self.strands.placements()
 
@@ -252,16 +371,9 @@ class _Reader:
             self.lamps.note_catchers()
 
     def _regular(self, item: Any, matrix: F64) -> F64 | None:
-        """The transform of an instance, made invertible; None, with a note, if it is unusable."""
+        """The transform of an instance, made regular; None, with a note, if it cannot be."""
         self.identities.add(item)
-        if not np.isfinite(matrix).all():
-            self._notes.add("Dropped, the transform is not finite", item.name_full)
-            return None
-        sheet = as_sheet(matrix)
-        if sheet is None:
-            text = "Dropped, the transform collapses the object to a line or a point (scale 0)"
-            self._notes.add(text, item.name_full)
-        return sheet
+        return meshes.usable(matrix, item.name_full, self._notes)
 
     def _used(self, instance: Instance, *, tube: bool = False) -> tuple[int, ...]:
         """The materials of an instance's surface. tube: whether that is of tubes around hairs."""
@@ -271,26 +383,31 @@ class _Reader:
         """Check the links of an object whose surface has these materials."""
         self._linking.see(item, lambda: any(self.palette.materials()[i].glows for i in used))
 
-    def _place_round(self, instance: Instance, matrix: F64, visit: Callable[..., None], *, tube: bool) -> None:
+    def _place_round(
+        self, instance: Instance, matrix: F64, visit: Callable[..., Steps[None]], *, tube: bool
+    ) -> Steps[None]:
         """Give `visit` one instance of a point cloud, of hair curves, or of the object's particle hair."""
         sheet = self._regular(instance.item, matrix)
         if sheet is not None:
             used = self._used(instance, tube=tube)
             self._see(instance.item, used)
-            visit(instance, sheet, used)
+            yield from visit(instance, sheet, used)
 
-    def _place(self, instance: Instance, matrix: F64) -> None:
+    def _place(self, instance: Instance, matrix: F64) -> Steps[None]:
         """Add one instance of the object's mesh, unless its transform is unusable."""
         sheet = self._regular(instance.item, matrix)
         if sheet is None:
             return
-        key, mesh = self._meshes.of(instance)
+        key, mesh = yield from self._meshes.of(instance)
         if mesh is None:
             return
         used = self._used(instance)
         if len(mesh.triangles):
             self._see(instance.item, used)
-            self._add(key, used, mesh, instance, sheet)
+            group = self._add(key, used, mesh, instance, sheet)
+            item, parent = instance.item, instance.parent
+            if parent is not None and not len(item.particle_systems):
+                self._repeated[_repetition(item, parent)] = _Repeated(group, item.name_full, moves(item, parent))
 
     def _place_volume(self, instance: Instance, matrix: F64) -> None:
         """Add the box around the grids of a volume object."""
@@ -310,8 +427,9 @@ class _Reader:
 
     def _add(
         self, key: tuple[str, int], used: tuple[int, ...], mesh: meshes.MeshArrays, instance: Instance, matrix: F64
-    ) -> None:
-        """Add an instance to the placement of its mesh with its materials."""
+    ) -> meshes.Placement:
+        """Add an instance to the placement of its mesh with its materials, which is returned."""
         if (group := self._groups.get((key, used))) is None:
             group = self._groups[key, used] = meshes.Placement(mesh, np.array(used, np.int32))
-        group.add(instance, matrix, instance.values(self.palette.layers.object_values))
+        group.add(instance.item.name_full, instance.number, matrix, instance.values(self.palette.layers.object_values))
+        return group

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base.arrays import F32, F64, U32
+from ...core.base.steps import Steps
 from ...core.scene.scene import ObjectFrame
 from .value_nodes import COLOR, ISLAND, POINTINESS, STRAND, TANGENT, UV
 from .vertex_layers import islands, pointiness
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 Key = tuple[str, str]
 
 
-def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
-    """Those of the layers that the mesh has, each (m, 3, 2 to 4) float32 by triangle and corner."""
+def read_layers(mesh: Any, keys: Sequence[Key]) -> Steps[dict[Key, F32]]:
+    """Those of the layers that the mesh has, each (m, 3, 2 to 4) float32 by triangle and corner; one at a time."""
     if not keys or not len(mesh.loop_triangles):
         return {}
     corners = np.empty(len(mesh.loop_triangles) * 3, np.uint32)
@@ -33,6 +34,7 @@ def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
         values = READERS[kind](mesh, name, corners)
         if values is not None:
             found[kind, name] = np.ascontiguousarray(values.reshape(len(corners) // 3, 3, -1), np.float32)
+        yield
     return found
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...core.base.notes import Notes
+from ...core.base.steps import Steps
 from ...core.scene.scene import TERMINATOR, Closure, Hidden, Image, Material
 from .displacement import programs
 from .images import Gallery
@@ -62,13 +63,12 @@ class _Read:
 class Palette:
     """Collects materials while objects are visited; number 0 is for objects without a material.
 
-    layers: corner attributes that the materials of `blocks`, or of those met since, read.
+    layers: corner attributes that the materials that were read, or met since, read.
     """
 
     def __init__(
         self,
         notes: Notes,
-        blocks: Iterable[Any] = (),
         override: Any = None,
         owners: Sequence[Any] = (),
         wanted: outputs.Outputs | None = None,
@@ -76,9 +76,8 @@ class Palette:
         grids: bool = False,
         gallery: Gallery | None = None,
     ) -> None:
-        """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is read. override: a material that replaces all others. owners: see `Values`. wanted:
-        the passes that materials write. grids: whether there are volume objects. gallery: for the images.
+        """override: a material that replaces all others. owners: see `Values`. wanted: the passes that materials write.
+        grids: whether there are volume objects. gallery: for the images.
         """
         self.layers = Layers()
         self.gallery = gallery or Gallery()
@@ -94,11 +93,16 @@ class Palette:
         self._owners = owners
         self._wanted = wanted or {}
         self._names = [NAMELESS]
-        blocks = list(blocks)
         self.layers.grids = grids
-        for block in blocks if override is None else [override]:
+
+    def read(self, blocks: Iterable[Any]) -> Steps[None]:
+        """Read the materials among the data blocks of a depsgraph, one at a time, so that `layers` is complete before
+        the first mesh is read.
+        """
+        for block in list(blocks) if self._override is None else [self._override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
+                yield
 
     def indices(
         self,
@@ -148,9 +152,11 @@ class Palette:
                 found.setdefault(key, {})[material.name] = None
         return {key: list(names) for key, names in found.items()}
 
-    def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
-        """All images by number, with the pixels of those used by materials met so far and of `more`."""
-        return self.gallery.read(self._images | set(more), self._notes)
+    def images(self, notes: Notes, more: Iterable[int] = ()) -> Steps[tuple[Image, ...]]:
+        """All images by number, with the pixels of those used by materials met so far and of `more`; read one at a
+        time.
+        """
+        return self.gallery.read(self._images | set(more), notes)
 
     def pass_indices(self) -> tuple[float, ...]:
         """The pass index of each of these materials."""

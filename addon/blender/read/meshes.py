@@ -16,13 +16,16 @@ import numpy as np
 
 from ...core.base import native
 from ...core.base.arrays import F32, F64, I32
+from ...core.base.steps import Steps
 from ...core.scene.instances import TOPS, InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
-from .object_values import MASK, Instance, Value
+from .object_values import MASK, Value, are_regular, as_sheet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from ...core.base.notes import Notes
 
 MOST_TRIANGLES = 1 << 29
 """Largest number of triangles of a scene; most trees accept at most half of it."""
@@ -79,13 +82,19 @@ class MeshArrays:
         return Mesh(self.positions, np.ascontiguousarray(self.triangles, np.int32), self.slots, normals)
 
 
-def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
-    """Copy the render data of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
+def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> Steps[MeshArrays]:
+    """Copy the render data of an evaluated `bpy.types.Mesh`, an attribute at a time; with `uvs` also the active render
+    UV map.
+    """
     positions = _positions(mesh).reshape(-1, 3)
     bounded = _bound(positions)
+    yield
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
+    yield
     corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
+    yield
     triangles = corner_vertices.take(corners).reshape(-1, 3)
+    yield
 
     # Read material slots; a mesh with slot 0 only needs none.
     slots = None
@@ -93,6 +102,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         face_slots = _attribute(mesh, "material_index", np.int32, len(mesh.polygons))
         faces = _read(mesh.loop_triangle_polygons, "value", np.int32, len(triangles))
         slots = face_slots.take(faces) if face_slots.any() else None
+        yield
 
     # Read normals where Blender's shading is smooth.
     normals, normal_rows = None, None
@@ -102,6 +112,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
     elif len(triangles) and mesh.normals_domain == NORMALS_CORNER:
         normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
         normal_rows = corners.reshape(-1, 3)
+    yield
 
     lost = 0
     if normals is not None and normal_rows is not None and not np.isfinite(texture_layers.extremes(normals)).all():
@@ -114,7 +125,8 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
     if uv_map is not None:
         by_corner = _read(uv_map.uv, "vector", np.float32, len(mesh.loops) * 2).reshape(-1, 2)
         uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
-    found = texture_layers.read_layers(mesh, layers)
+        yield
+    found = yield from texture_layers.read_layers(mesh, layers)
     box = texture_layers.box(mesh) if bounded else texture_layers.box_around(positions)
     return MeshArrays(positions, triangles, slots, normals, normal_rows, uv, found, box, lost)
 
@@ -158,6 +170,17 @@ def _read(collection: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
     return array
 
 
+def usable(matrix: F64, name: str, notes: Notes) -> F64 | None:
+    """The transform of an instance of the object of this name, made regular; None, with a note, if it cannot be."""
+    if not np.isfinite(matrix).all():
+        notes.add("Dropped, the transform is not finite", name)
+        return None
+    sheet = as_sheet(matrix)
+    if sheet is None:
+        notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
+    return sheet
+
+
 @dataclass(eq=False)
 class Placement:
     """A mesh and all its instances with the same materials.
@@ -177,14 +200,26 @@ class Placement:
     keys: list[tuple[str, int]] = field(default_factory=list)
     frames: F64 | None = None
 
-    def add(self, instance: Instance, matrix: F64, values: tuple[Value, ...]) -> None:
-        """Add an instance; the last one before `sort`, or the first use of `matrices`."""
+    def add(self, name: str, number: int, matrix: F64, values: tuple[Value, ...]) -> None:
+        """Add an instance by the name of its object and its random number; the last one before `sort`, or the first use
+        of `matrices`.
+        """
         assert isinstance(self.transforms, list)
-        name = instance.item.name_full
         self.names.append(name)
         self.transforms.append(matrix)
         self.values.append(values)
-        self.keys.append((name, instance.number & MASK))
+        self.keys.append((name, number & MASK))
+
+    def keep_usable(self, notes: Notes) -> None:
+        """Make all transforms regular, before `sort`; instances whose transform cannot be are dropped, with a note."""
+        assert isinstance(self.transforms, list)
+        for row in np.flatnonzero(~are_regular(np.stack(self.transforms)))[::-1].tolist():
+            matrix = usable(self.transforms[row], self.names[row], notes)
+            if matrix is not None:
+                self.transforms[row] = matrix
+                continue
+            for each in (self.names, self.transforms, self.values, self.keys):
+                del each[row]
 
     def sort(self) -> None:
         """Bring the instances into the order of their keys."""

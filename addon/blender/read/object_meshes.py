@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...core.base import native
+from ...core.base.steps import Steps, completed
 from ...core.scene.scene import SceneError
 from . import layers as texture_layers
 from .meshes import FEWER, MeshArrays, read_mesh
@@ -38,19 +39,19 @@ class ObjectMeshes:
         self._known: dict[Key, MeshArrays] = {}
         self._unreadable: set[texture_layers.Key] = set()
 
-    def of(self, instance: Instance) -> tuple[Key, MeshArrays | None]:
+    def of(self, instance: Instance) -> Steps[tuple[Key, MeshArrays | None]]:
         """The key and the arrays of an instance's mesh; None if its object has no mesh. Raises SceneError."""
         item = instance.item
         # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             key = ("mesh", item.data.as_pointer())
             if key not in self._known:
-                read = self._remembered.of(key, instance, lambda: self._read(instance, item.data))
+                read = yield from self._remembered.of(key, instance, lambda: self._read(instance, item.data))
                 self._know(key, instance, read)
             return key, self._known[key]
         key = ("object", item.original.as_pointer())
         if key not in self._known:
-            made = self._remembered.of(key, instance, lambda: self._make(instance))
+            made = yield from self._remembered.of(key, instance, lambda: self._make(instance))
             if made is None:
                 return key, None
             self._know(key, instance, made)
@@ -67,23 +68,25 @@ class ObjectMeshes:
                 what = "attribute" if kind == texture_layers.COLOR else "UV map"
                 self._notes.add(f"No mesh has the {what} {layer!r}, it is 0 everywhere, in material", name)
 
-    def _make(self, instance: Instance) -> _Read | None:
+    def _make(self, instance: Instance) -> Steps[_Read | None]:
         """Read the temporary mesh that an edited mesh or another type provides; None if there is none."""
         mesh = instance.item.to_mesh()
         if mesh is None:
             return None
-        found = self._read(instance, mesh)
+        # Without a pause: whoever makes this object's mesh next frees this one.
+        found = completed(self._read(instance, mesh))
         instance.item.to_mesh_clear()
+        yield
         return found
 
-    def _read(self, instance: Instance, mesh: Any) -> _Read:
+    def _read(self, instance: Instance, mesh: Any) -> Steps[_Read]:
         """Read a mesh with the layers that materials read, or take that of the frame if its shape stands still."""
         keys = self._layers.keys
 
-        def read() -> _Read:
+        def read() -> Steps[_Read]:
             self._check_room(mesh)
             black = {key: reason for key in keys if (reason := texture_layers.unreadable(mesh, key))}
-            return read_mesh(mesh, uvs=self._uvs, layers=keys), black
+            return (yield from read_mesh(mesh, uvs=self._uvs, layers=keys)), black
 
         return self._standing.shape(instance.item, instance.parent, instance.item.data, read)
 

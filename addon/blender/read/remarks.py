@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ...core.base.steps import Steps
 from .view_layers import unknown_passes
 
 if TYPE_CHECKING:
@@ -109,8 +110,8 @@ def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
         notes.add(f"The pass {name} is not supported yet, and not rendered", view_layer.name)
 
 
-def unread(depsgraph: Any, notes: Notes) -> None:
-    """Note the settings of the data blocks in use that are not supported."""
+def unread(depsgraph: Any, notes: Notes) -> Steps[None]:
+    """Note the settings of the data blocks in use that are not supported, block by block."""
     scene = depsgraph.scene_eval
     for block in depsgraph.ids:
         kind = next((kind for kind in SETTINGS if isinstance(block, kind)), None)
@@ -119,3 +120,4 @@ def unread(depsgraph: Any, notes: Notes) -> None:
                 notes.add(setting.text, block.name_full)
         if kind is bpy.types.Object and any(getattr(one, "use_adaptive_subdivision", False) for one in block.modifiers):
             notes.add(SUBDIVISION, block.name_full)
+        yield

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from ...core.base.arrays import F64
+from ...core.base.steps import Steps
 from ...core.scene.scene import Image
 
 T = TypeVar("T")
@@ -28,13 +29,13 @@ class Standing:
         key = item.name_full, parent and parent.name_full, tuple(number)
         return self._places.setdefault(key, matrix)
 
-    def shape(self, item: Any, parent: Any, data: Any, read: Callable[[], T]) -> T:
+    def shape(self, item: Any, parent: Any, data: Any, read: Callable[[], Steps[T]]) -> Steps[T]:
         """The result of `read`; its result at the frame if the object has no deformation motion."""
         if moves(item, parent) and moves(item, parent, "use_deform_motion"):
-            return read()
+            return (yield from read())
         key = item.name_full, data.name_full
         if key not in self._shapes:
-            self._shapes[key] = read()
+            self._shapes[key] = yield from read()
         return self._shapes[key]  # type: ignore[no-any-return]
 
 

@@ -13,12 +13,12 @@ from ...core.session.preview import View
 from .camera import lens, window
 
 
-def seen(context: Any, origin: F64, pixel: int = 1) -> View:
-    """The view of the region that is being drawn, in the scene frame with this origin."""
+def seen(context: Any, pixel: int = 1) -> View:
+    """The view of the region that is being drawn."""
     region, space, data = context.region, context.space_data, context.region_data
     camera = camera_object(context)
     return View(
-        camera=view_camera(data, origin, space, camera),
+        camera=view_camera(data, np.zeros(3), space, camera),
         width=region.width,
         height=region.height,
         border=_border(context, camera),

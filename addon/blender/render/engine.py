@@ -136,7 +136,7 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         if self._viewport is not None:
-            self._viewport.draw(self, context)
+            self._viewport.draw(self, context, depsgraph)
 
 
 class _Picture:

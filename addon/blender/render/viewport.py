@@ -6,35 +6,41 @@ from __future__ import annotations
 import logging
 import time
 import weakref
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import gpu
-import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
 from ...core.base import native
-from ...core.base.notes import Notes
 from ...core.session.cleaning import Cleaning
 from ...core.session.preview import Picture, Preview
 from ...core.session.stock import STOCK
 from ...core.structures import catalogue, specs
-from ...core.structures.settings import RenderSettings, memory_limit
-from ..read import extract, views
+from ..read import views
 from ..read.remembered import Remembered
-from ..read.value_nodes.outputs import Wanted
-from ..session.reports import KEPT
-from ..settings import properties, quality
 from . import denoising
+from .reading import Edit
+
+if TYPE_CHECKING:
+    from ...core.scene.scene import Scene
 
 TICK_SECONDS = 0.01
 """Interval at which working views are polled, in seconds; Blender's own timer resolution is similar."""
 
-FIRST_SECONDS = 0.2
-"""Time to wait for the first picture, in seconds; drawing the window without it would take as long again."""
+FIRST_SECONDS = 0.04
+"""Time to wait for the first picture, in seconds."""
+
+SLICE_SECONDS, HURRIED_SECONDS = 0.03, 0.06
+"""Time of each redraw in which the scene is read, in seconds: usually, and after an edit during the last reading, which
+would never end if edits followed each other fast enough.
+"""
 
 PAUSE_SECONDS = 1.0
 """Smallest interval between two such waits, so that several views do not wait one after the other."""
+
+READ = "read the scene for the viewport"
+"""The work of reading, as its errors name it."""
 
 log = logging.getLogger(__name__)
 
@@ -55,39 +61,72 @@ class Viewport:
         self._preview: Preview | None = None
         self._engine: weakref.ref[Any] | None = None
         self._remembered = Remembered()
-        self._origin = np.zeros(3)
+        self._newest: Edit | None = None
+        """The newest edit while it is being read, or waits for the one before to be placed."""
+        self._placing: Edit | None = None
+        self._scene: Scene | None = None
+        self._slice = SLICE_SECONDS
         self._problem = ""
         self._skipped: list[str] = []
         self._texture: Any = None
         self._drawn: Picture | None = None
 
     def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
-        """Read the scene after an edit."""
+        """Begin to read the scene after an edit. The view shows the last picture until there is a new one."""
         try:
-            notes = Notes()
-            group = depsgraph.scene.halfspace
-            properties.remark_unknown(group, notes)  # first: the status line has room for one note
-            quality.remark_unknown(group, notes)
-            # The view's own visibility: local view, its collections, the kinds of objects that it hides.
-            space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
-            found = extract.find(depsgraph, notes, space=space, wanted=Wanted(remembered=self._remembered))
-            two_level = found.layout(
-                quality.instancing(group), integrator=quality.integrator(group), interactive=True
-            ).two_level
-            scene = found.instanced(top=quality.top(group)) if two_level else found.flattened()
-            KEPT.keep(depsgraph.scene, two_level)
-            if self._preview is None:
-                self._preview = Preview(native.load(), STOCK, Cleaning(denoising.quick()))
-            spec, limit = properties.spec(group), memory_limit(group.memory_limit)
-            self._origin = scene.geometry.origin
-            self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene), clean_from(group))
-            self._problem, self._skipped = "", notes.lines()
+            unread = self._newest is not None and self._newest.unread
+            self._slice = HURRIED_SECONDS if unread else SLICE_SECONDS
+            self._begin(context, depsgraph)
+            self._read()
         except BaseException as error:
-            self._fail(error, "read the scene for the viewport")
+            self._fail(error, READ)
         self._work(engine)
 
-    def draw(self, engine: Any, context: Any) -> None:
-        """Draw the newest picture."""
+    def _begin(self, context: Any, depsgraph: Any) -> None:
+        """Begin to read, in place of an edit that is being read."""
+        if self._newest is not None:
+            self._newest.close()
+            self._newest = None
+        if self._preview is None:
+            self._preview = Preview(native.load(), STOCK, Cleaning(denoising.quick()))
+        # The view's own visibility: local view, its collections, the kinds of objects that it hides.
+        space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
+        self._newest = Edit(depsgraph, space, self._remembered)
+
+    def _read(self) -> None:
+        """Continue to read the newest edit, for a slice of time, and to place it. Raises as extraction does."""
+        end = time.perf_counter() + self._slice
+        read = self._newest is not None and self._newest.unread and self._newest.read(self._slice)
+        self._take(0.0)
+        # Small scenes are placed at once.
+        if read:
+            self._take(max(end - time.perf_counter(), 0.0))
+
+    def _take(self, seconds: float) -> None:
+        """Take the scene that was placed, waiting at most this time, and begin to place the next one. Raises as
+        extraction does.
+        """
+        edit = self._placing
+        if edit is not None and (scene := edit.placed(seconds)) is not None:
+            assert self._preview is not None, "there is one while there is an edit"
+            self._placing, self._scene = None, scene
+            self._preview.edit(scene, edit.spec, edit.limit, edit.settings, edit.clean_from)
+            self._problem, self._skipped = "", edit.notes.lines()
+        if self._placing is None and self._newest is not None and not self._newest.unread:
+            self._placing, self._newest = self._newest, None
+            self._placing.place(self._scene)
+
+    def draw(self, engine: Any, context: Any, depsgraph: Any) -> None:
+        """Continue to read, and draw the newest picture."""
+        try:
+            newest = self._newest
+            if newest is not None and newest.unread and newest.outdated(depsgraph):
+                # Nobody has listed what was changed.
+                self._remembered = Remembered()
+                self._begin(context, depsgraph)
+            self._read()
+        except BaseException as error:
+            self._fail(error, READ)
         preview = self._preview
         try:
             if preview is not None:
@@ -101,7 +140,7 @@ class Viewport:
 
     def _draw(self, preview: Preview, engine: Any, context: Any) -> None:
         pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
-        preview.look(views.seen(context, self._origin, pixel))
+        preview.look(views.seen(context, pixel))
         preview.advance()
         if preview.picture is None:
             self._wait(preview)
@@ -125,7 +164,9 @@ class Viewport:
         if preview is None or problem:
             return problem
         done, wanted = preview.samples
-        parts = [f"Sample {done} of {wanted}"]
+        parts = [] if self._scene is None else [f"Sample {done} of {wanted}"]
+        if self._incoming:
+            parts.insert(0, "Reading the scene")
         if preview.preparing is not None:
             spec, progress = preview.preparing
             label = catalogue.load()[specs.structure_of(spec)].label
@@ -147,20 +188,42 @@ class Viewport:
         """Advance the work, and tag the view for redrawing if there is something new. Returns whether there is more to
         do.
         """
-        preview = self._preview
         engine = self._engine() if self._engine is not None else None
-        if preview is None or engine is None:
+        if self._preview is None or engine is None:
             return False
-        if preview.advance() or not preview.busy:
+        try:
+            placed = self._placing is not None and self._placing.ended
+            self._take(0.0)
+        except BaseException as error:
+            placed = True
+            self._fail(error, READ)
+        # Only while Blender draws the view its data may be read.
+        unread = self._newest is not None and self._newest.unread
+        shown = self._preview is not None and self._preview.advance()
+        if shown or placed or unread or not self._busy:
             engine.tag_redraw()
-        return preview.busy
+        return self._busy
 
     def stop(self) -> None:
         """Request the end of the work for good."""
+        for edit in (self._newest, self._placing):
+            if edit is not None:
+                edit.close()
         if self._preview is not None:
             self._preview.stop()
         # After a failure, what was read may lack an edit.
-        self._preview, self._remembered = None, Remembered()
+        self._preview, self._remembered, self._scene = None, Remembered(), None
+        self._newest = self._placing = None
+
+    @property
+    def _incoming(self) -> bool:
+        """Whether an edit is on its way."""
+        return self._newest is not None or self._placing is not None
+
+    @property
+    def _busy(self) -> bool:
+        """Whether there is work left."""
+        return self._incoming or (self._preview is not None and self._preview.busy)
 
     def _wait(self, preview: Preview) -> None:
         """Wait a moment for the very first picture."""
@@ -175,7 +238,7 @@ class Viewport:
 
     def _work(self, engine: Any) -> None:
         """Start the timer that calls `tick` while there is work."""
-        if self._preview is None or not self._preview.busy:
+        if not self._busy:
             return
         self._engine = weakref.ref(engine)
         _working.add(self)
@@ -225,19 +288,3 @@ def stop() -> None:
     _working.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-
-
-def preview_settings(scene: Any) -> RenderSettings:
-    """The render settings of the viewport for this scene; the size is set per view."""
-    return RenderSettings(
-        width=1,
-        height=1,
-        samples=scene.halfspace.preview_samples,
-        **quality.adaptive(scene.halfspace, "preview_"),
-        **quality.settings(scene),
-    )
-
-
-def clean_from(group: Any) -> int:
-    """The number of samples from which the viewport's noise is removed by the settings in `group`, 0 for none."""
-    return max(group.preview_denoising_start_sample, 1) if group.use_preview_denoising else 0

@@ -12,25 +12,36 @@ from .session import render_scene
 if TYPE_CHECKING:
     from ..base.interface import Native, RenderScene
     from ..scene.scene import Scene
-    from .session import Session
+    from .session import Session, Shown
     from .stock import Stock
 
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A traceable scene. session: kept so that its structure lives and can be shared with views of other scenes."""
+    """A traceable scene, in both forms. session: kept so that its structure lives and can be shared with views of other
+    scenes.
+    """
 
     edit: int
     session: Session
     scene: RenderScene
+    of: Scene
 
 
 class Preparing:
     """Builds one structure after another over one scene, and makes each available to the renderer when it is done."""
 
     def __init__(
-        self, native: Native, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int
+        self,
+        native: Native,
+        stock: Stock,
+        scene: Scene,
+        specs: list[str],
+        limit: int | None,
+        edit: int,
+        last: Ready | None = None,
     ) -> None:
+        """last: the scene before this edit, which shares with it what does not differ."""
         self.wanted = (specs[-1], limit)
         """The last structure, and the memory limit of all."""
         self.ended = False
@@ -38,6 +49,8 @@ class Preparing:
         """Whether the first structure is ready."""
         self._native, self._stock, self._scene, self._limit, self._edit = native, stock, scene, limit, edit
         self._specs = specs
+        alike = last is not None and type(last.of.geometry) is type(scene.geometry)
+        self._first: Shown | None = (last.of, last.scene) if last is not None and alike else None
         self._joining: Background | None = None
         self._scenes: list[RenderScene] = []
         self._session = self._begin()
@@ -55,13 +68,14 @@ class Preparing:
         if self._joining is None:
             if not self._session.wait(0):
                 return None
-            native, structure, scene = self._native, self._session.structure, self._scene
+            native, structure, scene, first = self._native, self._session.structure, self._scene, self._first
             # Prepare the scene on another thread, as an iterator of one step.
-            step = (render_scene(native, structure, scene) for _ in range(1))
+            step = (render_scene(native, structure, scene, first) for _ in range(1))
             self._joining = Background(step, self._scenes.append)
         if not self._joining.wait(0):
             return None
-        ready = Ready(self._edit, self._session, self._scenes.pop())
+        ready = Ready(self._edit, self._session, self._scenes.pop(), self._scene)
+        self._first = (ready.of, ready.scene)
         self._joining = None
         self._specs = self._specs[1:]
         self.shown, self.ended = True, not self._specs

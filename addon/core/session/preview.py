@@ -64,8 +64,8 @@ BEGUN = 0.1
 
 @dataclass(frozen=True)
 class View:
-    """The visible part of a window region. border: x0, y0, x1, y1 in its pixels, half open; None for all. pixel: the
-    smallest pixel size, in pixels of the region.
+    """The visible part of a window region. camera: in the world. border: x0, y0, x1, y1 in its pixels, half open; None
+    for all. pixel: the smallest pixel size, in pixels of the region.
     """
 
     camera: Camera
@@ -253,7 +253,9 @@ class Preview:
         chosen = structure_of(self._spec)
         if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
             specs.insert(0, quick[-1])
-        self._preparing = Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
+        self._preparing = Preparing(
+            self._native, self._stock, self._scene, specs, self._memory_limit, self._edits, self._ready
+        )
 
     def _take_structure(self) -> None:
         """Take a structure that became ready, and prepare the next one if scene or structure changed meanwhile."""
@@ -383,7 +385,9 @@ class Preview:
             noise_threshold=0.0 if coarse else self._settings.noise_threshold,
             passes=passes,
         )
-        native = render(self._native, ready.scene, view.camera, settings)
+        to_world = view.camera.to_world.copy()
+        to_world[:3, 3] -= ready.of.geometry.origin
+        native = render(self._native, ready.scene, replace(view.camera, to_world=to_world), settings)
         self._job = _Job(native, view, settings, scale, what, first, time.monotonic())
 
     def _drop(self) -> None:

@@ -14,6 +14,7 @@ from addon.blender.read.layers import read_layers
 from addon.blender.read.value_nodes import ISLAND
 from addon.blender.read.vertex_layers import lowest_neighbours
 from addon.core.base.notes import Notes
+from addon.core.base.steps import completed
 from addon.core.scene.scene import SceneError
 from tests.blender import atlas
 from tests.blender.atlas import made
@@ -110,7 +111,7 @@ def test_attributes_are_counted_over_all_places_only_if_these_are_flattened(
 def test_layers_are_counted_as_they_are_read(box: Any, kind: str) -> None:
     box.attributes.new("wear", kind, "CORNER")
     keys = [("color", "wear"), ("color", "none"), ("uv", ""), ("uv", "none"), ("tangent", "UVMap")]
-    found = layers.read_layers(box, keys)
+    found = completed(layers.read_layers(box, keys))
     assert layers.widths(box, keys) == {key: layer.shape[2] for key, layer in found.items()}
     assert len(found) == 3
 
@@ -127,7 +128,9 @@ def test_the_advice_is_about_what_does_not_fit(
     box: Any, monkeypatch: pytest.MonkeyPatch, most: int, free: int, advice: str
 ) -> None:
     keys = [("uv", "")]
-    placement = meshes.Placement(meshes.read_mesh(box, layers=keys), np.zeros(1, np.int32), ["Box"], np.eye(4)[None])
+    placement = meshes.Placement(
+        completed(meshes.read_mesh(box, layers=keys)), np.zeros(1, np.int32), ["Box"], np.eye(4)[None]
+    )
     monkeypatch.setattr(meshes, "MOST_TRIANGLES", most)
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: free)
     with pytest.raises(SceneError, match=f"12 triangles, .* do not fit; {advice}$"):
@@ -165,11 +168,11 @@ def test_tangents_stay_in_the_space_of_their_mesh_within_the_memory_that_is_coun
 def test_meshes_without_a_map_have_the_tangents_of_their_longitudes() -> None:
     mesh = sphere(32)
     keys = [("tangent", ""), ("tangent", "UVMap")]
-    found = layers.read_layers(mesh, keys)
+    found = completed(layers.read_layers(mesh, keys))
     assert layers.widths(mesh, keys) == {("tangent", ""): 4}
     assert list(found) == [("tangent", "")]
     # East along the equator, also where the longitudes end, and the bitangent to the north.
-    arrays = meshes.read_mesh(mesh)
+    arrays = completed(meshes.read_mesh(mesh))
     places = arrays.positions[arrays.triangles].reshape(-1, 3)
     tangents = found["tangent", ""].reshape(-1, 4)
     equator = np.abs(places[:, 2]) < 0.3
@@ -189,7 +192,7 @@ def test_a_custom_normal_that_is_not_finite_is_that_of_its_faces(domain: str, va
     values = np.tile(np.float32([0, 0, 1]), (len(normals.data), 1))
     values[7, 1] = value
     normals.data.foreach_set("vector", values.ravel())
-    found = meshes.read_mesh(mesh)
+    found = completed(meshes.read_mesh(mesh))
     assert found.lost == 1
     assert found.normals is not None
     assert found.normal_rows is not None
@@ -214,7 +217,7 @@ def test_islands_are_the_connected_parts_of_a_mesh() -> None:
 def test_each_island_has_a_random_number() -> None:
     mesh = bpy.data.meshes.new("Two")
     mesh.from_pydata([(x, y, 0) for x in (0, 1, 2, 3) for y in (0, 1)], [], [(0, 1, 3, 2), (4, 5, 7, 6)])
-    found = read_layers(mesh, [(ISLAND, "")])[ISLAND, ""]
+    found = completed(read_layers(mesh, [(ISLAND, "")]))[ISLAND, ""]
     assert found.shape == (4, 3, 3)
     numbers = np.unique(found)
     assert len(numbers) == 2

@@ -12,6 +12,7 @@ from addon.blender.read import images
 from addon.blender.read.bundled import bundled
 from addon.blender.read.images import read_image
 from addon.core.base.notes import Notes
+from addon.core.base.steps import completed
 from addon.core.scene.scene import Image
 
 
@@ -163,7 +164,7 @@ def test_images_that_exceed_the_memory_are_halved_with_a_note(tmp_path: Path, mo
         monkeypatch.setattr(images.native, "load", lambda free=free: SimpleNamespace(free_memory=lambda: free))
         gallery, notes = images.Gallery(), Notes()
         used = {gallery.number(made[name]) for name in made}
-        found = gallery.read(used, notes)
+        found = completed(gallery.read(used, notes))
         assert tuple(image.pixels.shape[:2] for image in found) == sizes
         assert [line.split("texels: ")[1] for line in notes.lines()] == names
 

@@ -10,6 +10,7 @@ from addon.blender.read.images import Gallery
 from addon.blender.read.materials import Palette
 from addon.blender.read.world import read_world
 from addon.core.base.notes import Notes
+from addon.core.base.steps import completed
 from tests.blender.atlas import add, made, number, tile_material
 from tests.blender.read_materials import converted, inputs, nodes_group, plug
 from tests.blender.shapes import material, node, world
@@ -157,7 +158,8 @@ def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
         return made("BsdfPrincipled", Base_Color=mix, Alpha=image.outputs["Alpha"])(tree)
 
     block = tile_material("Pictured", pictured)
-    palette = Palette(Notes(), [block])
+    palette = Palette(Notes())
+    completed(palette.read([block]))
     assert palette.layers.keys == [("uv", "Second")]
     found, notes = converted(block)
     assert notes == []
@@ -190,7 +192,8 @@ def test_an_unknown_shader_becomes_a_diffuse_one_of_its_colour() -> None:
 
 def test_subsurface_scattering_keeps_its_method_and_lets_objects_be_told_apart() -> None:
     block = material("Skin", Subsurface_Weight=0.5)
-    palette = Palette(Notes(), [block])
+    palette = Palette(Notes())
+    completed(palette.read([block]))
     assert palette.layers.apart
     shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
     older = "RANDOM_WALK_LEGACY" not in shader.bl_rna.properties["subsurface_method"].enum_items

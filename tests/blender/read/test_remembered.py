@@ -202,12 +202,73 @@ def test_any_edits_show_what_a_new_view_shows(objects: dict[str, Any], evaluated
         assert same(kept, fresh), edits[number].__name__
 
 
+def layered(objects: dict[str, Any]) -> None:
+    """Let a material read what costs steps of its own: attributes, normals, an image, what hair has along it."""
+    shown = material("Layered")
+    tree = shown.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    picture, hair = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeHairInfo")
+    picture.image = bpy.data.images.new("Picture", 4, 4)
+    tree.links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(hair.outputs["Intercept"], shader.inputs["Roughness"])
+    for name in ("Plain", "Hair"):
+        objects[name].data.materials.append(shown)
+    objects["Plain"].data.uv_layers.new(name="Map")
+    objects["Plain"].data.polygons.foreach_set("use_smooth", [True] * len(objects["Plain"].data.polygons))
+    bpy.context.view_layer.update()
+
+
+def test_reading_in_steps_is_reading_at_once(objects: dict[str, Any], evaluated: Evaluated) -> None:
+    layered(objects)
+    reading = extract.Reading(evaluated, Notes(), wanted=Wanted(remembered=Remembered()))
+    steps = 1
+    while not reading.advance(0.0):
+        steps += 1
+    assert steps > 4 * len(objects), "a step is no more than an attribute"
+    assert same(reading.found().flattened(), read(evaluated, None)[0])
+
+
+@pytest.mark.parametrize("steps", [0, 1, 9, 20, 40, 60])
+def test_a_reading_that_is_broken_off_loses_no_edit(
+    objects: dict[str, Any], evaluated: Evaluated, counted: list[str], steps: int
+) -> None:
+    layered(objects)
+    view = Remembered()
+    read(evaluated, view)
+    edits: list[Callable[[dict[str, Any]], None]] = [subdivide, hang, exchange, replace, rename, unlink, write]
+    for edit in edits:
+        edit(objects)
+        bpy.context.view_layer.update()
+        reading = extract.Reading(evaluated, Notes(), wanted=Wanted(remembered=view))
+        evaluated.updates.clear()
+        for _ in range(steps):
+            reading.advance(0.0)
+        reading.close()
+    objects["Hair"].location.x += 1
+    bpy.context.view_layer.update()
+    assert same(read(evaluated, view), read(evaluated, None))
+
+
+def test_a_reading_that_is_broken_off_keeps_what_it_read(
+    objects: dict[str, Any], evaluated: Evaluated, counted: list[str]
+) -> None:
+    view = Remembered()
+    reading = extract.Reading(evaluated, Notes(), wanted=Wanted(remembered=view))
+    evaluated.updates.clear()
+    while counted.count("read_mesh") < 4:
+        reading.advance(0.0)
+    reading.close()
+    assert same(read(evaluated, view), read(evaluated, None))
+    # The last mesh was not finished, and the second scene remembers nothing.
+    assert counted.count("read_mesh") == 7 + 1 + 7
+
+
 def test_a_view_that_failed_reads_everything_again(
     objects: dict[str, Any], evaluated: Evaluated, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     view = viewport.Viewport()
     before = view._remembered
-    monkeypatch.setattr(extract, "find", lambda *_, **__: pytest.fail("a material cannot be read"))
+    monkeypatch.setattr(extract.Reading, "advance", lambda *_: pytest.fail("a material cannot be read"))
     view.update(SimpleNamespace(), SimpleNamespace(space_data=None), evaluated)
     assert view._problem.endswith("a material cannot be read")
     assert view._remembered is not before

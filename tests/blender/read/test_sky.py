@@ -23,6 +23,7 @@ from addon.blender.read.world import read_world
 from addon.blender.render import engine
 from addon.blender.session import building
 from addon.core.base.notes import Notes
+from addon.core.base.steps import completed
 from tests.blender import shapes
 
 
@@ -44,7 +45,7 @@ def test_a_sky_is_a_picture_and_a_sun(world: Any, monkeypatch: pytest.MonkeyPatc
     found, images, suns = read_world(world, notes, gallery)
     assert notes.lines() == []
     assert found.program[-1]["op"] != "image", "its strength is part of the program"
-    (picture,) = gallery.read(images, notes)
+    (picture,) = completed(gallery.read(images, notes))
     height, width = picture.pixels.shape[:2]
     assert width == 2 * height
     brightness = picture.pixels[..., :3].sum(axis=2)

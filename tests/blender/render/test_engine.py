@@ -14,7 +14,7 @@ import OpenImageIO
 import pytest
 
 from addon.blender.read import extract
-from addon.blender.render import engine, requested, viewport
+from addon.blender.render import engine, reading, requested
 from addon.blender.session import reports, trees
 from addon.core.base import room
 from addon.core.session import coarse
@@ -131,7 +131,7 @@ def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.Mo
     monkeypatch.setattr(engine, "Session", Watched)
     stage.render.threads_mode, stage.render.threads = "FIXED", 3
     bpy.ops.render.render()
-    assert viewport.preview_settings(stage).threads == 3
+    assert reading.preview_settings(stage).threads == 3
     stage.render.threads_mode = "AUTO"  # 0: one per core
     bpy.ops.render.render()
     assert used == [("build", 3), ("trace", 3), ("build", 0), ("trace", 0)]

@@ -2,6 +2,7 @@
 """Exceptions that are no `Exception`, as panics of the native module are: reported, and the last picture stays."""
 
 import logging
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,11 +13,13 @@ import pytest
 
 from addon.blender.inspector import levels, second, worst
 from addon.blender.measure import checking, comparing, cost_maps
+from addon.blender.read import extract
 from addon.blender.render import baking, denoising, engine, previews, viewport
 from addon.blender.samples import arrays
 from addon.blender.session import building, reports, trees
 from addon.core.session.preview import Preview
 from tests.blender.shapes import cube, look, material, place
+from tests.blender.viewing import MOST_REDRAWS
 
 TEXT = "internal error: index out of bounds"
 
@@ -147,7 +150,7 @@ def test_a_panic_in_the_viewport_is_shown_and_the_last_picture_stays(
     picture = SimpleNamespace(part=(0, 0, 1, 1))
     view._drawn = picture
     places = {
-        "read": (viewport.extract, "find"),
+        "read": (extract.Reading, "found"),
         "look": (Preview, "look"),
         "advance": (Preview, "_trace"),
         "upload": (viewport.Viewport, "_upload"),
@@ -155,9 +158,14 @@ def test_a_panic_in_the_viewport_is_shown_and_the_last_picture_stays(
     if during != "look":
         monkeypatch.setattr(Preview, "look", lambda *_: None)
     monkeypatch.setattr(*places[during], panic)
-    view.update(own, context, bpy.context.evaluated_depsgraph_get())
-    view.draw(own, context)
-    view.draw(own, context)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    view.update(own, context, depsgraph)
+    for _ in range(MOST_REDRAWS):
+        view.draw(own, context, depsgraph)
+        if own.text == TEXT:
+            break
+        time.sleep(0.001)
+    view.draw(own, context, depsgraph)
     assert own.text == TEXT
     assert shown
     assert shown[-1] is picture or during == "advance"

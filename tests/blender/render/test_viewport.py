@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.blender.read import views
-from addon.blender.render import viewport
+from addon.blender.read import extract, views
+from addon.blender.render import reading, viewport
 from addon.blender.render.viewport import Viewport
 from addon.core.base import denoise
 from tests.blender.shapes import cube, grid, lamp, look, place, world
+from tests.blender.viewing import MOST_REDRAWS, settle
 
 WIDTH, HEIGHT = 64, 48
-MOST_REDRAWS = 5000
-"""Far more than a picture of this size takes; each redraw waits a moment for the render."""
 
 
 class Engine:
@@ -74,17 +73,18 @@ def context(scene: Any) -> Any:
 
 
 def draw_until_done(view: Viewport, engine: Engine, context: Any, canvas: Any) -> np.ndarray[Any, Any]:
+    depsgraph = bpy.context.evaluated_depsgraph_get()
     with canvas.bind():
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(
             Matrix(((2 / WIDTH, 0, 0, -1), (0, 2 / HEIGHT, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
         )
-        view.draw(engine, context)
+        view.draw(engine, context, depsgraph)
         for _ in range(MOST_REDRAWS):  # in place of the timer, which needs a window
             before = engine.redraws
             more = view.tick()
             if engine.redraws > before:
-                view.draw(engine, context)
+                view.draw(engine, context, depsgraph)
             if not more:
                 break
             time.sleep(0.001)
@@ -112,8 +112,9 @@ def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
     context.scene.halfspace.use_preview_denoising = denoised
     view, engine = Viewport(), Engine()
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
-    view._preview.look(views.seen(context, view._origin))
+    settle(view)
     view._engine = weakref.ref(engine)
+    view._preview.look(views.seen(context))
     for _ in range(MOST_REDRAWS):
         if not view.tick():
             break
@@ -121,6 +122,54 @@ def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
     else:
         pytest.fail("the picture never converges")
     return view._preview.picture.pixels.reshape(HEIGHT, WIDTH, 4), view.status()
+
+
+def test_the_last_picture_stays_until_an_edit_is_read(
+    context: Any, canvas: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewport, "SLICE_SECONDS", 0.0)
+    monkeypatch.setattr(viewport, "HURRIED_SECONDS", 0.0)
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert view.status() == "Reading the scene"
+    before = draw_until_done(view, engine, context, canvas)
+    shown = view._preview.picture
+    # Move the cube out of the view, then back into another place while the first edit is read.
+    for steps, offset in ((1, 50.0), (4, 20.0), (400, 1.0)):
+        bpy.data.objects["Cube"].location.x = offset
+        bpy.context.view_layer.update()
+        view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+        for _ in range(steps):
+            if view._newest is None:
+                break
+            assert (view._preview.picture, view.status().startswith("Reading the scene")) == (shown, True)
+            view.draw(engine, context, bpy.context.evaluated_depsgraph_get())
+    after = draw_until_done(view, engine, context, canvas)
+    assert "Reading" not in view.status()
+    fresh = Viewport()
+    fresh.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert np.array_equal(after, draw_until_done(fresh, engine, context, canvas))
+    assert not np.array_equal(before, after)
+
+
+def test_what_an_evaluation_freed_is_read_from_the_start(
+    context: Any, canvas: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewport, "SLICE_SECONDS", 0.0)
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    for _ in range(3):
+        view.draw(engine, context, bpy.context.evaluated_depsgraph_get())
+    first, remembered = view._newest, view._remembered
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    place("Other", cube("Other"), location=(1, 0, 0))
+    bpy.context.view_layer.update()
+    view.draw(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert first.outdated(bpy.context.evaluated_depsgraph_get())
+    assert view._newest is not first
+    assert view._remembered is not remembered
+    draw_until_done(view, engine, context, canvas)
+    assert {name for _, name in view._scene.geometry.runs()} == {"Other"}
 
 
 @pytest.mark.parametrize("integrator", ["path", "ao"])
@@ -184,20 +233,21 @@ def test_samples_go_on_while_the_structure_changes(context: Any) -> None:
 
 def test_the_start_of_denoising_is_a_sample(scene: Any) -> None:
     group = scene.halfspace
-    assert viewport.clean_from(group) == 0
+    assert reading.clean_from(group) == 0
     group.use_preview_denoising = True
-    assert viewport.clean_from(group) == 1
+    assert reading.clean_from(group) == 1
     group.preview_denoising_start_sample = 7
-    assert viewport.clean_from(group) == 7
+    assert reading.clean_from(group) == 7
     group.preview_denoising_start_sample = 0
-    assert viewport.clean_from(group) == 1
+    assert reading.clean_from(group) == 1
 
 
 def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
     view, engine = Viewport(), Engine()
     context.scene.halfspace.preview_samples = 1 << 16
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
-    view._preview.look(views.seen(context, view._origin))
+    settle(view)
+    view._preview.look(views.seen(context))
     for _ in range(MOST_REDRAWS):
         view.tick()
         if view._preview._job is not None and view._preview._job.settings.samples > 1:
@@ -216,7 +266,7 @@ def test_a_border_is_rendered_and_nothing_else(context: Any) -> None:
     space.use_render_border = True
     space.render_border_min_x, space.render_border_max_x = 0.25, 0.5
     space.render_border_min_y, space.render_border_max_y = 0.5, 2.0
-    assert views.seen(context, np.zeros(3)).border == (16, 24, 32, 48)
+    assert views.seen(context).border == (16, 24, 32, 48)
 
 
 def test_the_border_of_a_camera_view_lies_in_the_camera_s_frame(context: Any) -> None:
@@ -226,7 +276,7 @@ def test_the_border_of_a_camera_view_lies_in_the_camera_s_frame(context: Any) ->
     render.resolution_x, render.resolution_y = WIDTH, HEIGHT
     render.use_border = True
     render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.5, 0.75, 0.25, 1.0
-    assert views.seen(context, np.zeros(3)).border == (32, 12, 48, 48)
+    assert views.seen(context).border == (32, 12, 48, 48)
 
 
 def test_the_view_of_a_camera_is_the_camera(context: Any) -> None:
@@ -249,17 +299,19 @@ def test_a_view_shows_no_more_than_its_own_objects(context: Any, monkeypatch: py
         context.scene.collection.objects.link(item)
         item.select_set(name == "In")
     found: list[Any] = []
-    find = viewport.extract.find
+    find = extract.Reading.found
 
-    def see(*args: Any, **settings: Any) -> Any:
-        found.append(find(*args, **settings))
+    def see(read: Any) -> Any:
+        found.append(find(read))
         return found[-1]
 
     def shown() -> set[str]:
-        Viewport().update(Engine(), context, bpy.context.evaluated_depsgraph_get())
+        view, engine = Viewport(), Engine()
+        view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+        settle(view)
         return {name for placement in found[-1].placements for name in placement.names}
 
-    monkeypatch.setattr(viewport.extract, "find", see)
+    monkeypatch.setattr(extract.Reading, "found", see)
     assert shown() == {"In", "Out"}
     with bpy.context.temp_override(window=window, area=area, region=region, space_data=context.space_data):
         bpy.ops.view3d.localview(frame_selected=False)

@@ -21,6 +21,7 @@ from addon.core.structures.catalogue import Parameter, Structure
 from tests.blender import atlas
 from tests.blender.layouts import Layout, draw, draw_all
 from tests.blender.shapes import cube, look, reopened
+from tests.blender.viewing import settle
 
 
 def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
@@ -96,6 +97,7 @@ def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: An
     assert told.count(f"{properties.UNKNOWN}: kd-tree") == 1
     view = Viewport()
     view.update(Engine(), SimpleNamespace(space_data=None), bpy.context.evaluated_depsgraph_get())
+    settle(view)
     assert f"{properties.UNKNOWN}: kd-tree" in view.status()
     assert "max_depth" in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene)
 

@@ -13,6 +13,7 @@ from addon.blender.settings import properties, quality, stored
 from addon.core.base.notes import Notes
 from tests.blender import atlas
 from tests.blender.shapes import cube, look, reopened
+from tests.blender.viewing import settle
 
 
 @pytest.fixture
@@ -61,6 +62,7 @@ def test_a_value_of_another_version_is_replaced_and_listed(
     assert warnings(loaded) == [f"{stored.REPLACED}: {said}"]
     view = Viewport()
     view.update(Engine(), SimpleNamespace(space_data=None), bpy.context.evaluated_depsgraph_get())
+    settle(view)
     assert f"{stored.REPLACED}: {said}" in view.status()
 
 

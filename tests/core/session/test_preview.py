@@ -7,6 +7,7 @@ import gc
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from addon.core.session import preview as previews
@@ -51,6 +52,19 @@ def test_only_new_triangles_are_built_again(what: str) -> None:
     seen.edit(scene_of(1.0), "kd", None, SETTINGS)
     assert until(seen)
     assert native.monitor is not built
+
+
+def test_a_scene_of_another_origin_is_seen_from_the_same_place() -> None:
+    native = FakeNative()
+    seen = preview(native)
+    until(seen)
+    scene = scene_of(1.0)
+    seen.edit(replace(scene, geometry=replace(scene.geometry, origin=np.array([0.0, 0.0, 3.0]))), "kd", None, SETTINGS)
+    jobs = len(native.jobs)
+    until(seen)
+    heights = [job.camera["to_world"][2, 3] for job in native.jobs]
+    assert jobs < len(heights)
+    assert heights == [5.0] * jobs + [2.0] * (len(heights) - jobs)
 
 
 def test_a_large_scene_is_shown_before_the_chosen_structure_is_there(monkeypatch: pytest.MonkeyPatch) -> None:

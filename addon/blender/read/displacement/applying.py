@@ -11,6 +11,7 @@ import numpy as np
 
 from ....core.base import native
 from ....core.base.arrays import F32, F64, I32
+from ....core.base.steps import Steps
 from ..layers import Key
 from ..meshes import UNBOUNDED, MeshArrays
 from .programs import Displacement
@@ -49,20 +50,29 @@ class Displacer:
         self._palette, self._notes = palette, notes
         self._images: dict[frozenset[int], tuple[Image, ...]] = {}
 
+    def read(self, placement: Placement) -> Steps[None]:
+        """Read the images that displace the mesh of a placement."""
+        slots = self._palette.displacements(placement.materials.tolist())
+        used = _images(slots)
+        if any(slots) and used not in self._images:
+            self._images[used] = yield from self._palette.gallery.read(set(used), self._notes)
+
     def mesh(self, placement: Placement) -> MeshArrays:
-        """The displaced mesh of a placement, or its own."""
+        """The displaced mesh of a placement, or its own. From any thread, after `read`."""
         slots = self._palette.displacements(placement.materials.tolist())
         if not any(slots):
             return placement.mesh
-        used = frozenset().union(*(one.images for one in slots if one is not None))
-        if used not in self._images:
-            self._images[used] = self._palette.gallery.read(set(used), self._notes)
-        keys, images = self._palette.layers.keys, self._images[used]
+        keys, images = self._palette.layers.keys, self._images[_images(slots)]
         around = Surroundings(placement.transforms[0], placement.values[0], keys, images)
         mesh, lost = displaced(placement.mesh, slots, around)
         if lost:
             self._notes.add("Not displaced, vertices that would leave the scene", placement.names[0], lost)
         return mesh
+
+
+def _images(slots: Sequence[Displacement | None]) -> frozenset[int]:
+    """The numbers of the images that displacements read."""
+    return frozenset().union(*(one.images for one in slots if one is not None))
 
 
 def displaced(mesh: MeshArrays, slots: Sequence[Displacement | None], around: Surroundings) -> tuple[MeshArrays, int]:

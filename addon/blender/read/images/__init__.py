@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ....core.base import native
+from ....core.base.steps import Steps
 from ....core.scene.scene import Image
 from ..nodes import Unsupported
 from . import buffers, colours, files
@@ -66,8 +67,8 @@ class Gallery:
             self._images.append(image)
         return self._numbers[key]
 
-    def read(self, used: set[int], notes: Notes) -> tuple[Image, ...]:
-        """All images by number; unused ones stay empty."""
+    def read(self, used: set[int], notes: Notes) -> Steps[tuple[Image, ...]]:
+        """All images by number, read one at a time; unused ones stay empty."""
         self._fit([image for number, image in enumerate(self._images) if number in used], notes)
         found = []
         for number, image in enumerate(self._images):
@@ -76,6 +77,7 @@ class Gallery:
             else:
                 item, frame = image
                 found.append(self._of(item, frame, notes) if number in used else Image(item.name, EMPTY))
+            yield
         return tuple(found)
 
     def _of(self, item: Any, frame: int, notes: Notes) -> Image:

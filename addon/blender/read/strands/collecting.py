@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from ....core.base.arrays import F32
+from ....core.base.steps import Steps
 from ....core.scene import spheres, tubes
 from .. import layers as texture_layers
 from ..meshes import UNBOUNDED, MeshArrays, Placement
@@ -78,35 +79,36 @@ class Collector:
         self._read: dict[Key, _Round] = {}
         self._groups: dict[tuple[Key, tuple[int, ...]], tuple[_Round, Placement]] = {}
 
-    def visit(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
+    def visit(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> Steps[None]:
         """Add an instance of a hair curves object or a point cloud. matrix: its transform, regular."""
         data, name = instance.item.data, instance.item.name_full
         key: Key = (instance.item.type, str(data.as_pointer()), 0)
 
-        def read() -> _Round:
+        def read() -> Steps[_Round]:
             if instance.item.type == "CURVES":
-                strands, values = sources.read_curves(data, self._keys())
+                strands, values = yield from sources.read_curves(data, self._keys())
                 return _Round(name, strands, None, values)
-            centres, radii, values = sources.read_points(data, self._keys())
+            centres, radii, values = yield from sources.read_points(data, self._keys())
             return _Round(name, None, (centres, radii), values)
 
         if key not in self._read:
-            self._read[key] = replace(self._remembered.of(key, instance, read), name=name)
+            self._read[key] = replace((yield from self._remembered.of(key, instance, read)), name=name)
         self._place(key, materials, instance, matrix)
 
-    def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> None:
+    def visit_hair(self, instance: Instance, matrix: NDArray[Any], materials: tuple[int, ...]) -> Steps[None]:
         """Add an instance of an object's particle hair, whose settings choose one of the object's materials."""
         item = instance.item
         for number, (modifier, system) in enumerate(sources.hair_systems(item, self._mode)):
             key: Key = ("HAIR", str(item.original.as_pointer()), number)
 
-            def read(modifier: Any = modifier) -> _Round:
+            def read(modifier: Any = modifier) -> Steps[_Round]:
                 most = MOST_TRIANGLES // (2 * tubes.COARSER[-1])
-                hair = sources.read_hair(item, modifier, self._keys(), self._mode, most)
+                hair = yield from sources.read_hair(item, modifier, self._keys(), self._mode, most)
                 return _Round(item.name_full, hair.strands, None, hair.values, hair.part)
 
             if key not in self._read:
-                found = self._read[key] = replace(self._remembered.of(key, instance, read), name=item.name_full)
+                kept = yield from self._remembered.of(key, instance, read)
+                found = self._read[key] = replace(kept, name=item.name_full)
                 if found.part > 1:
                     self._note_part("hairs", found.part, found.name, MOST_TRIANGLES)
             slot = min(max(system.settings.material - 1, 0), len(materials) - 1)
@@ -129,7 +131,7 @@ class Collector:
         if (key, materials) not in self._groups:
             self._groups[key, materials] = self._read[key], Placement(NOTHING, np.array(materials, np.int32))
         _, group = self._groups[key, materials]
-        group.add(instance, matrix, instance.values(self._layers.object_values))
+        group.add(instance.item.name_full, instance.number, matrix, instance.values(self._layers.object_values))
 
     def _note_part(self, what: str, part: int, name: str, most: int) -> None:
         text = f"Only one in {part} {what} is rendered, all together have more than {most:,} triangles"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....core.base.arrays import F32
+from ....core.base.steps import Steps
 from ....core.scene import tubes
 from ..layers import TYPES, Key
 from ..object_values import MASK, hashed
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 HAIR_RADIUS, POINT_RADIUS = 0.005, 0.01
 """Radii where the data has none, as in Cycles."""
+
+BLOCK = 64
+"""Hairs that are read in one step: Blender gives points one by one."""
 
 POLY = 1
 """The number of chains of straight lines among Blender's types of curves."""
@@ -33,13 +37,14 @@ class Values:
     of_curves: dict[Key, F32] = field(default_factory=dict)
 
 
-def read_curves(data: Any, keys: Sequence[Key]) -> tuple[tubes.Strands, Values]:
-    """The curves of a hair curves object, and those of the layers that it has."""
+def read_curves(data: Any, keys: Sequence[Key]) -> Steps[tuple[tubes.Strands, Values]]:
+    """The curves of a hair curves object, and those of the layers that it has; one at a time."""
     count = len(data.curves)
     first = np.zeros(count + 1, np.int32)
     if count:
         data.curve_offset_data.foreach_get("value", first)
     points, radii = _points(data, HAIR_RADIUS)
+    yield
     kinds = data.attributes.get("curve_type")
     straight = count > 0 and kinds is not None and len(kinds.data) > 0 and kinds.data[0].value == POLY
     found = tubes.strands(points, radii, first, straight=straight)
@@ -50,12 +55,13 @@ def read_curves(data: Any, keys: Sequence[Key]) -> tuple[tubes.Strands, Values]:
         if attribute is not None and attribute.data_type in TYPES and attribute.domain in ("POINT", "CURVE"):
             of = values.of_points if attribute.domain == "POINT" else values.of_curves
             of[key] = _rows(attribute)
-    _add_strand_values(found, keys, values)
+            yield
+    yield from _add_strand_values(found, keys, values)
     return found, values
 
 
-def read_points(data: Any, keys: Sequence[Key]) -> tuple[F32, F32, Values]:
-    """Centres and radii of a point cloud, and those of the layers that it has."""
+def read_points(data: Any, keys: Sequence[Key]) -> Steps[tuple[F32, F32, Values]]:
+    """Centres and radii of a point cloud, and those of the layers that it has; one at a time."""
     points, radii = _points(data, POINT_RADIUS)
     values = Values()
     for key in keys:
@@ -68,6 +74,7 @@ def read_points(data: Any, keys: Sequence[Key]) -> tuple[F32, F32, Values]:
             values.of_points[key] = points
         elif key == (STRAND, "Point Random"):
             values.of_points[key] = _random(len(points))
+        yield
     return points, radii, values
 
 
@@ -115,9 +122,10 @@ def _random(count: int) -> F32:
     return _three(hashed(np.arange(count, dtype=np.int64)) / MASK)
 
 
-def _add_strand_values(found: tubes.Strands, keys: Sequence[Key], values: Values) -> None:
-    """Compute the values of the node Curves Info that materials read."""
+def _add_strand_values(found: tubes.Strands, keys: Sequence[Key], values: Values) -> Steps[None]:
+    """Compute the values of the node Curves Info that materials read, one at a time."""
     for name in (name for kind, name in keys if kind == STRAND):
+        yield
         match name:
             case "Is Strand":
                 values.of_points[STRAND, name] = np.ones((len(found.points), 3), np.float32)
@@ -183,8 +191,8 @@ def hair_systems(item: Any, mode: str) -> list[tuple[Any, Any]]:
     ]
 
 
-def read_hair(item: Any, modifier: Any, keys: Sequence[Key], mode: str, most: int) -> Hair:
-    """The hairs of one particle system of an evaluated object, in the object's space.
+def read_hair(item: Any, modifier: Any, keys: Sequence[Key], mode: str, most: int) -> Steps[Hair]:
+    """The hairs of one particle system of an evaluated object, in the object's space; some at a time.
 
     most: number of points that are read at most; of more hairs only one in several is read. Blender gives points one by
     one: reading takes about half a microsecond each.
@@ -205,6 +213,8 @@ def read_hair(item: Any, modifier: Any, keys: Sequence[Key], mode: str, most: in
     for row, number in enumerate(hairs):
         for step in range(steps):
             points[row, step] = locate(object=item, particle_no=number, step=step)
+        if row % BLOCK == 0:
+            yield
     for step in range(1, steps):
         beyond = ~points[:, step].any(axis=1)
         points[beyond, step] = points[beyond, step - 1]
@@ -220,10 +230,10 @@ def read_hair(item: Any, modifier: Any, keys: Sequence[Key], mode: str, most: in
     found = tubes.strands(flat, radii, first)
     values = Values()
     for key in keys:
-        rows = _on_emitter(item, modifier, key, hairs)
+        rows = yield from _on_emitter(item, modifier, key, hairs)
         if rows is not None:
             values.of_curves[key] = rows
-    _add_strand_values(found, keys, values)
+    yield from _add_strand_values(found, keys, values)
     return Hair(found, values, part)
 
 
@@ -236,7 +246,7 @@ def _radii(settings: Any, share: NDArray[Any]) -> F32:
     return radii
 
 
-def _on_emitter(item: Any, modifier: Any, key: Key, hairs: range) -> F32 | None:
+def _on_emitter(item: Any, modifier: Any, key: Key, hairs: range) -> Steps[F32 | None]:
     """The value of a layer of the emitter's mesh at the root of each hair; None if the mesh has no such layer."""
     kind, name = key
     if kind not in (UV, COLOR) or item.type != "MESH":
@@ -254,6 +264,8 @@ def _on_emitter(item: Any, modifier: Any, key: Key, hairs: range) -> F32 | None:
             rows[row] = system.uv_on_emitter(**at, uv_no=number)
         else:
             rows[row] = system.mcol_on_emitter(**at, vcol_no=number)
+        if row % BLOCK == 0:
+            yield
     return _linear(rows) if kind == COLOR else rows
 
 

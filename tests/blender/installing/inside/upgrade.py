@@ -184,7 +184,10 @@ def begin_view() -> Any:
     )
     view, engine = viewport.Viewport(), Engine()
     view.update(engine, context, depsgraph)
-    view._preview.look(views.seen(context, view._origin))
+    while view._incoming:
+        view._read()
+        time.sleep(0.001)
+    view._preview.look(views.seen(context))
     for _ in range(5000):
         view.tick()
         if view._preview._job is not None and view._preview._job.settings.samples > 1:
