@@ -307,6 +307,8 @@ def time_whole(asked: argparse.Namespace) -> bool:
         else f"none beyond noise, below {high:.3f} %"
     )
     print(f"  bias, √(MSE − variance): {seen}")
+    spp = -(-asked.samples // asked.runs)
+    print(f"  Cycles takes the first of {spp} samples at the centre of each pixel: less noise, and a bias where details are")
     if asked.runs >= comparison.LEAST_RUNS:
         noises = {run.name: comparison.noise_of(run, times.processor[run.name]) for run in (ours, theirs)}
         for engine, noise in noises.items():
