@@ -39,19 +39,21 @@ class Moving:
     """Motion while the shutter is open. span: the frames at which it opens and closes; None if nothing is blurred.
 
     times: number of times that samples take in turn; 0 if nothing but cameras moves. keys: the scene at equal
-    intervals from the first to the last moment, if only places differ and lie between those of the keys.
+    intervals from the first to the last moment, if only places differ and lie between those of the keys. uneven: see
+    `shutter.curve`.
     """
 
     span: tuple[float, float] | None = None
     times: int = 0
     keys: tuple[Found, ...] = ()
+    uneven: F64 | None = None
     frame: Found | None = None
     """The scene at the frame, whose meshes other times share."""
 
     def between(self) -> Iterator[Found]:
-        """The scenes at the middles of `times` equal parts of the time."""
-        for moment in shutter.middles((0.0, len(self.keys) - 1.0), self.times):
-            first = int(moment)
+        """The scenes at the middles of `times` equal parts of the light."""
+        for moment in shutter.middles((0.0, len(self.keys) - 1.0), self.times, self.uneven):
+            first = min(int(moment), len(self.keys) - 2)
             yield between.interpolated(self.keys[first], self.keys[first + 1], moment - first)
 
 
@@ -80,6 +82,7 @@ class Times:
             return Moving()
         frame, steps = depsgraph.scene_eval.frame_float, depsgraph.scene_eval.halfspace.motion_steps
         self._cameras[frame] = self._read_cameras()
+        uneven = shutter.curve(depsgraph.scene_eval)
 
         def at(moment: float) -> Found:
             if moment == frame:
@@ -89,8 +92,8 @@ class Times:
         try:
             keys = [at(moment) for moment in span]
             if all(_stands(found, key) for key in keys):
-                return Moving(span)
-            return Moving(span, steps, self._keys(keys, span, steps, at), found)
+                return Moving(span, uneven=uneven)
+            return Moving(span, steps, self._keys(keys, span, steps, at), uneven, found)
         finally:
             shutter.at(self._engine, frame, lambda: None)
 
@@ -125,7 +128,7 @@ class Times:
         frame = self._depsgraph.scene_eval.frame_float
         try:
             assert moving.frame is not None, "something moves"
-            middles = shutter.middles(moving.span, moving.times)
+            middles = shutter.middles(moving.span, moving.times, moving.uneven)
             return tuple(place(between.sharing(moving.frame, self._at(moment, find))) for moment in middles)
         finally:
             shutter.at(self._engine, frame, lambda: None)
@@ -135,7 +138,8 @@ class Times:
         camera = self._depsgraph.scene_eval.camera
         if moving.span is None or (camera is not None and not moves(camera)):
             return cameras
-        moments = shutter.moments(moving.span, shutter.POSES)
+        poses = shutter.POSES if moving.uneven is None else shutter.UNEVEN_POSES
+        moments = shutter.moments(moving.span, poses, moving.uneven)
         frame, unread = self._depsgraph.scene_eval.frame_float, [one for one in moments if one not in self._cameras]
         try:
             for moment in unread:
@@ -143,8 +147,8 @@ class Times:
         finally:
             if unread:
                 shutter.at(self._engine, frame, lambda: None)
-        poses = [self._cameras[moment] for moment in moments]
-        return {name: _posed(one, [_moved(pose[name], origin) for pose in poses]) for name, one in cameras.items()}
+        seen = [self._cameras[moment] for moment in moments]
+        return {name: _posed(one, [_moved(pose[name], origin) for pose in seen]) for name, one in cameras.items()}
 
     def _at(self, moment: float, read: Callable[[], T]) -> T:
         """The result of `read` at another time, whose cameras are kept."""

@@ -7,8 +7,18 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from ...core.base.arrays import F64
+
 POSES = 5
 """Poses of a moving camera, ends included: a turn by 90 degrees differs from a steady one by less than 0.001."""
+
+UNEVEN_POSES = 33
+"""The same with a shutter whose curve is not flat: the time between two poses is even."""
+
+CURVE_POINTS = 257
+"""Points at which the curve of the shutter is read, as many as in Cycles and one more."""
 
 OPENS = {"START": 0.0, "CENTER": -0.5, "END": -1.0}
 """When the shutter opens, relative to the frame, in lengths of its opening."""
@@ -26,16 +36,35 @@ def interval(scene: Any) -> tuple[float, float] | None:
     return start, start + length
 
 
-def moments(span: tuple[float, float], count: int) -> list[float]:
-    """`count` frames from the first to the last of `span`."""
-    start, end = span
-    return [start + (end - start) * i / (count - 1) for i in range(count)]
+def curve(scene: Any) -> F64 | None:
+    """The times, 0 to 1, at which equal shares of the light have passed the shutter, (n,); None if they are even."""
+    mapping = scene.render.motion_blur_shutter_curve
+    mapping.initialize()
+    times = np.linspace(0.0, 1.0, CURVE_POINTS)
+    open_by = np.maximum([mapping.evaluate(mapping.curves[0], float(time)) for time in times], 0.0)
+    if np.ptp(open_by) < 1e-6 or not open_by.any():
+        return None
+    # Invert the integral of the curve.
+    passed = np.concatenate([[0.0], np.cumsum(open_by[1:] + open_by[:-1])])
+    return np.interp(times, passed / passed[-1], times)
 
 
-def middles(span: tuple[float, float], count: int) -> list[float]:
-    """The middles of `count` equal parts of `span`."""
+def moments(span: tuple[float, float], count: int, uneven: F64 | None = None) -> list[float]:
+    """`count` frames from the first to the last of `span`. uneven: as from `curve`."""
+    return _spread(span, [i / (count - 1) for i in range(count)], uneven)
+
+
+def middles(span: tuple[float, float], count: int, uneven: F64 | None = None) -> list[float]:
+    """The middles of `count` equal parts of `span`, or of the light within it. uneven: as from `curve`."""
+    return _spread(span, [(i + 0.5) / count for i in range(count)], uneven)
+
+
+def _spread(span: tuple[float, float], shares: list[float], uneven: F64 | None) -> list[float]:
+    """The frames at these shares of the time, or of the light, within `span`."""
     start, end = span
-    return [start + (end - start) * (i + 0.5) / count for i in range(count)]
+    if uneven is not None:
+        shares = np.interp(shares, np.linspace(0.0, 1.0, len(uneven)), uneven).tolist()
+    return [start + (end - start) * share for share in shares]
 
 
 def at(engine: Any, frame: float, read: Callable[[], Any]) -> Any:

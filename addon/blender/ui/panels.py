@@ -363,6 +363,23 @@ class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
         column.prop(context.scene.halfspace, "motion_steps")
 
 
+class HALFSPACE_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
+    """How far the shutter is open over its time."""
+
+    bl_label = "Shutter Curve"
+    bl_parent_id = "HALFSPACE_PT_motion_blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        column = self.column(moves=False)
+        column.active = context.scene.render.use_motion_blur
+        column.template_curve_mapping(context.scene.render, "motion_blur_shutter_curve")
+        row = column.row(align=True)
+        for shape in ("SMOOTH", "ROUND", "ROOT", "SHARP", "LINE", "MAX"):
+            icon = f"{'NO' if shape == 'MAX' else 'LIN' if shape == 'LINE' else shape}CURVE"
+            row.operator("render.shutter_curve_preset", icon=icon, text="").shape = shape
+
+
 class HALFSPACE_PT_film(EnginePanel, bpy.types.Panel):
     """Brightness, background and pixel filter."""
 

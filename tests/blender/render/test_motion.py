@@ -77,6 +77,23 @@ def test_a_moving_object(stage: Any, position: str) -> None:
     assert stage.frame_subframe == 0
 
 
+@pytest.mark.parametrize("moves", ["camera", "object"])
+def test_the_shutter_opens_and_closes_by_its_curve(stage: Any, moves: str) -> None:
+    item, height = (stage.camera, 6) if moves == "camera" else (bpy.data.objects["Cube"], 0)
+    animate(item, "location", (-1, 0, height), (0, 0.3, height), (1, 0, height))
+    stage.frame_set(1)
+    stage.halfspace.motion_steps = 64
+    even, _ = compared(stage)
+    points = stage.render.motion_blur_shutter_curve.curves[0].points
+    for point, where in zip(points, ((0, 1), (0.5, 0.1), (1, 0)), strict=True):
+        point.location = where
+    stage.render.motion_blur_shutter_curve.update()
+    uneven, apart = compared(stage)
+    change = float(((uneven - even) ** 2).mean() ** 0.5 / even.std())
+    assert apart < 0.1
+    assert apart < 0.5 * change
+
+
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[moving.Moving]:
     """What `Times.look` finds from now on."""
     looked: list[moving.Moving] = []

@@ -126,7 +126,6 @@ WITHOUT = {
     "CYCLES_RENDER_PT_debug": "instruction sets",
     "CYCLES_RENDER_PT_light_paths_fast_gi": "ambient occlusion in place of light",
     "CYCLES_RENDER_PT_light_paths_max_bounces": "three numbers, in Light Paths",
-    "CYCLES_RENDER_PT_motion_blur_curve": "an even shutter",
     "CYCLES_RENDER_PT_bake_output_margin": "two rows, in Output",
     "CYCLES_RENDER_PT_film_transparency": "three rows, in Film",
     "CYCLES_RENDER_PT_passes_data": "the first rows of Passes",
