@@ -308,7 +308,7 @@ def time_whole(asked: argparse.Namespace) -> bool:
     )
     print(f"  bias, √(MSE − variance): {seen}")
     spp = -(-asked.samples // asked.runs)
-    print(f"  Cycles takes the first of {spp} samples at the centre of each pixel: less noise, and a bias where details are")
+    print(f"  Cycles takes the first of {spp} samples at the centre of a pixel: less noise, and a bias at details")
     if asked.runs >= comparison.LEAST_RUNS:
         noises = {run.name: comparison.noise_of(run, times.processor[run.name]) for run in (ours, theirs)}
         for engine, noise in noises.items():
