@@ -3,10 +3,10 @@
 `python -m scripts.dev.edits --window COMMAND [SCENE ...] [--detail FACTOR] [--pictures DIR]`.
 
 For each scene of `addon/lab/pictures/large.py`, one sample and one thread: seconds and processor seconds until the view
-shows the new picture, processor seconds until the process rests, and the longest time in which Blender's main thread
-did not return to its loop. COMMAND opens Blender on a screen and runs `window/edit_steps.py`, as
-scripts/dev/window/README.md describes; by default it is that of the variable HALFSPACE_WINDOW. Exit status: 0 done; 2
-something failed; 130 stopped.
+shows the new picture, processor seconds until the process rests, the longest time in which Blender's main thread did
+not return to its loop, and the longest call of the engine; the rest of a pause is Blender's own. COMMAND opens Blender
+on a screen and runs `window/edit_steps.py`, as scripts/dev/window/README.md describes; by default it is that of the
+variable HALFSPACE_WINDOW. Exit status: 0 done; 2 something failed; 130 stopped.
 """
 
 from __future__ import annotations
@@ -80,11 +80,11 @@ def run(asked: argparse.Namespace) -> int:
             asked.pictures.mkdir(parents=True, exist_ok=True)
             for picture in folder.glob("last-*.png"):
                 shutil.copy(picture, asked.pictures)
-    print("scene    engine     event          seconds  processor s  until rest  longest pause ms")
+    print("scene    engine     event          seconds  processor s  until rest  longest pause ms  longest call ms")
     for row in rows:
         print(
             f"{row['scene']:8} {row['engine'].lower():10} {row['what']:14} {row['seconds']:7.2f} "
-            f"{row['processor']:12.2f} {row['all']:11.2f} {row['pause'] * 1e3:17.0f}"
+            f"{row['processor']:12.2f} {row['all']:11.2f} {row['pause'] * 1e3:17.0f} {row['call'] * 1e3:16.0f}"
         )
     return 0
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections.abc import Callable, Generator, Iterator
 from functools import partial
@@ -22,7 +23,8 @@ from window_areas import area_of
 
 OUT = Path(os.environ.get("WINDOW_OUT", "/job/out"))
 
-ENGINES = ("HALFSPACE", "CYCLES")
+CALLS = {"HALFSPACE": ("Viewport", ("update", "draw", "tick")), "CYCLES": ("engine", ("reset", "sync", "view_draw"))}
+"""Engines, and what Blender's calls and timers of each lead to: an object of the engine's module, and its functions."""
 
 TICK = 0.005
 """Seconds between two looks at the clock of the main thread."""
@@ -40,19 +42,42 @@ SIDE, BLOCK = 256, 16
 class Watch:
     """The main thread's pauses, and what the 3D view showed at each of its redraws.
 
-    pause: the longest time in which the main thread did not return to Blender's loop, in seconds. shown: seconds,
-    processor seconds and the means of blocks of pixels around the middle of the view.
+    pause: the longest time in which the main thread did not return to Blender's loop, in seconds. call: the longest
+    call of the engine, to update a view, to draw it, or of its timer; the rest of a pause is Blender's own. shown:
+    seconds, processor seconds and the means of blocks of pixels around the middle of the view.
     """
 
     def __init__(self) -> None:
-        self.pause, self._last = 0.0, time.perf_counter()
+        self.pause, self.call, self._last = 0.0, 0.0, time.perf_counter()
         self.shown: list[tuple[float, float, Any]] = []
         bpy.app.timers.register(self._tick, persistent=True)
         bpy.types.SpaceView3D.draw_handler_add(self._drawn, (), "WINDOW", "POST_PIXEL")
 
     def begin(self) -> None:
         """Forget all but what the view shows now."""
-        self.pause, self._last, self.shown = 0.0, time.perf_counter(), self.shown[-1:]
+        self.pause, self.call, self._last, self.shown = 0.0, 0.0, time.perf_counter(), self.shown[-1:]
+
+    def follow(self, engine: str) -> None:
+        """Time the calls of an engine from here on."""
+        owner = next(one for one in bpy.types.RenderEngine.__subclasses__() if getattr(one, "bl_idname", "") == engine)
+        name, calls = CALLS[engine]
+        for call in calls:
+            self._time(getattr(sys.modules[owner.__module__], name), call)
+
+    def _time(self, owner: Any, name: str) -> None:
+        called = getattr(owner, name)
+        if hasattr(called, "timed"):
+            return
+
+        def timed(*arguments: Any, **named: Any) -> Any:
+            start = time.perf_counter()
+            try:
+                return called(*arguments, **named)
+            finally:
+                self.call = max(self.call, time.perf_counter() - start)
+
+        timed.timed = True  # type: ignore[attr-defined]
+        setattr(owner, name, timed)
 
     def picture(self) -> tuple[float, float]:
         """Seconds and processor seconds of the first redraw that is closer to the last one than to the first one."""
@@ -79,7 +104,7 @@ class Watch:
 def ready(watch: Watch, act: Callable[[], None]) -> Generator[Any, None, dict[str, float]]:
     """Act, and wait until the process rests.
 
-    Returns seconds and processor seconds to the first picture, processor seconds in all, and the longest pause.
+    Returns seconds and processor seconds to the first picture, processor seconds in all, the longest pause and call.
     """
     watch.begin()
     start, begun = time.perf_counter(), time.process_time()
@@ -97,6 +122,7 @@ def ready(watch: Watch, act: Callable[[], None]) -> Generator[Any, None, dict[st
                 "processor": processor - begun,
                 "all": old[-1][1] - begun,
                 "pause": watch.pause,
+                "call": watch.call,
             }
         if marks[-1][0] - start > LONGEST:
             raise RuntimeError("the view was not ready in time")
@@ -106,11 +132,12 @@ def steps() -> Iterator[Any]:
     """Show each file in each engine, then move its objects twice: what a first edit makes is there for the second."""
     watch, found = Watch(), []
     for path in sorted(Path(__file__).parent.glob("*.blend")):
-        for engine in ENGINES:
+        for engine in CALLS:
             bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
             yield 1.0
             scene = bpy.context.scene
             scene.render.engine, scene.halfspace.preview_samples = engine, 1
+            watch.follow(engine)
             shading = area_of("VIEW_3D").spaces.active
             shading.region_3d.view_perspective = "CAMERA"
             first = yield from ready(watch, partial(setattr, shading.shading, "type", "RENDERED"))
