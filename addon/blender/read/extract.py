@@ -31,10 +31,10 @@ from .layers import width
 from .linking import Linking
 from .media import grids
 from .object_meshes import MESH_TYPES, ObjectMeshes
-from .object_values import DENSITY_SCALE, MASK, Instance, as_sheet, is_regular
+from .object_values import DENSITY_SCALE, MASK, Instance, is_regular
 from .remembered import Remembered
 from .simplifying import Culling, texture_limit
-from .standing import Standing
+from .standing import Standing, moves
 from .strands.collecting import Collector
 from .value_nodes.outputs import NOTHING, Wanted
 from .visibility import Visibility
@@ -232,6 +232,20 @@ class _Rest:
     notes: Notes
 
 
+@dataclass(frozen=True, eq=False)
+class _Repeated:
+    """A mesh that an instancer has placed. group: its placement. moves: whether it has motion blur."""
+
+    group: meshes.Placement
+    name: str
+    moves: bool
+
+
+def _repetition(item: Any, parent: Any) -> tuple[int, int, int]:
+    """Equal for instances of the same mesh and object by the same instancer."""
+    return item.data.as_pointer(), item.original.as_pointer(), parent.as_pointer()
+
+
 class _Reader:
     """One pass over the depsgraph's instances, which gives each to the part that reads its kind.
 
@@ -267,6 +281,7 @@ class _Reader:
         self._meshes = ObjectMeshes(notes, self.palette.layers, self._standing, self._remembered, uvs=uvs)
         self._displacer = Displacer(self.palette, notes)
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
+        self._repeated: dict[tuple[int, int, int], _Repeated] = {}
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender also lists as an instance."""
 
@@ -280,6 +295,11 @@ class _Reader:
     def visit(self, placed: Any) -> Steps[None]:
         """Read one instance of the depsgraph: an object at one place."""
         item, parent = placed.object, placed.parent if placed.is_instance else None
+        if parent is not None and item.data is not None:
+            repeated = self._repeated.get(_repetition(item, parent))
+            if repeated is not None:
+                self._repeat(repeated, item, parent, placed)
+                return
         shown, kind = (placed.show_self, placed.show_particles), item.type
         # Find the place of the instance, unless it is culled.
         matrix = np.array(placed.matrix_world, np.float64)
@@ -306,6 +326,19 @@ class _Reader:
         elif kind == "VOLUME" and self._clouds:
             self._place_volume(instance, matrix)
 
+    def _repeat(self, repeated: _Repeated, item: Any, parent: Any, placed: Any) -> None:
+        """Read one more instance of a mesh that its instancer has placed: only its place and its values differ."""
+        matrix = np.array(placed.matrix_world, np.float64)
+        if self._culling.leaves_out(item, matrix):
+            return
+        if not repeated.moves:
+            matrix = self._standing.place(item, parent, placed.persistent_id, matrix)
+        number, keys, values = placed.random_id & MASK, self.palette.layers.object_values, ()
+        if keys:
+            given, location = self._instancing.of(placed), tuple(matrix[:3, 3].tolist())
+            values = Instance(item, parent, location, number, given=given).values(keys)
+        repeated.group.add(repeated.name, number, matrix, values)
+
     def end(self) -> Steps[None]:
         """Read what all instances together need."""
         for (mesh, _), group in self._groups.items():
@@ -318,6 +351,7 @@ class _Reader:
         on each other, the order of triangles decides, and must not depend on that of Blender's lists.
         """
         for group in self._groups.values():
+            group.keep_usable(self._notes)
             group.sort()
         # Displace the meshes of surfaces.
         found = []
@@ -337,16 +371,9 @@ class _Reader:
             self.lamps.note_catchers()
 
     def _regular(self, item: Any, matrix: F64) -> F64 | None:
-        """The transform of an instance, made invertible; None, with a note, if it is unusable."""
+        """The transform of an instance, made regular; None, with a note, if it cannot be."""
         self.identities.add(item)
-        if not np.isfinite(matrix).all():
-            self._notes.add("Dropped, the transform is not finite", item.name_full)
-            return None
-        sheet = as_sheet(matrix)
-        if sheet is None:
-            text = "Dropped, the transform collapses the object to a line or a point (scale 0)"
-            self._notes.add(text, item.name_full)
-        return sheet
+        return meshes.usable(matrix, item.name_full, self._notes)
 
     def _used(self, instance: Instance, *, tube: bool = False) -> tuple[int, ...]:
         """The materials of an instance's surface. tube: whether that is of tubes around hairs."""
@@ -377,7 +404,10 @@ class _Reader:
         used = self._used(instance)
         if len(mesh.triangles):
             self._see(instance.item, used)
-            self._add(key, used, mesh, instance, sheet)
+            group = self._add(key, used, mesh, instance, sheet)
+            item, parent = instance.item, instance.parent
+            if parent is not None and not len(item.particle_systems):
+                self._repeated[_repetition(item, parent)] = _Repeated(group, item.name_full, moves(item, parent))
 
     def _place_volume(self, instance: Instance, matrix: F64) -> None:
         """Add the box around the grids of a volume object."""
@@ -397,8 +427,9 @@ class _Reader:
 
     def _add(
         self, key: tuple[str, int], used: tuple[int, ...], mesh: meshes.MeshArrays, instance: Instance, matrix: F64
-    ) -> None:
-        """Add an instance to the placement of its mesh with its materials."""
+    ) -> meshes.Placement:
+        """Add an instance to the placement of its mesh with its materials, which is returned."""
         if (group := self._groups.get((key, used))) is None:
             group = self._groups[key, used] = meshes.Placement(mesh, np.array(used, np.int32))
-        group.add(instance, matrix, instance.values(self.palette.layers.object_values))
+        group.add(instance.item.name_full, instance.number, matrix, instance.values(self.palette.layers.object_values))
+        return group

@@ -20,10 +20,12 @@ from ...core.base.steps import Steps
 from ...core.scene.instances import TOPS, InstancedGeometry, Mesh
 from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
-from .object_values import MASK, Instance, Value
+from .object_values import MASK, Value, are_regular, as_sheet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from ...core.base.notes import Notes
 
 MOST_TRIANGLES = 1 << 29
 """Largest number of triangles of a scene; most trees accept at most half of it."""
@@ -168,6 +170,17 @@ def _read(collection: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
     return array
 
 
+def usable(matrix: F64, name: str, notes: Notes) -> F64 | None:
+    """The transform of an instance of the object of this name, made regular; None, with a note, if it cannot be."""
+    if not np.isfinite(matrix).all():
+        notes.add("Dropped, the transform is not finite", name)
+        return None
+    sheet = as_sheet(matrix)
+    if sheet is None:
+        notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
+    return sheet
+
+
 @dataclass(eq=False)
 class Placement:
     """A mesh and all its instances with the same materials.
@@ -187,14 +200,26 @@ class Placement:
     keys: list[tuple[str, int]] = field(default_factory=list)
     frames: F64 | None = None
 
-    def add(self, instance: Instance, matrix: F64, values: tuple[Value, ...]) -> None:
-        """Add an instance; the last one before `sort`, or the first use of `matrices`."""
+    def add(self, name: str, number: int, matrix: F64, values: tuple[Value, ...]) -> None:
+        """Add an instance by the name of its object and its random number; the last one before `sort`, or the first use
+        of `matrices`.
+        """
         assert isinstance(self.transforms, list)
-        name = instance.item.name_full
         self.names.append(name)
         self.transforms.append(matrix)
         self.values.append(values)
-        self.keys.append((name, instance.number & MASK))
+        self.keys.append((name, number & MASK))
+
+    def keep_usable(self, notes: Notes) -> None:
+        """Make all transforms regular, before `sort`; instances whose transform cannot be are dropped, with a note."""
+        assert isinstance(self.transforms, list)
+        for row in np.flatnonzero(~are_regular(np.stack(self.transforms)))[::-1].tolist():
+            matrix = usable(self.transforms[row], self.names[row], notes)
+            if matrix is not None:
+                self.transforms[row] = matrix
+                continue
+            for each in (self.names, self.transforms, self.values, self.keys):
+                del each[row]
 
     def sort(self) -> None:
         """Bring the instances into the order of their keys."""

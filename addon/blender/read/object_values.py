@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +27,10 @@ MASK = 0xFFFFFFFF
 
 THIN = 1e-6
 """Thickness of a collapsed axis relative to the width of the sheet."""
+
+
+SINGULAR = 1e-12
+"""Determinant, of columns of unit length, up to which a transform counts as not invertible."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +150,19 @@ def as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
     return sheet
 
 
+def are_regular(matrices: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Whether each of (k, 4, 4) transforms is finite and `is_regular`, (k,)."""
+    linear = matrices[:, :3, :3]
+    lengths = np.linalg.norm(linear, axis=1)
+    good = np.isfinite(matrices).all(axis=(1, 2)) & lengths.all(axis=1)
+    good[good] = np.abs(np.linalg.det(linear[good] / lengths[good, None])) > SINGULAR
+    return good
+
+
 def is_regular(matrix: np.ndarray[Any, Any]) -> bool:
-    """Whether a transform is invertible, judged by its determinant relative to the lengths of its columns."""
-    linear = matrix[:3, :3]
-    lengths = np.linalg.norm(linear, axis=0)
-    return bool(lengths.all()) and abs(np.linalg.det(linear / lengths)) > 1e-12
+    """Whether a finite transform is invertible, judged by its determinant relative to the lengths of its columns."""
+    # Written out: NumPy takes ten times as long for one small matrix (measured).
+    (a, b, c), (d, e, f), (g, h, i) = matrix[:3, :3].tolist()
+    lengths = math.hypot(a, d, g) * math.hypot(b, e, h) * math.hypot(c, f, i)
+    volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return bool(abs(volume) > SINGULAR * lengths)

@@ -11,6 +11,7 @@ import pytest
 
 from addon.blender.read import extract
 from addon.blender.render import engine
+from addon.core.base.equality import same
 from addon.core.base.notes import Notes
 from addon.core.structures.trees import Trees
 from tests.blender import atlas
@@ -226,3 +227,39 @@ def test_a_scene_without_objects_renders_its_background(forest: Any, tmp_path: P
             bpy.data.objects.remove(item)
     forest.halfspace.instancing = "two-level"
     assert np.ptp(render(forest, tmp_path)["Combined.R"]) == 0
+
+
+@pytest.mark.parametrize("reads", ["Location", "Random", ""])
+def test_repeated_instances_are_read_as_each_alone(add: Any, monkeypatch: pytest.MonkeyPatch, reads: str) -> None:
+    """On faces of several sizes, of which two have none."""
+    faces = grid(4, "Faces")
+    for vertex in faces.polygons[5].vertices:
+        faces.vertices[vertex].co = (0.3, 0.2, 0.1)
+    instancer = add("Instancer", faces)
+    instancer.instance_type, instancer.use_instance_faces_scale = "FACES", True
+    shown = material("Shown")
+    if reads:
+        info, shader = (
+            shown.node_tree.nodes.new("ShaderNodeObjectInfo"),
+            node(shown.node_tree, "ShaderNodeBsdfPrincipled"),
+        )
+        shown.node_tree.links.new(info.outputs[reads], shader.inputs["Base Color"])
+    for number, name in enumerate(("Leaf", "Blade")):
+        item = add(name, cube(name, 0.2 + number, smooth=bool(number)))
+        item.parent = instancer
+        item.data.materials.append(shown)
+
+    def read() -> tuple[extract.Found, list[str]]:
+        notes = Notes()
+        return extract.find(bpy.context.evaluated_depsgraph_get(), notes), notes.lines()
+
+    found, said = read()
+    places = iter(range(1000))
+    monkeypatch.setattr(extract, "_repetition", lambda *_: (0, 0, next(places)))
+    alone, expected = read()
+    assert (said, len(said)) == (expected, 1)
+    assert "scale 0" in said[0]
+    assert sum(len(placement.names) for placement in found.placements) > 2
+    for here, there in zip(found.placements, alone.placements, strict=True):
+        assert (here.names, here.keys, here.values) == (there.names, there.keys, there.values)
+        assert same((here.mesh, here.materials, here.matrices), (there.mesh, there.materials, there.matrices))

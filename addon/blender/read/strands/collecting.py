@@ -131,7 +131,7 @@ class Collector:
         if (key, materials) not in self._groups:
             self._groups[key, materials] = self._read[key], Placement(NOTHING, np.array(materials, np.int32))
         _, group = self._groups[key, materials]
-        group.add(instance, matrix, instance.values(self._layers.object_values))
+        group.add(instance.item.name_full, instance.number, matrix, instance.values(self._layers.object_values))
 
     def _note_part(self, what: str, part: int, name: str, most: int) -> None:
         text = f"Only one in {part} {what} is rendered, all together have more than {most:,} triangles"
