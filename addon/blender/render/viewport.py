@@ -31,9 +31,9 @@ TICK_SECONDS = 0.01
 FIRST_SECONDS = 0.04
 """Time to wait for the first picture, in seconds."""
 
-SLICE_SECONDS, HURRIED_SECONDS = 0.03, 0.06
-"""Time of each redraw in which the scene is read, in seconds: usually, and after an edit during the last reading, which
-would never end if edits followed each other fast enough.
+SLICE_SECONDS, LONGEST_SECONDS = 0.03, 0.08
+"""Time of each redraw in which the scene is read, in seconds. It doubles up to the longest with each edit during a
+reading, which begins again: otherwise an object that is dragged would be seen only when it rests.
 """
 
 PAUSE_SECONDS = 1.0
@@ -75,7 +75,7 @@ class Viewport:
         """Begin to read the scene after an edit. The view shows the last picture until there is a new one."""
         try:
             unread = self._newest is not None and self._newest.unread
-            self._slice = HURRIED_SECONDS if unread else SLICE_SECONDS
+            self._slice = min(2 * self._slice, LONGEST_SECONDS) if unread else SLICE_SECONDS
             self._begin(context, depsgraph)
             self._read()
         except BaseException as error:

@@ -23,7 +23,8 @@ from window_areas import area_of
 
 OUT = Path(os.environ.get("WINDOW_OUT", "/job/out"))
 
-ENGINES = ("HALFSPACE", "CYCLES")
+CALLS = {"HALFSPACE": ("Viewport", ("update", "draw", "tick")), "CYCLES": ("engine", ("reset", "sync", "view_draw"))}
+"""Engines, and what Blender's calls and timers of each lead to: an object of the engine's module, and its functions."""
 
 TICK = 0.005
 """Seconds between two looks at the clock of the main thread."""
@@ -59,20 +60,19 @@ class Watch:
     def follow(self, engine: str) -> None:
         """Time the calls of an engine from here on."""
         owner = next(one for one in bpy.types.RenderEngine.__subclasses__() if getattr(one, "bl_idname", "") == engine)
-        self._time(owner, "view_update")
-        self._time(owner, "view_draw")
-        if hasattr(module := sys.modules[owner.__module__], "Viewport"):
-            self._time(module.Viewport, "tick")
+        name, calls = CALLS[engine]
+        for call in calls:
+            self._time(getattr(sys.modules[owner.__module__], name), call)
 
     def _time(self, owner: Any, name: str) -> None:
         called = getattr(owner, name)
         if hasattr(called, "timed"):
             return
 
-        def timed(*arguments: Any) -> Any:
+        def timed(*arguments: Any, **named: Any) -> Any:
             start = time.perf_counter()
             try:
-                return called(*arguments)
+                return called(*arguments, **named)
             finally:
                 self.call = max(self.call, time.perf_counter() - start)
 
@@ -132,7 +132,7 @@ def steps() -> Iterator[Any]:
     """Show each file in each engine, then move its objects twice: what a first edit makes is there for the second."""
     watch, found = Watch(), []
     for path in sorted(Path(__file__).parent.glob("*.blend")):
-        for engine in ENGINES:
+        for engine in CALLS:
             bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
             yield 1.0
             scene = bpy.context.scene

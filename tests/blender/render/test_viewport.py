@@ -127,18 +127,19 @@ def converged(context: Any, samples: int, *, denoised: bool) -> tuple[Any, str]:
 def test_the_last_picture_stays_until_an_edit_is_read(
     context: Any, canvas: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(viewport, "SLICE_SECONDS", 0.0)
-    monkeypatch.setattr(viewport, "HURRIED_SECONDS", 0.0)
+    monkeypatch.setattr(viewport, "SLICE_SECONDS", 1e-9)
+    monkeypatch.setattr(viewport, "LONGEST_SECONDS", 3e-9)
     engine, view = Engine(), Viewport()
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
     assert view.status() == "Reading the scene"
     before = draw_until_done(view, engine, context, canvas)
     shown = view._preview.picture
     # Move the cube out of the view, then back into another place while the first edit is read.
-    for steps, offset in ((1, 50.0), (4, 20.0), (400, 1.0)):
+    for steps, offset, longest in ((1, 50.0, 1e-9), (4, 20.0, 2e-9), (MOST_REDRAWS, 1.0, 3e-9)):
         bpy.data.objects["Cube"].location.x = offset
         bpy.context.view_layer.update()
         view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+        assert view._slice == longest
         for _ in range(steps):
             if view._newest is None:
                 break
