@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     if is_dataclass(a):
-        return all(same(getattr(a, name), getattr(b, name)) for name in _compared(type(a)))
+        return all(same(getattr(a, name), getattr(b, name)) for name in _compared(a))
     if isinstance(a, (tuple, list)):
         return len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, dict):
@@ -35,7 +34,13 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-@cache
-def _compared(kind: type[Any]) -> tuple[str, ...]:
-    """The names of a dataclass's fields that are compared; to list them for each object takes most of the time."""
-    return tuple(field.name for field in fields(kind) if field.compare)
+_COMPARED: dict[Any, tuple[str, ...]] = {}
+"""The names of the fields that are compared, by dataclass: to list them for each object takes most of the time."""
+
+
+def _compared(item: Any) -> tuple[str, ...]:
+    """The names of a dataclass's fields that are compared."""
+    names = _COMPARED.get(type(item))
+    if names is None:
+        names = _COMPARED[type(item)] = tuple(field.name for field in fields(item) if field.compare)
+    return names
