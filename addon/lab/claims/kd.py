@@ -79,6 +79,12 @@ def times(lab: Lab, workload: Workload, specs: Sequence[str], *, alone: bool) ->
     return {spec: _together(parts) for spec, parts in found.items()}
 
 
+def counts(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, Mapping[str, float]]:
+    """Each configuration's mean counters over all ray sets."""
+    sets = ray_sets(lab, workload)
+    return {spec: _together([lab.counts(workload, spec, some) for some in sets]).counters for spec in specs}
+
+
 def _together(parts: Sequence[Timing]) -> Timing:
     count = sum(part.rays for part in parts)
     counters = {name: sum(part.rays * part.counters[name] for part in parts) / count for name in parts[0].counters}

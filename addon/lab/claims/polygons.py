@@ -108,11 +108,13 @@ def further(few: Timing, many: Timing) -> tuple[float, float]:
 
 
 def further_ray(lab: Lab, camera: Callable[[Workload, tuple[int, int], int], RaySet]) -> Iterator[Outcome]:
-    """Cost of a further ray of a camera from 1 to 16 samples per pixel at the largest picture."""
-    specs = (POLYGON, TILES, NET)
+    """Cost of a further ray of a camera from 1 to 16 samples per pixel, at the largest picture or, in a quick run, a
+    small one.
+    """
+    specs, size = (POLYGON, TILES, NET), paper_scenes.RESOLUTIONS[1] if lab.quick else LARGEST
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
-        one = lab.seconds(workload, specs, camera(workload, LARGEST, 1))
-        all_of_them = lab.seconds(workload, specs, camera(workload, LARGEST, SIDE))
+        one = lab.seconds(workload, specs, camera(workload, size, 1))
+        all_of_them = lab.seconds(workload, specs, camera(workload, size, SIDE))
         cost = {spec: further(one[spec], all_of_them[spec]) for spec in specs}
         for configuration, spec in BEAMS.items():
             nodes, time = (cost[spec][i] / cost[NET][i] for i in (0, 1))
@@ -120,8 +122,8 @@ def further_ray(lab: Lab, camera: Callable[[Workload, tuple[int, int], int], Ray
             yield Outcome(
                 configuration,
                 verdict(holds=nodes <= QUARTER),
-                f"{workload.name}, 1280×1024, from 1 to 16 samples a pixel, each further ray: {text}. Beams against "
-                f"single rays: {nodes:.4f} of the nodes (limit: {QUARTER}), {time:.2f} of the time "
+                f"{workload.name}, {size[0]}×{size[1]}, from 1 to 16 samples a pixel, each further ray: {text}. Beams "
+                f"against single rays: {nodes:.4f} of the nodes (limit: {QUARTER}), {time:.2f} of the time "
                 f"({Share.of(time).below(QUARTER)})",
                 counted(all_of_them[spec]),
                 lab.error(workload, (spec, NET)),

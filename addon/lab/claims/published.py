@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The published form of each structure: what a configuration needs to stand in a row labelled *faithful*.
 
-Sources that leave a number open have none here. Triangles are tested one after another (`leaves=scalar`) where all
-structures of a comparison can be traced so.
+A number that a source leaves open is not required here. Triangles are tested one after another (`leaves=scalar`) where
+all structures of a comparison can be traced so.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ FORMS: Mapping[str, str] = {
     "rbsp-kd": f"{THESIS}|projected,rule=code",
 }
 """Required values of parameters by structure, `|` between those that are allowed; of parameters without an effect
-nothing is required.
+nothing is required. Intervals, boxes and octrees test eight triangles at once, where their sources tested one: their
+forms lack `leaves=scalar`, which these structures do not have.
 """
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.base.arrays import F64
 from ...core.measure import counting
+from ...core.scene.workload import Workload
 from ...core.structures.specs import joined
 from . import kd, thesis
 from .claims import HOLDS, Checked, Claim, Lab, Outcome, Share, verdict
@@ -26,7 +27,7 @@ COST = 0.6
 GROWING = (("bsp-random-plus-kd", (5, 10)), ("bsp-wn-plus-kd", (5, 8)), ("bsp-cn-plus-kd", (5, 8)))
 """Trees and two numbers of directions: the first gains between them, the others do not."""
 
-HOT = (*CHOSEN, ("bsp-ize-kd", 0))
+HOT = (CHOSEN[0], ("bsp-ize-kd", 0))
 """Trees whose cost per pixel is compared with the kd-tree's."""
 
 COSTS = {"tests": 80.0, "steps_axis": 1.0, "steps_oblique": 5.0}
@@ -51,16 +52,19 @@ STRAIGHT = 1e-9
 """Largest distance of the cost from a line between two ends, as a share of the cost, that counts as rounding."""
 
 
+def some(lab: Lab) -> list[tuple[str, Workload]]:
+    """The scenes of the thesis that exist, the first alone in a quick run."""
+    return list(thesis.scenes(lab))[: 1 if lab.quick else None]
+
+
 def share_of_axes(lab: Lab) -> Iterator[Outcome]:
     """The share of axis nodes among all inner nodes, and among those that rays visit."""
     yield from thesis.nowhere(lab)
     for name, workload in thesis.scenes(lab):
-        for configuration, base in BASES.items():
+        for configuration in BASES:
             specs = {label(tree): spec(configuration, tree) for tree in CHOSEN}
-            found = thesis.measured(lab, workload, [base, *specs.values()])
-            steps = {
-                k: found[s].counters["steps_axis"] / max(found[s].counters["steps"], 1e-9) for k, s in specs.items()
-            }
+            steps = axis_steps(kd.counts(lab, workload, list(specs.values())))
+            steps = {k: steps[one] for k, one in specs.items()}
             nodes = {k: axis_nodes(lab.statistics(workload, s)) for k, s in specs.items()}
             yield Outcome(
                 configuration,
@@ -70,10 +74,15 @@ def share_of_axes(lab: Lab) -> Iterator[Outcome]:
                 f"{name}: "
                 + "; ".join(f"{k}: {steps[k]:.0%} of the steps at {nodes[k]:.0%} of the nodes" for k in specs)
                 + f" (published: at least {AXIS_STEPS:.0%} at {AXIS_NODES[0]:.0%} to {AXIS_NODES[1]:.0%})",
-                thesis.counters(lab, workload, configuration, CHOSEN),
-                lab.error(workload, [base, *specs.values()]),
+                "the upper levels, which all rays visit, have axis nodes; see sweep-trees-levels",
+                lab.error(workload, specs.values()),
                 {f"steps {k}": v for k, v in steps.items()} | {f"nodes {k}": v for k, v in nodes.items()},
             )
+
+
+def axis_steps(counted: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """The share of steps through nodes with a plane along an axis, by configuration."""
+    return {spec: own["steps_axis"] / max(own["steps"], 1e-9) for spec, own in counted.items()}
 
 
 def axis_nodes(statistics: Mapping[str, float]) -> float:
@@ -95,7 +104,7 @@ def by_level(lab: Lab) -> Iterator[Outcome]:
             upper, lower = (
                 float(axis[part].sum() / max(both[part].sum(), 1)) for part in (slice(half), slice(half, None))
             )
-            thesis.measured(lab, workload, [own])
+            kd.counts(lab, workload, [own])
             yield Outcome(
                 configuration,
                 verdict(holds=upper > 0.5 > lower),
@@ -117,22 +126,19 @@ def constant_cost(lab: Lab) -> Iterator[Outcome]:
     yield from thesis.nowhere(lab)
     name_of_tree, k = CHOSEN[0]
     for name, workload in thesis.scenes(lab):
-        for configuration, base in BASES.items():
+        for configuration in BASES:
             linear = spec(configuration, (name_of_tree, k))
             constant = joined(linear.replace(",rule=code", ""), "alpha=0")
             oblique = {one: 1 - axis_nodes(lab.statistics(workload, one)) for one in (constant, linear)}
-            found = thesis.measured(lab, workload, [base, constant, linear])
-            axis = {one: found[one].counters["steps_axis"] / max(found[one].counters["steps"], 1e-9) for one in oblique}
+            axis = axis_steps(kd.counts(lab, workload, list(oblique)))
             yield Outcome(
                 configuration,
-                verdict(holds=oblique[constant] > 0.5 and oblique[linear] < oblique[constant]),
+                verdict(holds=oblique[constant] > 0.5 > oblique[linear]),
                 f"{name}: {label(CHOSEN[0])}: with a constant cost {oblique[constant]:.0%} of the nodes are oblique, "
-                f"with a linear one {oblique[linear]:.0%}; axis steps: {axis[constant]:.0%} and {axis[linear]:.0%}; "
-                f"time relative to {base}: {found[constant].share(found[base]).value:.2f} and "
-                f"{found[linear].share(found[base]).value:.2f}",
+                f"with a linear one {oblique[linear]:.0%}; axis steps: {axis[constant]:.0%} and {axis[linear]:.0%}",
                 "the tests that a plane saves grow with the triangles, the constant cost does not: near the root any "
                 "better division pays",
-                lab.error(workload, [base, constant, linear]),
+                lab.error(workload, [constant, linear]),
                 {"constant": oblique[constant], "linear": oblique[linear]},
             )
 
@@ -145,7 +151,7 @@ def expected_cost(lab: Lab) -> Iterator[Outcome]:
             specs = {label(tree): spec(configuration, tree) for tree in CHOSEN}
             whole = lab.statistics(workload, base)["sah_cost"]
             costs = {k: lab.statistics(workload, s)["sah_cost"] / whole for k, s in specs.items()}
-            thesis.measured(lab, workload, [base, *specs.values()])
+            kd.counts(lab, workload, [base, *specs.values()])
             yield Outcome(
                 configuration,
                 verdict(holds=max(costs.values()) <= COST),
@@ -181,7 +187,7 @@ def clusters(lab: Lab) -> Iterator[Outcome]:
 def directions(lab: Lab) -> Iterator[Outcome]:
     """The time with many directions against that with five, for random ones and for those along normals."""
     yield from thesis.nowhere(lab)
-    for name, workload in list(thesis.scenes(lab))[: 1 if lab.quick else None]:
+    for name, workload in some(lab):
         for configuration in BASES:
             shares, specs = {}, []
             for tree, (few, many) in GROWING:
@@ -204,7 +210,7 @@ def directions(lab: Lab) -> Iterator[Outcome]:
 def hot_spots(lab: Lab) -> Iterator[Outcome]:
     """Spread and tail of the cost per pixel, in the thesis's units, against the kd-tree's."""
     yield from thesis.nowhere(lab)
-    for name, workload in thesis.scenes(lab):
+    for name, workload in some(lab):
         for configuration, base in BASES.items():
             specs = {base: base} | {label(tree): spec(configuration, tree) for tree in HOT}
             view = kd.ray_sets(lab, workload)[0]
@@ -273,14 +279,14 @@ def convex(lab: Lab) -> Iterator[Outcome]:
     """Build time a direction and inner node, of convex cells against boxes."""
     yield from thesis.nowhere(lab)
     _, k = CONVEX
-    for name, workload in thesis.scenes(lab):
+    for name, workload in some(lab):
         for configuration, base in BASES.items():
             own = spec(configuration, CONVEX)
             made = lab.build_seconds(workload, [base, own])
             inner = {one: lab.statistics(workload, one)["leaves"] - 1 for one in (base, own)}
             whole = made.share(own, base)
             each = Share.of(whole.value * inner[base] / max(inner[own], 1) * thesis.AXES / k)
-            thesis.measured(lab, workload, [base, own])
+            kd.counts(lab, workload, [base, own])
             yield Outcome(
                 configuration,
                 each.above(PUBLISHED),
