@@ -87,8 +87,8 @@ def run(asked: argparse.Namespace) -> int:
                 journal.add(results.Entry(key, (0, place), row(result)), machine)
         found.append(result)
         print("\n" + claims_report.as_text(found[-1]) + "\n", flush=True)
-        say(f"{claim.id}: {result.seconds:.1f} s")
-    say(f"{claims_report.summary(found)}; {sum(result.seconds for result in found):.0f} s")
+        say(f"{claim.id}: {result.seconds:.1f} processor seconds")
+    say(f"{claims_report.summary(found)}; {sum(result.seconds for result in found):.0f} processor seconds")
     if journal is not None:
         save(asked.out, module, found, quick=asked.quick, machines={machine["name"]: machine} | journal.machines)
     return 1 if any(result.wrong for result in found) else 0

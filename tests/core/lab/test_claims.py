@@ -227,6 +227,12 @@ def test_every_claim_of_the_four_sources_stands_in_the_table_of_statements() -> 
         assert len(one.untested.split()) <= 6
 
 
+def test_the_document_has_the_table_of_statements() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "papers.md").read_text(encoding="utf-8")
+    rows = {one.says: f"| {one.says} | {', '.join(f'`{c}`' for c in one.claims)} |" for one in statements.STATEMENTS}
+    assert [says for says, row in rows.items() if row not in text] == []
+
+
 def test_the_table_has_the_verdicts_of_the_last_measurement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["table"]) == 2
     assert "--out names the folder" in capsys.readouterr().err
