@@ -76,7 +76,8 @@ class Errors:
 
     wrong_values: same triangle, but different u or v. wrong_any_hit: `occluded` differs from the reference; these rays
     are also counted in false_miss or false_hit. wrong: rays with any difference, each counted once; t, u and v count
-    bit for bit with an exact reference, and are ignored with an inexact one.
+    bit for bit with an exact reference, and are ignored with an inexact one. last_bits: those of them on the right
+    triangle that differ in t, u or v only.
     """
 
     rays: int = 0
@@ -86,6 +87,7 @@ class Errors:
     wrong_values: int = 0
     wrong_any_hit: int = 0
     wrong: int = 0
+    last_bits: int = 0
     on_boundary: int = 0
     ulps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
@@ -174,7 +176,8 @@ def compare(
         any_hit_wrong = occluded != expected
         missed |= expected & ~occluded
         invented |= ~expected & occluded
-    wrong = differing(reference, answers, occluded) if bitwise else missed | invented | other
+    far_off = missed | invented | other
+    wrong = differing(reference, answers, occluded) if bitwise else far_off
     return Errors(
         rays=len(expected),
         false_miss=int(missed.sum()),
@@ -183,6 +186,7 @@ def compare(
         wrong_values=wrong_values,
         wrong_any_hit=int(any_hit_wrong.sum()),
         wrong=int(wrong.sum()),
+        last_bits=int((wrong & ~far_off).sum()),
         on_boundary=int(reference.boundary().sum()),
         ulps=ulps,
     )

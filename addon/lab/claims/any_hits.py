@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.scene import rays
 from ...core.scene.workload import Workload
-from .claims import UNTESTED, Claim, Lab, Outcome, Timing, verdict
+from .claims import UNTESTED, Claim, Lab, Outcome, Timing
 
 if TYPE_CHECKING:
     from ...core.base.interface import Tracer
@@ -61,18 +61,18 @@ def against_nearest(lab: Lab, order: str) -> Iterator[Outcome]:
     missing = True
     for workload, name, found in measured(lab):
         missing = False
-        ratios = {other: found[order].seconds / found[other].seconds for other in found if other != order}
+        shares = {other: found[order].share(found[other]) for other in found if other != order}
         steps = {other: found[other].counters["steps"] for other in found}
         tests = {other: found[other].counters["tests"] for other in found}
-        others = ", ".join(f"{ratio:.2f} of {other}" for other, ratio in ratios.items())
+        others = ", ".join(f"{share.value:.2f} of {other}" for other, share in shares.items())
         work = (f"{other} {nodes:.1f} nodes and {tests[other]:.1f} tests" for other, nodes in steps.items())
         yield Outcome(
             "best",
-            verdict(holds=ratios["near"] < 1),
+            shares["near"].below(),
             f"{workload.name}, {name}: {order} takes {others} ({found[order].nanoseconds:.0f} ns a ray)",
             f"per ray: {'; '.join(work)}",
             lab.error(workload, list(ORDERS.values())),
-            ratios,
+            {other: share.value for other, share in shares.items()},
         )
     if missing:
         yield Outcome("best", UNTESTED, "no shared scene is there")

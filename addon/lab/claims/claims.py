@@ -2,9 +2,9 @@
 """Measurable claims of the papers: a table of claims, one file per paper, and the lab that measures them.
 
 A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim is a published statement and a
-function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
-outcome holds, does not hold, or cannot be tested here, and names the counters that explain it. Every time is reported
-with a check of the answers.
+function that measures it in one or two configurations, *faithful* (the paper's form and constants, see `published.py`)
+and *best* (ours). Every outcome holds, does not hold, lies within the noise of its limit, or cannot be tested here, and
+names the counters that explain it. Every time is reported with a check of the answers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.measure import accuracy, counting
+from ...core.measure import accuracy, counting, inference
 from ...core.measure.accuracy import Answers, Errors
 from ...core.measure.check import timed_build
 from ...core.scene.rays import RaySet, blocks
@@ -31,22 +31,33 @@ if TYPE_CHECKING:
 
 HOLDS = "holds"
 FAILS = "does not hold"
+UNCLEAR = "within the noise"
 UNTESTED = "cannot be tested here"
-VERDICTS = (HOLDS, FAILS, UNTESTED)
+VERDICTS = (HOLDS, FAILS, UNCLEAR, UNTESTED)
 
-VERSION = 3
+VERSION = 4
 """Version of the measurements: increment when a claim measures or counts anything else; older results are then not
 reused.
 """
 
-CHECKED = 20_000
-"""Rays per configuration and scene whose answers are compared with brute force; BRUTE_PAIRS limits them in scenes of
-millions of triangles.
+CHECKED = {True: 8_000, False: 20_000}
+"""Rays per configuration and scene whose answers are compared with brute force, in a quick run (True) and a full one;
+BRUTE_PAIRS limits them in scenes of millions of triangles.
 """
 
+REPEATS = {True: 6, False: 9}
+"""Number of timed passes after a warm-up pass: in a quick run (True) and a full one. Six have an interval."""
 
-REPEATS = {True: 3, False: 7}
-"""Number of timed passes after a warm-up pass, and of builds: in a quick run (True) and a full one."""
+BUILDS = {True: 3, False: 7}
+"""Number of timed builds."""
+
+LEAST_PASSES, PASS_SECONDS = 3, 10
+"""Number of timed passes, and processor seconds, after which no further round of passes begins."""
+
+MARGIN = 0.03
+"""Least half-width of the interval of a ratio of times (chosen): separate runs of the same pair differ by as much,
+which the passes of one run do not show.
+"""
 
 COUNTED = 1 << 22
 """Rays that are counted at once: eight times what any kernel takes at once, so that they are cut as those timed."""
@@ -68,18 +79,52 @@ class Chart:
 
 
 @dataclass(frozen=True)
+class Checked:
+    """Answers of some configurations compared with brute force: how many there are, and how many differ, by kind.
+
+    wrong_triangle: on another triangle. false_hits: false hits and misses. last_bits: on the right triangle, but other
+    bits of t, u or v. noun: what was compared, where the kinds do not apply.
+    """
+
+    specs: tuple[str, ...] = ()
+    count: int = 0
+    wrong: int = 0
+    wrong_triangle: int = 0
+    false_hits: int = 0
+    last_bits: int = 0
+    noun: str = "answers"
+
+    @classmethod
+    def of(cls, specs: Iterable[str], errors: Iterable[Errors]) -> Checked:
+        """The sum of these errors. A ray with several differences counts under the first kind."""
+        one = accuracy.total(errors)
+        false_hits = one.wrong - one.wrong_triangle - one.last_bits
+        return cls(tuple(specs), one.rays, one.wrong, one.wrong_triangle, false_hits, one.last_bits)
+
+    def __str__(self) -> str:
+        """As text."""
+        whole = f"{self.wrong:,} of {self.count:,} {self.noun} differ from brute force"
+        if not self.wrong or self.noun != "answers":
+            return whole if self.specs or self.count else ""
+        return (
+            f"{whole}: {self.wrong_triangle:,} on another triangle, {self.false_hits:,} false hits or misses, "
+            f"{self.last_bits:,} in last bits only"
+        )
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Result of one configuration of a claim.
 
     configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the result as text. why: the counters that
-    explain it. values: the numbers, for JSON. error: the number of checked answers, and of those that differed.
+    explain it. values: the numbers, for JSON.
     """
 
     configuration: str
     verdict: str
     measured: str
     why: str = ""
-    error: str = ""
+    checked: Checked = Checked()
     values: Mapping[str, float] = field(default_factory=dict)
     charts: tuple[Chart, ...] = ()
 
@@ -100,13 +145,14 @@ class Result:
     """A claim and its outcomes.
 
     wrong: number of checked answers that differ from brute force, see `Lab.wrong`. machine: name of the machine that
-    measured it; empty for this one.
+    measured it; empty for this one. seconds: processor seconds of the measurement.
     """
 
     claim: Claim
     outcomes: tuple[Outcome, ...]
     wrong: int = 0
     machine: str = ""
+    seconds: float = 0.0
 
     @property
     def measured(self) -> bool:
@@ -119,7 +165,7 @@ class Result:
             row = asdict(outcome)
             charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
             about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.statement}
-            yield {**about, "machine": self.machine, **row, "charts": charts}
+            yield {**about, "machine": self.machine, **row, "error": str(outcome.checked), "charts": charts}
 
 
 def outcome(row: Mapping[str, Any]) -> Outcome:
@@ -129,21 +175,54 @@ def outcome(row: Mapping[str, Any]) -> Outcome:
         {**chart, "lines": {name: [tuple(point) for point in line] for name, line in chart["lines"].items()}}
         for chart in row["charts"]
     ]
-    return Outcome(**{**{name: row[name] for name in names}, "charts": tuple(Chart(**chart) for chart in drawn)})
+    checked = Checked(**{**row["checked"], "specs": tuple(row["checked"]["specs"])})
+    charts = tuple(Chart(**chart) for chart in drawn)
+    return Outcome(**{**{name: row[name] for name in names}, "checked": checked, "charts": charts})
+
+
+@dataclass(frozen=True)
+class Share:
+    """A measured number with the interval in which its noise leaves it, most often a time relative to another's."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, rounds: Sequence[float] = ()) -> Share:
+        """A number and its values in single rounds: the 95 % interval of their median, all of them where they are too
+        few, and at least MARGIN to both sides.
+        """
+        ends = inference.interval(rounds) or (min(rounds, default=value), max(rounds, default=value))
+        return cls(value, min(ends[0], value * (1 - MARGIN)), max(ends[1], value * (1 + MARGIN)))
+
+    def below(self, limit: float = 1.0) -> str:
+        """The verdict on a number that shall be at most the limit."""
+        return HOLDS if self.high <= limit else FAILS if self.low > limit else UNCLEAR
+
+    def above(self, limit: float = 1.0) -> str:
+        """The verdict on a number that shall be at least the limit."""
+        return HOLDS if self.low >= limit else FAILS if self.high < limit else UNCLEAR
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Median seconds of one structure on one ray set, and mean counters per ray."""
+    """Median seconds of one structure on one ray set, and mean counters per ray. rounds: seconds of each pass."""
 
     rays: int
     seconds: float
     counters: Mapping[str, float]
+    rounds: tuple[float, ...] = ()
 
     @property
     def nanoseconds(self) -> float:
         """Nanoseconds per ray."""
         return self.seconds / max(self.rays, 1) * 1e9
+
+    def share(self, other: Timing) -> Share:
+        """The time relative to another's, whose passes alternated with these."""
+        rounds = [own / theirs for own, theirs in zip(self.rounds, other.rounds, strict=False)]
+        return Share.of(self.seconds / other.seconds, rounds)
 
 
 @dataclass(frozen=True)
@@ -152,6 +231,10 @@ class Builds:
 
     seconds: Mapping[str, float]
     count: int
+
+    def share(self, own: str, other: str) -> Share:
+        """The time of a build relative to another's."""
+        return Share.of(self.seconds[own] / self.seconds[other])
 
     @property
     def method(self) -> str:
@@ -171,7 +254,7 @@ class Lab:
         self.scenes = scenes
         self.quick = quick
         self.say = say
-        self.repeats = REPEATS[quick]
+        self.repeats, self.builds = REPEATS[quick], BUILDS[quick]
         self._ids = {row["id"] for row in native.structures()}
         self._structures: dict[tuple[str, str], Any] = {}
         self._timings: dict[tuple[str, str, str], Timing] = {}
@@ -257,16 +340,28 @@ class Lab:
         self._used.update((workload.name, spec, rays.name) for spec in specs)
         # Time the structures in turns; the first round only warms up.
         taken: dict[str, list[float]] = {spec: [] for spec in wanted}
+        begun = time.process_time()
         for repeat in range(self.repeats + 1):
             for spec in wanted:
                 seconds = self._ask(self.build(workload, spec), rays)
                 if repeat:
                     taken[spec].append(seconds)
+            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS:
+                break
         for spec in wanted:
             counters = self._count(self.build(workload, spec), rays)
             key = (workload.name, spec, rays.name)
-            self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters)
+            self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters, tuple(taken[spec]))
         return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
+
+    def counts(self, workload: Workload, spec: str, rays: RaySet) -> Timing:
+        """The mean counters of a structure on the rays, without a time; its answers are checked first."""
+        key = (workload.name, spec, f"{rays.name}, counted")
+        if key not in self._timings:
+            self.check(workload, spec, rays)
+            self._timings[key] = Timing(len(rays), 0.0, self._count(self.build(workload, spec), rays))
+        self._used.add((workload.name, spec, rays.name))
+        return self._timings[key]
 
     def walks(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
         """Seconds of each structure's traversal alone: recorded, then replayed without triangle tests.
@@ -278,19 +373,23 @@ class Lab:
         wanted = [spec for spec in specs if (workload.name, spec, kind) not in self._timings]
         if wanted:
             self.say(f"{workload.name}: {kind}: {', '.join(wanted)}")
-        recordings, best = {}, {}
+        recordings, passes = {}, {}
         for spec in wanted:
             self.check(workload, spec, rays)
             structure = self.build(workload, spec)
             recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
-            best[spec] = recordings[spec].replay()
+            passes[spec] = [recordings[spec].replay()]
         for _ in range(self.repeats):
             for spec in wanted:
-                best[spec] = np.minimum(best[spec], recordings[spec].replay())
+                passes[spec].append(recordings[spec].replay())
         self._used.update((workload.name, spec, rays.name) for spec in specs)
         for spec in wanted:
             counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}
-            self._timings[workload.name, spec, kind] = Timing(len(rays), float(best[spec].sum()), counters)
+            # Each half of the passes is an estimate of its own; single passes contain all interruptions.
+            parts = (passes[spec], passes[spec][::2], passes[spec][1::2])
+            best, *rounds = (float(np.min(part, axis=0).sum()) for part in parts)
+            timing = Timing(len(rays), best, counters, tuple(rounds))
+            self._timings[workload.name, spec, kind] = timing
         return {spec: self._timings[workload.name, spec, kind] for spec in specs}
 
     def build_seconds(self, workload: Workload, specs: Sequence[str]) -> Builds:
@@ -300,23 +399,22 @@ class Lab:
             self.say(f"{workload.name}: builds: {', '.join(specs)}")
             taken: dict[str, list[float]] = {spec: [] for spec in specs}
             begun, rounds = time.process_time(), 0
-            while not rounds or (rounds < self.repeats and time.process_time() - begun < BUILD_SECONDS):
+            while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS):
                 for spec in specs:
                     taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
                 rounds += 1
             self._builds[key] = Builds({spec: float(np.median(own)) for spec, own in taken.items()}, rounds)
         return self._builds[key]
 
-    def error(self, workload: Workload, specs: Iterable[str]) -> str:
-        """The number of checked rays of these structures on this scene that differ from brute force, as text."""
-        return self.errors([workload], specs)
+    def error(self, workload: Workload, specs: Iterable[str]) -> Checked:
+        """The checked rays of these structures on this scene."""
+        return self.errors([workload.name], specs)
 
-    def errors(self, workloads: Iterable[Workload], specs: Iterable[str]) -> str:
-        """The same over several scenes."""
-        scenes, chosen = {workload.name for workload in workloads}, set(specs)
-        own = [errors for (scene, spec, _), errors in self._errors.items() if scene in scenes and spec in chosen]
-        wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
-        return f"{wrong:,} of {of:,} answers differ from brute force"
+    def errors(self, places: Iterable[str], specs: Iterable[str]) -> Checked:
+        """The checked rays of these structures on several scenes, or test cases, by their names."""
+        where, chosen = set(places), list(dict.fromkeys(specs))
+        own = (errors for (place, spec, _), errors in self._errors.items() if place in where and spec in chosen)
+        return Checked.of(chosen, own)
 
     def compared(self, where: str, spec: str, rays: str, errors: Errors) -> None:
         """Record answers that were compared with brute force. where: name of a scene or a test case."""
@@ -346,7 +444,7 @@ class Lab:
 
     def right(self, workload: Workload, rays: RaySet) -> tuple[RaySet, Answers]:
         """A sample of rays, and brute force's answers to them."""
-        count = min(CHECKED, BRUTE_PAIRS // max(len(workload.triangles), 1))
+        count = min(CHECKED[self.quick], BRUTE_PAIRS // max(len(workload.triangles), 1))
         some = rays.take(blocks(len(rays), count, seed=1))
         key = (workload.name, rays.name)
         if key not in self._right:
@@ -367,13 +465,16 @@ def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
     for claim in claims:
         lab.say(f"{claim.paper}: {claim.id}")
         lab.begin()
+        begun = time.process_time()
         outcomes = tuple(claim.measure(lab))
-        yield Result(claim, outcomes, lab.wrong())
+        yield Result(claim, outcomes, lab.wrong(), seconds=time.process_time() - begun)
 
 
-def verdict(*, holds: bool) -> str:
-    """The verdict of a measured claim."""
-    return HOLDS if holds else FAILS
+def verdict(*verdicts: str, holds: bool = True) -> str:
+    """The verdict on a claim of several parts: it fails where one fails, and is unclear where one is."""
+    if not holds:
+        return FAILS
+    return next((one for one in (FAILS, UNTESTED, UNCLEAR) if one in verdicts), HOLDS)
 
 
 def slope(points: Iterable[tuple[float, float]]) -> float:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from ...core.scene.rays import blocks
 from ...core.scene.workload import Workload
 from . import kd, paper_scenes
-from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
+from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Share, Timing, verdict
 
 RIVERA = (
     "Rivera-Alvarado and Zamora-Madrigal, An evaluation of Kd-Trees vs Bounding Volume Hierarchy (BVH) acceleration "
@@ -47,10 +47,10 @@ class Scene:
     found: Mapping[str, Timing]
     bytes: Mapping[str, int]
 
-    def ratio(self, configuration: str) -> float:
+    def share(self, configuration: str) -> Share:
         """The time of planes divided by that of boxes."""
         planes, boxes = PAIRS[configuration]
-        return self.found[planes].seconds / self.found[boxes].seconds
+        return self.found[planes].share(self.found[boxes])
 
     def why(self, configuration: str) -> str:
         """The work of a ray in both trees, and their memory."""
@@ -89,16 +89,16 @@ def planes_ahead(lab: Lab) -> Iterator[Outcome]:
     for kind, found in kinds(lab):
         for one in found:
             for configuration, pair in PAIRS.items():
-                ratio = one.ratio(configuration)
+                share = one.share(configuration)
                 planes, boxes = (one.found[spec].nanoseconds for spec in pair)
                 yield Outcome(
                     configuration,
-                    verdict(holds=ratio < 1),
-                    f"{one.workload.name} ({kind}): {pair[0]} takes {ratio:.2f} of the time of {pair[1]} "
+                    share.below(),
+                    f"{one.workload.name} ({kind}): {pair[0]} takes {share.value:.2f} of the time of {pair[1]} "
                     f"({planes:.0f} and {boxes:.0f} ns a ray)",
                     one.why(configuration),
                     lab.error(one.workload, pair),
-                    {"ratio": ratio, "depth": one.depth},
+                    {"ratio": share.value, "depth": one.depth},
                 )
 
 
@@ -109,17 +109,18 @@ def planes_in_depth(lab: Lab) -> Iterator[Outcome]:
             if len(found) < 2:
                 yield Outcome(configuration, UNTESTED, f"{kind}: fewer than two are there")
                 continue
-            points = [(one.depth, one.ratio(configuration)) for one in found]
+            shares = [one.share(configuration) for one in found]
+            points = [(one.depth, share.value) for one, share in zip(found, shares, strict=True)]
             told = ", ".join(
                 f"{one.workload.name} ({depth:.1f}) {ratio:.2f}"
                 for one, (depth, ratio) in zip(found, points, strict=True)
             )
             yield Outcome(
                 configuration,
-                verdict(holds=points[0][1] > 1 > points[-1][1]),
+                verdict(shares[0].above(), shares[-1].below()),
                 f"{kind}, by depth complexity: {pair[0]} takes these shares of the time of {pair[1]}: {told}",
                 f"{found[0].why(configuration)}. {found[-1].why(configuration)}",
-                lab.errors([one.workload for one in found], pair),
+                lab.errors([one.workload.name for one in found], pair),
                 {f"ratio at {depth:.2f}": ratio for depth, ratio in points},
                 (
                     Chart(

@@ -147,7 +147,7 @@ def builds(lab: Lab) -> Iterator[Outcome]:
             f"{1e9 * constant:.1f} ns × n log₂ n fits within {within(ratios)}; at {counts[-1]:,.0f} two threads build "
             f"× {alone / pair:.2f} by the clock on the wall, and the tree takes {size / counts[-1]:.0f} bytes "
             "a triangle",
-            lab.errors(surfaces, [spec]),
+            lab.errors([surface.name for surface in surfaces], [spec]),
             {"power": grown, "ideal": ideal},
             (
                 Chart(
@@ -191,7 +191,7 @@ def lengths(lab: Lab) -> Iterator[Outcome]:
                 for place, n in enumerate(counts)
             )
             + "; tiles grow faster, because neighbouring rays share fewer triangles",
-            lab.errors(surfaces, [spec]),
+            lab.errors([surface.name for surface in surfaces], [spec]),
             {name: power(points) for name, points in times.items()},
             tuple(
                 Chart(

@@ -19,7 +19,7 @@ from .claims import Chart, Claim, Lab, Outcome, slope, verdict
 KAPLAN = "Kaplan, Space-tracing: a constant time ray-tracer (1985)"
 BOOTH = "MacDonald and Booth, Heuristics for ray tracing using space subdivision (1990)"
 
-HALVES = {"faithful": "kd-median:traversal=seq", "best": "kd-median"}
+HALVES = {"faithful": "kd-median:traversal=seq,leaves=scalar", "best": "kd-median"}
 """Trees of halved cells, with Kaplan's traversal and with ours."""
 
 COUNTS = {True: (500, 2000, 8000), False: (500, 2000, 8000, 32000)}
@@ -28,8 +28,11 @@ COUNTS = {True: (500, 2000, 8000), False: (500, 2000, 8000, 32000)}
 CONSTANT = 0.1
 """Largest exponent of a time that counts as constant (chosen): four times the objects take at most 15 % longer."""
 
-MEDIANS = ("kd-median", "kd-object")
-SURFACE = {"faithful": "kd-sah:traversal=dir", "best": "kd"}
+MEDIANS = {
+    "faithful": ("kd-median:traversal=dir,leaves=scalar", "kd-object:traversal=dir,leaves=scalar"),
+    "best": ("kd-median", "kd-object"),
+}
+SURFACE = {"faithful": "kd-sah:traversal=dir,leaves=scalar", "best": "kd"}
 """Trees whose planes have the least expected cost."""
 
 LEAST = 16
@@ -53,7 +56,7 @@ def constant(lab: Lab) -> Iterator[Outcome]:
                 f"{count:,} objects {one.counters['steps']:.1f} nodes and {one.counters['tests']:.1f} tests"
                 for count, one in found.items()
             ),
-            lab.errors(made, [spec]),
+            lab.errors([one.name for one in made], [spec]),
             {"exponent": exponent},
             (Chart(f"{configuration}: time of a ray", "objects", "ns a ray", {spec: points}),),
         )
@@ -110,7 +113,8 @@ def between(lab: Lab) -> Iterator[Outcome]:
                 places = (beyond(low, high, objects[:, :, axis], axis) for axis in range(3))
                 far[name] += [place for place in places if place is not None]
         share = {name: float(np.mean(np.array(places) == 0)) if places else 1.0 for name, places in far.items()}
-        kd.times(lab, workload, ["kd-object"], alone=False)
+        spec = MEDIANS["faithful"][1]
+        kd.times(lab, workload, [spec], alone=False)
         yield Outcome(
             "faithful",
             verdict(holds=share["whole"] == 1),
@@ -119,7 +123,7 @@ def between(lab: Lab) -> Iterator[Outcome]:
             f"{max(far['whole'], default=0):.2f} of the cell's extent beyond",
             f"with every object as a point, which no plane cuts, in {share['points']:.0%} of {len(far['points']):,}: "
             "a plane beyond the two may cut fewer objects",
-            lab.error(workload, ["kd-object"]),
+            lab.error(workload, [spec]),
             share,
         )
 
@@ -130,21 +134,21 @@ def surface(lab: Lab) -> Iterator[Outcome]:
         if not kd.ray_sets(lab, workload):
             continue
         for configuration, own in SURFACE.items():
-            others = [f"{name}:traversal=dir" if configuration == "faithful" else name for name in MEDIANS]
+            others = MEDIANS[configuration]
             found = kd.times(lab, workload, [own, *others], alone=False)
-            shares = {name: found[own].seconds / found[name].seconds for name in others}
+            shares = {name: found[own].share(found[name]) for name in others}
             work = (
                 f"{name} {one.counters['steps']:.1f} nodes and {one.counters['tests']:.1f} tests"
                 for name, one in found.items()
             )
             yield Outcome(
                 configuration,
-                verdict(holds=max(shares.values()) < 1),
+                verdict(*(share.below() for share in shares.values())),
                 f"{workload.name}: {own} takes "
-                + ", ".join(f"{share:.2f} of the time of {name}" for name, share in shares.items()),
+                + ", ".join(f"{share.value:.2f} of the time of {name}" for name, share in shares.items()),
                 f"per ray: {'; '.join(work)}",
                 lab.error(workload, [own, *others]),
-                shares,
+                {name: share.value for name, share in shares.items()},
             )
 
 

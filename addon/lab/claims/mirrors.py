@@ -18,7 +18,7 @@ import numpy as np
 from ...core.base.arrays import F32
 from ...core.scene.workload import Workload
 from . import paper_scenes
-from .claims import Claim, Lab, Outcome, verdict
+from .claims import Checked, Claim, Lab, Outcome, verdict
 
 PAPER = "Heckbert and Hanrahan 1984, Beam tracing polygonal objects"
 
@@ -141,7 +141,7 @@ def outcomes(lab: Lab, workload: Workload, material: Mapping[str, Any], limit: f
             ratio, beams, difference = compared(lab, workload, spec, material)
             statistics = beams.statistics
             share = statistics["rays_beams"] / max(statistics["rays_secondary"], 1)
-            wrong = np.count_nonzero((beams.pixels != right).reshape(-1, 4).any(axis=1))
+            wrong = int(np.count_nonzero((beams.pixels != right).reshape(-1, 4).any(axis=1)))
             deviation = np.degrees(statistics["beam_deviation"])
             yield Outcome(
                 configuration,
@@ -150,7 +150,7 @@ def outcomes(lab: Lab, workload: Workload, material: Mapping[str, Any], limit: f
                 f"{difference:.1e} of its mean (limit: {limit:g})",
                 f"{share * 100:.0f} % of {statistics['rays_secondary']:,} secondary rays in {statistics['beams']:,} "
                 f"beams; largest angle to the single ray {deviation:.2g} degrees",
-                f"{wrong:,} of {len(right) // 4:,} pixels differ from those of brute force",
+                Checked((spec,), len(right) // 4, wrong, noun="pixels"),
                 {"ratio": ratio, "difference": difference, "share": share, "deviation_degrees": float(deviation)},
             )
 

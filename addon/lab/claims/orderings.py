@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.measure import accuracy, yardstick
+from ...core.measure.accuracy import Errors
 from ...core.scene.rays import RaySet
 from ...core.scene.workload import Workload
 from . import kd, paper_scenes
-from .claims import UNTESTED, Claim, Lab, Outcome, verdict
+from .claims import UNTESTED, Checked, Claim, Lab, Outcome, Share, verdict
 
 TINYBVH = "Bikker, TinyBVH (README, version 1.7)"
 EMBREE = "Intel, Embree 4 API reference (rtcSetSceneBuildQuality, rtcSetSceneFlags)"
@@ -28,12 +29,11 @@ SCENES = ("stanford-bunny", "sponza-dabrovic", "conference")
 
 @dataclass(frozen=True)
 class Timed:
-    """Median seconds of a tracer on a ray set, seconds of its build, and its wrong answers."""
+    """Median seconds of a tracer on a ray set, seconds of its build, and the errors of its answers."""
 
     seconds: float
     build: float
-    wrong: int
-    checked: int
+    errors: Errors
 
 
 def scenes(lab: Lab) -> list[Workload]:
@@ -76,7 +76,7 @@ def measured(lab: Lab, workload: Workload, specs: Sequence[str], some: RaySet) -
         answers = tracer.closest(part.origins, part.directions, t_max=part.t_max)
         errors = accuracy.compare(right, answers, None, lab.native.ulp_distance, bitwise=False)
         build = float(tracer.statistics["build_seconds"])
-        found[spec] = Timed(float(np.median(taken[spec])), build, errors.wrong, errors.rays)
+        found[spec] = Timed(float(np.median(taken[spec])), build, errors)
     return found
 
 
@@ -113,17 +113,19 @@ class Order:
     def _outcome(self, lab: Lab, workload: Workload, some: RaySet) -> Outcome:
         found = measured(lab, workload, [self.quicker, self.slower], some)
         own, other = found[self.quicker], found[self.slower]
-        shares = {"rays": own.seconds / other.seconds, "build": own.build / max(other.build, 1e-9)}
+        shares = {
+            "rays": Share.of(own.seconds / other.seconds),
+            "build": Share.of(own.build / max(other.build, 1e-9)),
+        }
         each = " and ".join(f"{1e9 * one.seconds / len(some):.0f}" for one in (own, other))
         return Outcome(
             "faithful",
-            verdict(holds=shares["rays"] < 1 and (not self.build or shares["build"] > 1)),
-            f"{workload.name}, {some.name}: {self.quicker} takes {shares['rays']:.2f} of the time of {self.slower} "
-            f"({each} ns a ray), {shares['build']:.2f} of its build",
+            verdict(shares["rays"].below(), *([shares["build"].above()] if self.build else [])),
+            f"{workload.name}, {some.name}: {self.quicker} takes {shares['rays'].value:.2f} of the time of "
+            f"{self.slower} ({each} ns a ray), {shares['build'].value:.2f} of its build",
             self.why,
-            f"{own.wrong + other.wrong:,} of {own.checked + other.checked:,} answers name another triangle than brute "
-            "force",
-            shares,
+            Checked.of((self.quicker, self.slower), (own.errors, other.errors)),
+            {name: share.value for name, share in shares.items()},
         )
 
 

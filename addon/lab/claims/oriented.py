@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 from ...core.scene.workload import Workload
 from . import kd, paper_scenes
-from .claims import UNTESTED, Claim, Lab, Outcome, verdict
+from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome, verdict
 
 PAPER = (
     "Vitsas, Evangelou, Papaioannou and Gkaravelis, Parallel transformation of bounding volume hierarchies into "
@@ -30,16 +30,16 @@ def tighter(lab: Lab) -> Iterator[Outcome]:
         found = kd.times(lab, workload, [ALONG, TURNED], alone=False)
         own, other = found[TURNED], found[ALONG]
         shares = {name: own.counters[name] / max(other.counters[name], 1e-9) for name in ("steps", "tests")}
-        shares["time"] = own.seconds / other.seconds
+        time = own.share(other)
         yield Outcome(
             "best",
-            verdict(holds=max(shares.values()) < 1),
+            verdict(time.below(), holds=max(shares.values()) < 1),
             f"{workload.name}: rays visit {shares['steps']:.2f} of the nodes and test {shares['tests']:.2f} of the "
-            f"triangles, in {shares['time']:.2f} of the time of {ALONG}",
+            f"triangles, in {time.value:.2f} of the time of {ALONG}",
             f"per ray: {ALONG} {other.counters['steps']:.1f} nodes and {other.counters['tests']:.1f} tests; {TURNED} "
             f"{own.counters['steps']:.1f} and {own.counters['tests']:.1f}; a turned node first turns the ray",
             lab.error(workload, [ALONG, TURNED]),
-            shares,
+            {**shares, "time": time.value},
         )
 
 
@@ -60,9 +60,6 @@ PLAIN = "obb:frames=1,traversal=ordered"
 PAIRS = (("faithful", TURNED, PLAIN), ("best", TURNED, ALONG), ("best", "obb", "bvh-sah"))
 """Rotated boxes and their counterparts, by configuration; the last two trees send rays together."""
 
-GAIN = 0.97
-"""Share of the time below which rotated boxes pay (chosen, beyond the noise of a quiet machine)."""
-
 
 def kinds(lab: Lab) -> Iterator[Outcome]:
     """Time, steps, tests and bytes against boxes along the axes, by kind of scene."""
@@ -71,7 +68,8 @@ def kinds(lab: Lab) -> Iterator[Outcome]:
         found = kd.times(lab, workload, sorted({spec for _, *pair in PAIRS for spec in pair}), alone=False)
         sizes = {spec: lab.statistics(workload, spec)["bytes"] / 1e6 for spec in found}
         for configuration, own, other in PAIRS:
-            share = found[own].seconds / found[other].seconds
+            share = found[own].share(found[other])
+            pays = share.below()
             work = (
                 f"{spec} {found[spec].counters['steps']:.1f} nodes, {found[spec].counters['tests']:.1f} tests, "
                 f"{sizes[spec]:.2f} MB"
@@ -79,11 +77,11 @@ def kinds(lab: Lab) -> Iterator[Outcome]:
             )
             yield Outcome(
                 configuration,
-                verdict(holds=(share < GAIN) == (kind != AXES)),
-                f"{workload.name} ({kind}): {own} takes {share:.2f} of the time of {other}",
+                pays if kind != AXES else FAILS if pays == HOLDS else HOLDS,
+                f"{workload.name} ({kind}): {own} takes {share.value:.2f} of the time of {other}",
                 f"per ray: {'; '.join(work)}",
                 lab.error(workload, [own, other]),
-                {"time": share},
+                {"time": share.value},
             )
 
 

@@ -16,8 +16,8 @@ DIRECTIONS = (3, 7, 13, 26)
 WAYS = ("dir", "projected")
 """The generic traversal, two dot products and a division at each oblique node, and the projected one."""
 
-BASE = {"faithful": "kd-sah:traversal=dir", "best": "kd:traversal=dir"}
-RULES = {"faithful": "costs=thesis,ties=pbrt,slab=0,clip=0,", "best": ""}
+BASE = {"faithful": "kd-sah:traversal=dir,leaves=scalar", "best": "kd:traversal=dir"}
+RULES = {"faithful": "costs=thesis,ties=pbrt,slab=0,clip=0,leaves=scalar,", "best": ""}
 
 
 def spec(configuration: str, k: int, way: str, tree: str = "rbsp") -> str:
@@ -32,7 +32,7 @@ def projected(lab: Lab) -> Iterator[Outcome]:
         specs = {(k, way): spec("best", k, way) for k in DIRECTIONS for way in WAYS}
         base = BASE["best"]
         found = kd.times(lab, workload, [base, *specs.values()], alone=True)
-        share = {k: found[specs[k, "projected"]].seconds / found[specs[k, "dir"]].seconds for k in DIRECTIONS}
+        share = {k: found[specs[k, "projected"]].share(found[specs[k, "dir"]]) for k in DIRECTIONS}
         alike = all(
             found[specs[k, "projected"]].counters["steps"] == found[specs[k, "dir"]].counters["steps"]
             for k in DIRECTIONS
@@ -40,16 +40,16 @@ def projected(lab: Lab) -> Iterator[Outcome]:
         step = {one: found[one].nanoseconds / max(found[one].counters["steps"], 1e-9) for one in found}
         yield Outcome(
             "best",
-            verdict(holds=alike and max(share.values()) < 1),
+            verdict(*(one.below() for one in share.values()), holds=alike),
             f"{name}: traversal alone, of the time of the generic node: "
-            + ", ".join(f"K={k} {share[k]:.2f}" for k in DIRECTIONS)
+            + ", ".join(f"K={k} {share[k].value:.2f}" for k in DIRECTIONS)
             + f"; ns a step: {base} {step[base]:.1f}, "
             + ", ".join(f"K={k} {step[specs[k, 'dir']]:.1f} and {step[specs[k, 'projected']]:.1f}" for k in DIRECTIONS),
             "nodes a ray, the same in both traversals: "
             + ", ".join(f"K={k} {found[specs[k, 'projected']].counters['steps']:.1f}" for k in DIRECTIONS)
             + f"; {base} {found[base].counters['steps']:.1f}",
             lab.error(workload, [base, *specs.values()]),
-            {f"K={k}": value for k, value in share.items()},
+            {f"K={k}": one.value for k, one in share.items()},
             (
                 Chart(
                     f"{name}: traversal by directions",
@@ -71,16 +71,16 @@ def fewer_but_slower(lab: Lab) -> Iterator[Outcome]:
             found = kd.times(lab, workload, [base, *specs.values()], alone=False)
             own = found[specs["projected"]]
             parts = {key: own.counters[key] / found[base].counters[key] for key in ("tests", "steps")}
-            times = {way: found[one].seconds / found[base].seconds for way, one in specs.items()}
+            times = {way: found[one].share(found[base]) for way, one in specs.items()}
             yield Outcome(
                 configuration,
-                verdict(holds=parts["tests"] < 1 and parts["steps"] < 1 and times["projected"] > 1),
+                verdict(times["projected"].above(), holds=parts["tests"] < 1 and parts["steps"] < 1),
                 f"{name}: {parts['tests']:.2f} of the tests of {base}, {parts['steps']:.2f} of its nodes, "
-                f"{times['projected']:.2f} of its time; {times['dir']:.2f} with the generic node",
+                f"{times['projected'].value:.2f} of its time; {times['dir'].value:.2f} with the generic node",
                 f"per ray: {base} {found[base].counters['steps']:.1f} nodes and {found[base].counters['tests']:.1f} "
                 f"tests; {specs['projected']} {own.counters['steps']:.1f} and {own.counters['tests']:.1f}",
                 lab.error(workload, [base, *specs.values()]),
-                parts | {f"time {way}": value for way, value in times.items()},
+                parts | {f"time {way}": share.value for way, share in times.items()},
             )
 
 

@@ -10,7 +10,20 @@ from dataclasses import replace
 from typing import Any
 
 from ..report import marks, plots
-from .claims import BUILD_SECONDS, FAILS, HOLDS, REPEATS, VERDICTS, Chart, Result
+from .claims import (
+    BUILD_SECONDS,
+    BUILDS,
+    FAILS,
+    HOLDS,
+    LEAST_PASSES,
+    MARGIN,
+    PASS_SECONDS,
+    REPEATS,
+    VERDICTS,
+    Chart,
+    Checked,
+    Result,
+)
 
 CLASSES = {HOLDS: "holds", FAILS: "fails"}
 
@@ -20,7 +33,7 @@ def as_text(result: Result) -> str:
     lines = [f"{result.claim.id}: {result.claim.statement}"]
     for outcome in result.outcomes:
         lines.append(f"  {outcome.verdict.upper()} ({outcome.configuration}): {outcome.measured}")
-        lines += [f"      {line}" for line in (outcome.why, outcome.error) if line]
+        lines += [f"      {line}" for line in (outcome.why, str(outcome.checked)) if line]
     return "\n".join(lines)
 
 
@@ -42,19 +55,22 @@ def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]]
         "table{border-collapse:collapse;width:100%}td,th{padding:.3em .6em;text-align:left;vertical-align:top;"
         "border-bottom:1px solid #8884}.holds{color:#087a55;font-weight:bold}.fails{color:#b83500;font-weight:bold}"
         ".why{color:#666;font-size:90%}svg{max-width:100%;height:auto}</style>"
-        f"<h1>The claims of the papers, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
+        f"<h1>The claims of the papers, measured again</h1><p>{summary(results)}. {method(quick=quick)} "
         f"{shown}.{note} <em>Faithful</em> is the paper's configuration, <em>best</em> ours.</p>"
         f"{''.join(_paper(name, own) for name, own in _by_paper(results).items())}</html>\n"
     )
 
 
-def method(repeats: int) -> str:
+def method(*, quick: bool) -> str:
     """One paragraph on how the numbers of a run were measured."""
+    repeats = REPEATS[quick]
     return (
-        f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time. "
+        f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time, "
+        f"or of {LEAST_PASSES} and more that begin within {PASS_SECONDS} seconds. "
         f"Traversals alone: the shortest of {repeats + 1} passes for each chunk of rays, in wall-clock time, summed. "
-        f"Builds: the median of {repeats}, or of those that begin within {BUILD_SECONDS} seconds, in processor time; "
-        "the number of builds is given with each."
+        f"Builds: the median of {BUILDS[quick]}, or of those that begin within {BUILD_SECONDS} seconds, in processor "
+        "time; the number of builds is given with each. A ratio of times is within the noise of its limit if the limit "
+        f"lies in the 95 % interval of the median over the passes, or within {MARGIN:.0%} of the ratio."
     )
 
 
@@ -73,10 +89,10 @@ def _claim(result: Result) -> str:
     rows = []
     for outcome in result.outcomes:
         kind = CLASSES.get(outcome.verdict, "")
-        why = ". ".join(html.escape(part) for part in (outcome.why, outcome.error) if part)
         rows.append(
             f'<tr><td class="{kind}">{outcome.verdict}</td><td>{html.escape(outcome.configuration)}</td>'
-            f'<td>{html.escape(outcome.measured)}<div class="why">{why}</div></td></tr>'
+            f'<td>{html.escape(outcome.measured)}<div class="why">{html.escape(outcome.why)}</div></td>'
+            f"{_errors(outcome.checked)}</tr>"
         )
     charts = [
         chart
@@ -89,9 +105,21 @@ def _claim(result: Result) -> str:
     return (
         f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
         f"<p><em>Published:</em> {html.escape(result.claim.statement)}{place}</p>"
-        f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th></tr>{''.join(rows)}</table>"
+        f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th><th>wrong triangle</th>"
+        f"<th>false hit or miss</th><th>last bits only</th><th>of</th></tr>{''.join(rows)}</table>"
         f"{''.join(map(draw, charts))}"
     )
+
+
+def _errors(checked: Checked) -> str:
+    """The cells of the answers that differ from brute force, by kind."""
+    if not checked.count:
+        return '<td colspan="4"></td>'
+    whole = f"<td>{checked.count:,} {checked.noun}</td>"
+    if checked.noun != "answers":
+        return f'<td colspan="3">{checked.wrong:,}</td>{whole}'
+    kinds = (checked.wrong_triangle, checked.false_hits, checked.last_bits)
+    return "".join(f"<td>{count:,}</td>" for count in kinds) + whole
 
 
 def draw(chart: Chart) -> str:

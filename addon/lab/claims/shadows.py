@@ -16,7 +16,7 @@ from ...core.scene.workload import Workload
 from ...core.structures.specs import joined
 from . import paper_scenes
 from .beams import NET, PAPER, octree
-from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome, verdict
+from .claims import UNTESTED, Claim, Lab, Outcome
 from .polygons import NET as LINKS
 from .polygons import POLYGON, counted, steps
 
@@ -66,20 +66,20 @@ def polygons(lab: Lab) -> Iterator[Outcome]:
                 break
             times = lab.seconds(workload, [LINKS, beams], some)
             single, quick = times[LINKS], times[beams]
-            nodes, ratio = steps(quick) / steps(single), quick.seconds / single.seconds
+            nodes, share = steps(quick) / steps(single), quick.share(single)
             yield Outcome(
-                "best",
-                verdict(holds=ratio < 1),
-                f"{workload.name}, {light}: polygons take {nodes:.3f} of the nodes and {ratio:.2f} times the time of "
-                f"single rays by links ({single.nanoseconds:.0f} to {quick.nanoseconds:.0f} ns a ray)",
+                "faithful",
+                share.below(),
+                f"{workload.name}, {light}: polygons take {nodes:.3f} of the nodes and {share.value:.2f} times the "
+                f"time of single rays by links ({single.nanoseconds:.0f} to {quick.nanoseconds:.0f} ns a ray)",
                 counted(quick),
                 lab.error(workload, [LINKS, beams]),
-                {"nodes": nodes, "ratio": ratio, "singles": quick.counters["beam_singles"]},
+                {"nodes": nodes, "ratio": share.value, "singles": quick.counters["beam_singles"]},
             )
 
 
 def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
-    """The time that one shadow method saves, scene by scene, in both configurations. way: value of `shadow=`."""
+    """The time that one shadow method saves, scene by scene. way: value of `shadow=`."""
     for workload in scenes(lab):
         tracer = lab.build(workload, "kd")
         make = partial(_shadow_rays, workload, tracer)
@@ -87,9 +87,10 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
         if not len(some):
             yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene, so there are no shadow rays")
             continue
-        specs = {"faithful": octree(NET, "faithful"), "best": octree(NET, "best")}
+        # Beams of 64 shadow rays are ours; the cache of one triangle is published.
+        specs = {"best": octree(NET, "best")}
         if way == "cache":
-            specs["best"] = "kd"
+            specs = {"faithful": octree(NET, "faithful"), "best": "kd"}
         # Time the structure without and with the shadow method, on the same rays.
         for configuration, spec in specs.items():
             asked = joined(spec, f"shadow={way}")
@@ -97,16 +98,16 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
             plain, quick = times[spec], times[asked]
             spared = quick.counters["spared"]
             nodes = [t.counters["steps"] + t.counters["leaves"] + t.counters["leaves_empty"] for t in (plain, quick)]
-            ratio = quick.seconds / plain.seconds
+            share = quick.share(plain)
             yield Outcome(
                 configuration,
-                HOLDS if ratio < 1 else FAILS,
-                f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
+                share.below(),
+                f"{workload.name}, {spec}: {share.value:.2f} times the time ({plain.nanoseconds:.0f} to "
                 f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no traversal",
                 f"nodes per ray {nodes[0]:.2f} to {nodes[1]:.2f}, tests {plain.counters['tests']:.2f} to "
                 f"{quick.counters['tests']:.2f}",
                 lab.error(workload, [spec, asked]),
-                {"ratio": ratio, "spared": spared},
+                {"ratio": share.value, "spared": spared},
             )
 
 

@@ -20,6 +20,7 @@ from . import (
     rbsp,
     shadows,
     thesis,
+    thesis_trees,
     voxels,
 )
 from .claims import Claim
@@ -35,6 +36,7 @@ PAPERS = (
     any_hits,
     mirrors,
     thesis,
+    thesis_trees,
     rbsp,
     medians,
     voxels,

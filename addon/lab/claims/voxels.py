@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from . import kd
-from .claims import UNTESTED, Chart, Claim, Lab, Outcome, verdict
+from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Share, verdict
 
 PAPER = "Amanatides and Woo, A fast voxel traversal algorithm for ray tracing (1987)"
 
@@ -31,10 +31,10 @@ def step(lab: Lab) -> Iterator[Outcome]:
             continue
         found = kd.times(lab, workload, [NODE, *specs.values()], alone=True)
         each = {one: timing.nanoseconds / max(timing.counters["steps"], 1e-9) for one, timing in found.items()}
-        shares = {density: each[spec] / each[NODE] for density, spec in specs.items()}
+        shares = {density: Share.of(each[spec] / each[NODE]) for density, spec in specs.items()}
         yield Outcome(
             "best",
-            verdict(holds=max(shares.values()) < 1),
+            verdict(*(share.below() for share in shares.values())),
             f"{workload.name}: a step takes "
             + ", ".join(f"{each[specs[one]]:.1f} ns at {one:g} cells a triangle" for one in DENSITIES)
             + f"; a node of {NODE} {each[NODE]:.1f} ns",
@@ -43,7 +43,7 @@ def step(lab: Lab) -> Iterator[Outcome]:
             + "; a step here takes the distance of the next wall from the wall's own coordinate, with an error bound "
             "on either side, since sums of steps may pass by a cell",
             lab.error(workload, [NODE, *specs.values()]),
-            {f"density {density:g}": share for density, share in shares.items()},
+            {f"density {density:g}": share.value for density, share in shares.items()},
             (
                 Chart(
                     f"{workload.name}: time of a step",

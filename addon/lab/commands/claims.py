@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The claims of papers about their structures, measured again on this machine.
 
-`halfspace claims [CLAIM ...] [options]` continues an earlier run with the same `--out`. Exit status: 0 every
-claim was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
+`halfspace claims [CLAIM ...] [options]` continues an earlier run with the same `--out`; `halfspace claims table --out
+DIR` writes DIR/statements.md, the statements of the sources with the verdicts kept there. Exit status: 0 every claim
+was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
 without error bounds; 2 bad usage; 130 stopped.
 """
 
@@ -21,7 +22,7 @@ from ...core.scene import workload
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
 from ..bench import peers
-from ..claims import claims
+from ..claims import claims, statements
 from ..claims import report as claims_report
 from ..claims import table as claims_table
 
@@ -33,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
-    add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
+    add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them, `table` see above")
     add("--quick", action="store_true", help="three repeats instead of seven")
     add(
         "--peers",
@@ -56,6 +57,8 @@ def run(asked: argparse.Namespace) -> int:
     if asked.claims == ["list"]:
         print("\n".join(f"{claim.id}: {claim.statement}" for claim in known.values()))
         return 0
+    if asked.claims == ["table"]:
+        return write_table(asked.out)
     unknown = [name for name in asked.claims if name not in known]
     if unknown:
         raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
@@ -84,20 +87,39 @@ def run(asked: argparse.Namespace) -> int:
                 journal.add(results.Entry(key, (0, place), row(result)), machine)
         found.append(result)
         print("\n" + claims_report.as_text(found[-1]) + "\n", flush=True)
-    say(claims_report.summary(found))
+        say(f"{claim.id}: {result.seconds:.1f} processor seconds")
+    say(f"{claims_report.summary(found)}; {sum(result.seconds for result in found):.0f} processor seconds")
     if journal is not None:
         save(asked.out, module, found, quick=asked.quick, machines={machine["name"]: machine} | journal.machines)
     return 1 if any(result.wrong for result in found) else 0
 
 
+def write_table(folder: Path | None) -> int:
+    """Write the statements of the sources with the verdicts of the folder's claims. Raises UsageError, FolderError."""
+    if folder is None:
+        raise UsageError("table: --out names the folder of the measured claims")
+    kept_rows = (entry.row for entry in results.Journal(folder).entries.values() if "outcomes" in entry.row)
+    latest = {row["outcomes"][0]["claim"]: row["outcomes"] for row in kept_rows if row["outcomes"]}
+    path = folder / "statements.md"
+    results.write(path, statements.table(outcome for outcomes in latest.values() for outcome in outcomes))
+    say(f"wrote {path}")
+    return 0
+
+
 def row(result: claims.Result) -> dict[str, Any]:
     """A measured claim as a row of the journal."""
-    return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
+    return {
+        "outcomes": list(result.as_rows()),
+        "wrong": result.wrong,
+        "machine": result.machine,
+        "seconds": result.seconds,
+    }
 
 
 def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result:
     """A claim that was measured before, from its row."""
-    return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
+    outcomes = tuple(map(claims.outcome, known["outcomes"]))
+    return claims.Result(claim, outcomes, known["wrong"], known["machine"], known["seconds"])
 
 
 def save(

@@ -41,7 +41,8 @@ class Moved(TypedDict):
     built within the latter. sah_cost: expected cost of a ray in this frame; drift: the same divided by that of the last
     build. None where rays built the tree. nodes: number of nodes and leaves, as far as built. rays: number of rays
     traced; compared, wrong: answers compared with those of brute force over this frame's triangles, and those of them
-    that differ.
+    that differ; wrong_triangle, last_bits: of these, those on another triangle, and those that differ in bits of t, u
+    or v only.
     """
 
     animation: str
@@ -59,6 +60,8 @@ class Moved(TypedDict):
     rays: int
     compared: int
     wrong: int
+    wrong_triangle: int
+    last_bits: int
 
 
 @dataclass(frozen=True)
@@ -161,10 +164,10 @@ def measure(
             structure.closest(camera.origins, camera.directions, **camera.options(threads))
             traced = time.perf_counter() - begin
             found, occluded = accuracy.traced(structure, sample, threads)
-            wrong = int(accuracy.differing(expected, found, occluded).sum())
+            errors = accuracy.compare(expected, found, occluded, native.ulp_distance, bitwise=True)
             lazy = method.way == "lazy"
-            if wrong:
-                say(f"{animation.name}, frame {number}, {method.name}: {wrong} wrong answers")
+            if errors.wrong:
+                say(f"{animation.name}, frame {number}, {method.name}: {errors.wrong} wrong answers")
             yield {
                 "animation": animation.name,
                 "frame": number,
@@ -180,6 +183,8 @@ def measure(
                 "nodes": sum(statistics[kind] for kind in ("nodes_axis", "nodes_oblique", "leaves")),
                 "rays": len(camera),
                 "compared": len(sample),
-                "wrong": wrong,
+                "wrong": errors.wrong,
+                "wrong_triangle": errors.wrong_triangle,
+                "last_bits": errors.last_bits,
             }
         say(f"{animation.name}: frame {number}")
