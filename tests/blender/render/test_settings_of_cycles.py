@@ -121,6 +121,20 @@ def test_light_samples_see_a_light_up_to_its_bounces(stage: Any, kind: str, boun
     assert agree(stage)[0] < 0.99 * before[0]
 
 
+@pytest.mark.parametrize("kind", ["diffuse", "glossy", "transmission"])
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_bounces_of_each_kind_have_a_limit(stage: Any, kind: str, most: int) -> None:
+    shine(stage, 1.0)
+    room(stage)
+    for item in [one for one in stage.objects if one.type == "MESH"]:
+        inputs = {"glossy": {"Metallic": 1.0, "Roughness": 0.4}, "transmission": {"Transmission_Weight": 1.0}}
+        item.data.materials[0] = material("Kind", **{"Specular_IOR_Level": 0.0, **inputs.get(kind, {})})
+    before = agree(stage, within=0.02)
+    for engine in (stage.halfspace, stage.cycles):
+        setattr(engine, f"{kind}_bounces", most)
+    assert agree(stage, within=0.02)[0] < 0.99 * before[0]
+
+
 @pytest.mark.parametrize("varying", [False, True])
 def test_light_samples_of_the_world(stage: Any, varying: bool) -> None:
     room(stage)
