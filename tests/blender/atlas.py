@@ -87,7 +87,7 @@ def sheet(scene: Any, makers: Mapping[str, Maker], mesh: Any) -> None:
 def configure(scene: Any, samples: int, bounces: int) -> None:
     """Give both engines the same settings, without any that trades light for noise."""
     ours, theirs = scene.halfspace, scene.cycles
-    ours.samples, ours.max_bounces = samples, bounces
+    ours.samples = samples
     ours.clamp_direct = ours.clamp_indirect = ours.filter_glossy = 0.0
     ours.pixel_filter_type = theirs.pixel_filter_type = "BOX"
     theirs.device, theirs.samples = "CPU", samples
@@ -95,6 +95,7 @@ def configure(scene: Any, samples: int, bounces: int) -> None:
     theirs.light_sampling_threshold = theirs.sample_clamp_direct = theirs.sample_clamp_indirect = 0.0
     theirs.blur_glossy = 0.0
     for kind in ("max", "diffuse", "glossy", "transmission"):
+        setattr(ours, f"{kind}_bounces", bounces)
         setattr(theirs, f"{kind}_bounces", bounces)
 
 

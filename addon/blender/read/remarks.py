@@ -56,19 +56,6 @@ def _experimental(scene: Any, _block: Any) -> bool:
     return bool(found(scene, "cycles.feature_set") == "EXPERIMENTAL")
 
 
-def _fewer(kind: str) -> Check:
-    """Whether a limit of one kind of bounces ends paths before ours does, and is below Cycles' default."""
-
-    def check(scene: Any, _block: Any) -> bool:
-        name = f"{kind}_bounces"
-        default = scene.cycles.bl_rna.properties[name].default
-        # Scripts read scenes without the settings of the extension.
-        ours = found(scene, "halfspace.max_bounces")
-        return bool(getattr(scene.cycles, name) < min(default, default if ours is None else ours))
-
-    return check
-
-
 CAUSTICS = "Shadow caustics are not supported"
 TEXTURES = "The resolution of textures is not supported, only the limit of their size"
 SUBDIVISION = "Adaptive subdivision is not supported, rendered with the levels of the modifier"
@@ -78,10 +65,6 @@ SETTINGS: dict[type, tuple[Setting, ...]] = {
         Setting("cycles.use_fast_gi", False, "Fast GI is not supported, all bounces are rendered"),
         Setting("cycles.rolling_shutter_type", "NONE", "A rolling shutter is not supported", _moving),
         Setting("cycles.texture_resolution_render", 1.0, TEXTURES, _simplified),
-        *(
-            Setting(f"cycles.{kind}_bounces", -1, f"Fewer {kind} bounces than others are not supported", _fewer(kind))
-            for kind in ("diffuse", "glossy", "transmission")
-        ),
     ),
     bpy.types.World: (Setting("cycles.is_caustics_light", False, CAUSTICS),),
     bpy.types.Light: (Setting("cycles.is_caustics_light", False, CAUSTICS),),

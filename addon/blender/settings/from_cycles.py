@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ...core.structures.settings import BOUNCES
 from . import quality
 
 TAKEN = {
@@ -24,8 +25,7 @@ TAKEN = {
     "time_limit": "time_limit",
     "seed": "render_seed",
     "use_animated_seed": "use_animated_seed",
-    "max_bounces": "max_bounces",
-    "volume_bounces": "volume_bounces",
+    **{name: name for name in BOUNCES},
     "sample_clamp_direct": "clamp_direct",
     "sample_clamp_indirect": "clamp_indirect",
     "blur_glossy": "filter_glossy",
@@ -81,9 +81,6 @@ WITHOUT: dict[str, tuple[tuple[Any, ...], str]] = {
 }
 """Properties of `scene.cycles` without a counterpart: the values at which nothing is missing, and what holds here."""
 
-KINDS = ("diffuse", "glossy", "transmission")
-"""Kinds of bounces that Cycles limits one by one."""
-
 FINEST = 0.001
 """Least noise threshold that Cycles derives from the number of samples."""
 
@@ -108,10 +105,6 @@ def without(cycles: Any) -> list[str]:
         value = getattr(cycles, name, plain[0])
         if not any(value == one or (isinstance(one, float) and abs(value - one) < 1e-6) for one in plain):
             found.append(f"{_label(cycles, name)}: {text}.")
-    for kind in KINDS:
-        if (most := getattr(cycles, f"{kind}_bounces")) < cycles.max_bounces:
-            label = _label(cycles, f"{kind}_bounces")
-            found.append(f"{label} {most}: the total of {cycles.max_bounces} limits all kinds together.")
     if cycles.pixel_filter_type not in quality.FILTERS:
         found.append(f"{_label(cycles, 'pixel_filter_type')}: Blackman-Harris replaces {cycles.pixel_filter_type}.")
     return found

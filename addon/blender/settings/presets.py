@@ -15,6 +15,7 @@ from bpy.props import StringProperty
 
 from ...core.base import native
 from ...core.structures import catalogue, presets, specs
+from ...core.structures.settings import BOUNCES
 from . import properties
 
 
@@ -142,10 +143,12 @@ def _quality(prefix: str, samples: int, threshold: float, *, denoised: bool) -> 
     return {**found, f"use_{prefix}denoising": denoised}
 
 
-def _paths(bounces: int, volume: int, *, caustics: bool) -> dict[str, Any]:
-    """The values of a preset of light paths."""
-    both = {f"caustics_{kind}": caustics for kind in ("reflective", "refractive")}
-    return {"max_bounces": bounces, "volume_bounces": volume, **both}
+def _paths(bounces: tuple[int, int, int, int, int], *, caustics: bool) -> dict[str, Any]:
+    """The values of a preset of light paths. bounces: total, diffuse, glossy, transmission and volume."""
+    return {
+        **dict(zip(BOUNCES, bounces, strict=True)),
+        **{f"caustics_{kind}": caustics for kind in ("reflective", "refractive")},
+    }
 
 
 PICTURES = (
@@ -175,13 +178,14 @@ PICTURES = (
         "light_paths",
         "Light Paths Presets",
         (
-            *("max_bounces", "volume_bounces", "clamp_direct", "clamp_indirect", "filter_glossy"),
+            *BOUNCES,
+            *("clamp_direct", "clamp_indirect", "filter_glossy"),
             *("caustics_reflective", "caustics_refractive"),
         ),
         {
-            "Direct Light": _paths(0, 0, caustics=False),
-            "Limited Global Illumination": _paths(8, 0, caustics=False),
-            "Full Global Illumination": _paths(32, 32, caustics=True),
+            "Direct Light": _paths((8, 0, 1, 2, 0), caustics=False),
+            "Limited Global Illumination": _paths((8, 1, 4, 8, 0), caustics=False),
+            "Full Global Illumination": _paths((32, 32, 32, 32, 32), caustics=True),
         },
     ),
 )

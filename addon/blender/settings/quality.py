@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from ...core.structures.settings import BOUNCES, MOST_BOUNCES
 from . import stored
 
 if TYPE_CHECKING:
@@ -149,16 +150,16 @@ _BAKING: dict[str, Any] = {
 }
 
 _LIGHT_PATHS: dict[str, Any] = {
-    "max_bounces": IntProperty(
-        name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=1024
-    ),
-    "volume_bounces": IntProperty(
-        name="Volume",
-        description="Largest number of times that light scatters in volumes after the first time. As in Cycles",
-        default=0,
-        min=0,
-        max=1024,
-    ),
+    **{
+        name: IntProperty(name=name.replace("_", " ").title(), description=text, default=most, min=0, max=MOST_BOUNCES)
+        for name, most, text in (
+            ("max_bounces", 12, "Largest number of bounces after the first surface, of all kinds together"),
+            ("diffuse_bounces", 4, "Largest number of diffuse bounces within the total"),
+            ("glossy_bounces", 4, "Largest number of glossy reflections within the total"),
+            ("transmission_bounces", 12, "Largest number of refractions within the total"),
+            ("volume_bounces", 0, "Largest number of times that light scatters in volumes after the first time"),
+        )
+    },
     "secondary_beams": BoolProperty(
         name="Beams",
         description="Send the rays that flat mirrors and panes reflect and refract as beams from the virtual eye of "
@@ -294,8 +295,7 @@ def settings(scene: Any) -> dict[str, Any]:
     return {
         "integrator": integrator(group),
         "ambient_distance": group.ambient_distance or math.inf,
-        "max_bounces": group.max_bounces,
-        "volume_bounces": group.volume_bounces,
+        **{name: getattr(group, name) for name in BOUNCES},
         "transparent_bounces": getattr(cycles, "transparent_max_bounces", 8),
         "clamp_direct": group.clamp_direct,
         "clamp_indirect": group.clamp_indirect,

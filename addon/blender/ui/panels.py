@@ -11,6 +11,7 @@ from bl_ui import properties_render
 
 from ...core.base import native
 from ...core.choose import choice
+from ...core.structures.settings import BOUNCES
 from ..measure import checking
 from ..render.engine import ENGINE
 from ..session import reports, trees
@@ -232,13 +233,24 @@ class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = self.column()
         group = context.scene.halfspace
-        column.prop(group, "max_bounces")
-        if group.integrator == "path":
-            column.prop(group, "volume_bounces")
-        if hasattr(context.scene, "cycles"):
-            column.prop(context.scene.cycles, "transparent_max_bounces", text="Transparent")
         if group.integrator == "whitted":
             column.prop(group, "secondary_beams")
+
+
+class HALFSPACE_PT_light_paths_max_bounces(EnginePanel, bpy.types.Panel):
+    """Largest numbers of bounces, in all and by kind."""
+
+    bl_label = "Max Bounces"
+    bl_parent_id = "HALFSPACE_PT_light_paths"
+
+    def draw(self, context: Any) -> None:
+        column, group = self.column(), context.scene.halfspace
+        column.prop(group, "max_bounces", text="Total")
+        if group.integrator == "path":
+            for name in BOUNCES[1:]:
+                column.prop(group, name, text=name.partition("_")[0].capitalize())
+        if hasattr(context.scene, "cycles"):
+            column.prop(context.scene.cycles, "transparent_max_bounces", text="Transparent")
 
 
 class HALFSPACE_PT_light_paths_clamping(EnginePanel, bpy.types.Panel):

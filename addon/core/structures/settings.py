@@ -53,6 +53,13 @@ def _text(value: Value) -> str:
     return str(value)
 
 
+BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
+"""Limits of bounces, of all kinds together and of each, by their names in Cycles and here."""
+
+MOST_BOUNCES = 1024
+"""Largest limit of a kind of bounces."""
+
+
 @dataclass(frozen=True)
 class Mist:
     """Growth of the mist pass, in scene units; falloff as in Blender: QUADRATIC, LINEAR, INVERSE_QUADRATIC."""
@@ -67,6 +74,7 @@ class RenderSettings:
     """Settings of one picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None:
     all.
 
+    diffuse_bounces, glossy_bounces, transmission_bounces: largest number of bounces of each kind within max_bounces.
     volume_bounces: largest number of times a path scatters in volumes after the first time. transparent_bounces:
     largest number of transparent surfaces it passes. transparent_glass: roughness up to which a transparent film sees
     through glass, below 0 = not at all.
@@ -87,6 +95,9 @@ class RenderSettings:
     border: tuple[int, int, int, int] | None = None
     samples: int = 32
     max_bounces: int = 6
+    diffuse_bounces: int = MOST_BOUNCES
+    glossy_bounces: int = MOST_BOUNCES
+    transmission_bounces: int = MOST_BOUNCES
     volume_bounces: int = 0
     transparent_bounces: int = 8
     integrator: str = "path"
@@ -113,7 +124,7 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         positive = ("width", "height", "samples")
-        others = ("max_bounces", "volume_bounces", "transparent_bounces", "min_samples", "threads")
+        others = (*BOUNCES, "transparent_bounces", "min_samples", "threads")
         for name, least in (*((name, 1) for name in positive), *((name, 0) for name in others)):
             if getattr(self, name) < least:
                 raise SettingsError(f"{name}: expected at least {least}, got {getattr(self, name)}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...blender.settings import presets
+from ...core.structures.settings import BOUNCES
 
 SHARED = {
     "film_exposure": 1.0,
@@ -62,6 +63,10 @@ DEFAULT = Sampling(
 """The defaults of Cycles, without adaptive sampling and denoising."""
 
 
+LIMITED = BOUNCES[:-1]
+"""Limits of bounces but for those in volumes, which pictures of both engines share."""
+
+
 class EngineError(RuntimeError):
     """Raised if Blender lacks an engine."""
 
@@ -70,7 +75,9 @@ def configure_halfspace(scene: Any, structure: str, samples: int, bounces: int, 
     """Set Halfspace's structure, samples per pixel and bounces. Raises SpecError."""
     presets.apply(scene.halfspace, structure)
     scene.halfspace.automatic = False
-    scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
+    scene.halfspace.samples = samples
+    for name in LIMITED:
+        setattr(scene.halfspace, name, bounces)
     for key, value in {**SHARED, **sampling.halfspace}.items():
         setattr(scene.halfspace, key, value)
 
@@ -85,7 +92,7 @@ def configure_cycles(scene: Any, samples: int, bounces: int, sampling: Sampling 
         raise EngineError("this Blender has no Cycles")
     cycles = scene.cycles
     cycles.device, cycles.samples = "CPU", samples
-    for key in ("max", "diffuse", "glossy", "transmission"):
-        setattr(cycles, f"{key}_bounces", bounces)
+    for name in LIMITED:
+        setattr(cycles, name, bounces)
     for key, value in {**SHARED, **sampling.cycles}.items():
         setattr(cycles, key, value)

@@ -430,7 +430,9 @@ enum Moving<'py> {
 ///     from the lower left, half open, or None; "samples" per pixel: cost in proportion;
 ///     "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
 ///     "ambient_distance" (inf));
-///     "max_bounces" (4): 0 = direct light only, as in Cycles; "volume_bounces" (0): the same for scattering in
+///     "max_bounces" (4): 0 = direct light only, as in Cycles;
+///     "diffuse_bounces", "glossy_bounces", "transmission_bounces" (1024): the same by kind;
+///     "volume_bounces" (0): the same for scattering in
 ///     volumes; "transparent_bounces" (8): transparent surfaces that a path passes before one is black, as in Cycles;
 ///     "clamp_indirect" (0): upper limit of what a sample
 ///     adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit

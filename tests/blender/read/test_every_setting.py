@@ -143,7 +143,8 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "Cycles of Scene": "use_denoising use_preview_denoising preview_denoising_start_sample samples preview_samples "
         "time_limit use_adaptive_sampling adaptive_threshold adaptive_min_samples use_preview_adaptive_sampling "
         "preview_adaptive_threshold preview_adaptive_min_samples caustics_reflective caustics_refractive blur_glossy "
-        "max_bounces volume_bounces film_exposure pixel_filter_type filter_width seed use_animated_seed "
+        "max_bounces diffuse_bounces glossy_bounces transmission_bounces volume_bounces film_exposure "
+        "pixel_filter_type filter_width seed use_animated_seed "
         "sample_clamp_direct sample_clamp_indirect bake_type debug_bvh_type debug_use_spatial_splits "
         "debug_use_hair_bvh debug_use_compact_bvh debug_bvh_time_steps debug_bvh_layout",
         "Cycles of Object": "motion_steps",

@@ -121,6 +121,30 @@ def test_light_samples_see_a_light_up_to_its_bounces(stage: Any, kind: str, boun
     assert agree(stage)[0] < 0.99 * before[0]
 
 
+@pytest.mark.parametrize("kind", ["diffuse", "glossy"])
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_bounces_of_each_kind_have_a_limit(stage: Any, kind: str, most: int) -> None:
+    shine(stage, 1.0)
+    room(stage)
+    for item in [one for one in stage.objects if one.type == "MESH"]:
+        inputs = {"Metallic": 1.0, "Roughness": 0.4} if kind == "glossy" else {}
+        item.data.materials[0] = material("Kind", Specular_IOR_Level=0.0, **inputs)
+    before = agree(stage, within=0.02)
+    for engine in (stage.halfspace, stage.cycles):
+        setattr(engine, f"{kind}_bounces", most)
+    assert agree(stage, within=0.02)[0] < 0.99 * before[0]
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, 0), (2, 0), (2, 1), (3, 1), (3, 2)])
+def test_refractions_have_a_limit(stage: Any, count: int, most: int) -> None:
+    shine(stage, 1.0)
+    sheets(count)
+    bpy.data.objects["Sheet"].data.materials[0] = atlas.tile_material("Pane", made("BsdfRefraction", IOR=1.0))
+    for engine in (stage.halfspace, stage.cycles):
+        engine.transmission_bounces = most
+    assert (agree(stage)[0] > 0) == (count <= most + 1)
+
+
 @pytest.mark.parametrize("varying", [False, True])
 def test_light_samples_of_the_world(stage: Any, varying: bool) -> None:
     room(stage)

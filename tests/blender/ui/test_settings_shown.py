@@ -36,6 +36,7 @@ READ = {
     "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_preview_denoising "
     "preview_denoising_start_sample use_denoising use_adaptive noise_threshold min_samples use_preview_adaptive "
     "preview_noise_threshold preview_min_samples time_limit render_seed use_animated_seed max_bounces "
+    "diffuse_bounces glossy_bounces transmission_bounces "
     "volume_bounces motion_steps clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
     "secondary_beams "
     "film_exposure pixel_filter_type filter_width bake_type automatic instancing top memory_limit structure",
@@ -125,7 +126,6 @@ WITHOUT = {
     "CYCLES_RENDER_PT_curves_viewport_display": "shapes of hair",
     "CYCLES_RENDER_PT_debug": "instruction sets",
     "CYCLES_RENDER_PT_light_paths_fast_gi": "ambient occlusion in place of light",
-    "CYCLES_RENDER_PT_light_paths_max_bounces": "three numbers, in Light Paths",
     "CYCLES_RENDER_PT_bake_output_margin": "two rows, in Output",
     "CYCLES_RENDER_PT_film_transparency": "three rows, in Film",
     "CYCLES_RENDER_PT_passes_data": "the first rows of Passes",

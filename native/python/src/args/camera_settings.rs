@@ -164,6 +164,9 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "integrator",
         "ambient_distance",
         "max_bounces",
+        "diffuse_bounces",
+        "glossy_bounces",
+        "transmission_bounces",
         "volume_bounces",
         "transparent_bounces",
         "clamp_indirect",
@@ -211,6 +214,10 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         },
         ambient_distance: keys.number_or("ambient_distance", default.ambient_distance)?,
         max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
+        diffuse_bounces: optional("diffuse_bounces")?.unwrap_or(default.diffuse_bounces),
+        glossy_bounces: optional("glossy_bounces")?.unwrap_or(default.glossy_bounces),
+        transmission_bounces: optional("transmission_bounces")?
+            .unwrap_or(default.transmission_bounces),
         volume_bounces: optional("volume_bounces")?.unwrap_or(default.volume_bounces),
         transparent_bounces: optional("transparent_bounces")?
             .unwrap_or(default.transparent_bounces),

@@ -239,8 +239,17 @@ impl Path {
     /// comes from lights alone, as in Cycles.
     #[inline(always)]
     pub fn is_at_limit(&self, settings: &Settings) -> bool {
+        let Bounces {
+            diffuse,
+            glossy,
+            transmission,
+            ..
+        } = self.bounces;
         u32::from(self.bounce) > settings.max_bounces
             || u32::from(self.volume_bounces) > settings.volume_bounces
+            || u32::from(diffuse) > settings.diffuse_bounces
+            || u32::from(glossy) > settings.glossy_bounces
+            || u32::from(transmission) > settings.transmission_bounces
     }
 
     /// Russian roulette, from the second bounce on. Returns whether the path continues; if so, its throughput is

@@ -48,6 +48,12 @@ pub struct Settings {
     pub secondary_beams: bool,
     /// Largest number of times a path scatters after its first surface; 0 = direct light only. As in Cycles.
     pub max_bounces: u32,
+    /// Largest number of diffuse bounces within that. As in Cycles.
+    pub diffuse_bounces: u32,
+    /// The same for glossy reflections.
+    pub glossy_bounces: u32,
+    /// The same for refractions.
+    pub transmission_bounces: u32,
     /// Largest number of times a path scatters in volumes after the first time; 0 = single scattering. As in Cycles.
     pub volume_bounces: u32,
     /// Largest number of transparent surfaces that a path passes, with its shadow rays; the next one only
@@ -107,6 +113,9 @@ impl Default for Settings {
             integrator: Integrator::Path,
             ambient_distance: f32::INFINITY,
             max_bounces: 4,
+            diffuse_bounces: MAX_BOUNCES,
+            glossy_bounces: MAX_BOUNCES,
+            transmission_bounces: MAX_BOUNCES,
             volume_bounces: 0,
             transparent_bounces: 8,
             clamp_indirect: 0.0,
@@ -164,6 +173,9 @@ impl Settings {
 /// Largest number of samples between two updates of a tile, whose buffer grows in proportion.
 pub const MAX_STEP_SAMPLES: u32 = 64;
 
+/// Largest limit of any kind of bounces, as in Cycles.
+pub const MAX_BOUNCES: u32 = 1024;
+
 /// Number of samples between two estimates of the noise.
 pub const CHECK_SAMPLES: u32 = 16;
 
@@ -207,11 +219,16 @@ impl Settings {
         }
         for (key, got) in [
             ("max_bounces", self.max_bounces),
+            ("diffuse_bounces", self.diffuse_bounces),
+            ("glossy_bounces", self.glossy_bounces),
+            ("transmission_bounces", self.transmission_bounces),
             ("volume_bounces", self.volume_bounces),
             ("transparent_bounces", self.transparent_bounces),
         ] {
-            if got > 1024 {
-                return spec(format!("settings['{key}'] must lie in 0..1024, got {got}"));
+            if got > MAX_BOUNCES {
+                return spec(format!(
+                    "settings['{key}'] must lie in 0..{MAX_BOUNCES}, got {got}"
+                ));
             }
         }
         if self.record_rays > MAX_RECORDED {

@@ -68,8 +68,7 @@ pub(super) fn cross<const EXTRA: bool>(
     // Sample the next event; paths beyond their limits are only attenuated.
     let random = path.next_vertex();
     let ([_, channel], [_, distance]) = (random.survival(), random.choices());
-    let scatters = u32::from(path.bounce) <= settings.max_bounces
-        && u32::from(path.volume_bounces) <= settings.volume_bounces;
+    let scatters = !path.is_at_limit(settings);
     let end = if hit.is_hit() { hit.t } else { ray.t_max };
     out.scratch.stream = Stream::new(Stream::new(out.seed).fork(2));
     let Passage {
