@@ -5,7 +5,7 @@
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;
 use crate::ways::together;
-use crate::{bih, objects, params};
+use crate::{bih, leaf_tests, objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::slanted::{self, Policy};
@@ -13,6 +13,7 @@ use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS;
+use halfspace_papers::alone;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_single::objects::slanted::slanted as slanted_rays;
@@ -98,9 +99,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let tree = SlantTree::new(&built, &mut leaves)?;
     let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
     let (tree, shape) = (Arc::new(tree), built.shape());
-    let plan = Plan::single("intervals", "intervals", slanted_rays(&tree, &leaves));
-    let groups = together!(&tree, &leaves, slanted, shadow_slanted);
-    let plan = groups.plan(plan, config.way().rays);
+    let single = |kernel| Plan::single("intervals", "intervals", kernel);
+    let plan = if leaf_tests::alone(config) {
+        single(alone::slanted(&tree, &leaves, config.robust()))
+    } else {
+        let groups = together!(&tree, &leaves, slanted, shadow_slanted);
+        groups.plan(single(slanted_rays(&tree, &leaves)), config.way().rays)
+    };
     let mut built = objects::built(config, frame, tree, leaves, plan, shape);
     if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
         let reason = "oblique planes: those along the axes were cheaper everywhere";

@@ -3,9 +3,10 @@
 //! All other structures are compared with it.
 
 use crate::boxes::{self, Boxes};
+use crate::leaf_tests::{self, BLOCKS, SCALAR, leaves, singly};
 use crate::list::List;
 use crate::refit::{Layers, MakePlan};
-use crate::ways::{all, chosen, distinct, together, traversal};
+use crate::ways::{all, distinct, together, traversal};
 use crate::{objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -17,6 +18,7 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_nodes::plane_boxes::PlaneBoxTree;
+use halfspace_papers::alone;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -46,6 +48,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         ANY_ORDER,
         QUALITY,
         params::ROBUST,
+        LEAVES,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
         params::triangle_cost(Costs::BOXES),
@@ -114,8 +117,26 @@ pub(crate) const ANY_ORDER: ParamSpec = ParamSpec {
             key: "width",
             only: Only::Options(&["8"]),
         },
+        Need {
+            key: leaf_tests::LEAVES,
+            only: Only::Options(&[BLOCKS.name]),
+        },
     ],
 };
+
+pub(crate) const LEAVES: ParamSpec = leaves(&[
+    BLOCKS,
+    Named {
+        needs: &[
+            singly(&["auto", "ordered"]),
+            Need {
+                key: "width",
+                only: Only::Options(&["8", "2"]),
+            },
+        ],
+        ..SCALAR
+    },
+]);
 
 /// Levels of other libraries (bvh by madmann91, obvhs) for the builders of this row and of `bvh-hlbvh`.
 const QUALITY: ParamSpec = ParamSpec {
@@ -210,6 +231,9 @@ pub(crate) fn whole(
         "2" => order.lay_out(
             |tree| tree,
             |config, tree, leaves, _| {
+                if leaf_tests::alone(config) {
+                    return ordered(alone::boxes2(tree, leaves, config.robust()));
+                }
                 let single = ordered(boxes2(tree, leaves));
                 let groups = together!(tree, leaves, boxes2, shadow_boxes2);
                 groups.plan(single, config.way().rays)
@@ -234,7 +258,7 @@ pub(crate) fn whole(
                         leaves: leaves.clone(),
                         any_order: any_order(config),
                     };
-                    (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes)
+                    boxes.plan(config)
                 },
             )
         }
@@ -256,7 +280,7 @@ fn of_parts(framed: FramedScene<'_>, config: &Config, binary: &ObjectTree) -> Re
         leaves: Arc::new(leaves.write(scene, frame, &binary.ids)),
         any_order: any_order(config),
     };
-    let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
+    let plan = boxes.plan(config);
     let shape = nested::shape(&*boxes.tree, frame.bounds());
     let tree = Arc::new(PlaneBoxTree(boxes.tree));
     Ok(objects::built(

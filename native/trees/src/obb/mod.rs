@@ -21,7 +21,7 @@ use crate::boxes::{self, Boxes};
 use crate::list::List;
 use crate::objects;
 use crate::params;
-use crate::ways::{chosen, distinct, offer, together, traversal};
+use crate::ways::{distinct, offer, together, traversal};
 use halfspace_base::error::Result;
 use halfspace_base::monitor::Monitor;
 use halfspace_builders::object;
@@ -171,11 +171,12 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let mut built = if turns.is_empty() && corners {
         let any_order = Rule::Cost;
         let tree = Arc::new(boxes);
-        let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&Boxes {
+        let plan = Boxes {
             tree: tree.clone(),
             leaves: leaves.clone(),
             any_order,
-        });
+        }
+        .plan(config);
         let shape = nested::shape(&*tree, frame.bounds());
         objects::built(config, frame, tree, leaves, plan, shape)
     } else {
