@@ -5,7 +5,7 @@
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;
 use crate::ways::together;
-use crate::{bih, leaf_tests, objects, params};
+use crate::{bih, leaf_tests, left_out, objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::slanted::{self, Policy};
@@ -82,6 +82,9 @@ pub const SPEC: StructureSpec = StructureSpec {
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
+    // Try the axes alone where no triangle is oblique.
+    let directions = config.integer("k");
+    let parallel = directions > 3 && left_out::is_parallel(scene);
     let policy = Policy {
         costs: Costs {
             step: config.float("step_cost"),
@@ -92,7 +95,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         oblique_step: config.float("oblique_step_cost"),
         leaf_max: config.integer("leaf_max"),
         empty: config.float("empty"),
-        directions: config.integer("k"),
+        directions: if parallel { 3 } else { directions },
     };
     let built = slanted::build(scene, &frame, &policy, monitor)?;
     let mut leaves = Leaves::new(params::keep(config));
@@ -107,9 +110,16 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         groups.plan(single(slanted_rays(&tree, &leaves)), config.way().rays)
     };
     let mut built = objects::built(config, frame, tree, leaves, plan, shape);
-    if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
-        let reason = "oblique planes: those along the axes were cheaper everywhere";
-        built.left_out.push(reason.to_owned());
+    if shape.nodes_oblique == 0 && shape.nodes_axis > 0 && directions > 3 {
+        let reason = if parallel {
+            left_out::PARALLEL
+        } else {
+            "those along the axes were cheaper everywhere"
+        };
+        built.left_out.push(format!("oblique planes: {reason}"));
+    }
+    if policy.empty > 0.0 {
+        built.left_out.extend(left_out::no_empty_space(&shape));
     }
     Ok(built)
 }

@@ -7,7 +7,7 @@ use crate::leaf_tests::{self, BLOCKS, SCALAR, leaves, singly};
 use crate::list::List;
 use crate::refit::{Layers, MakePlan};
 use crate::ways::{all, distinct, together, traversal};
-use crate::{objects, params, refit};
+use crate::{left_out, objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::{hlbvh, object, spatial};
@@ -193,9 +193,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         "high" => HIGH_SPLITS,
         _ => config.float(params::SPLITS.name),
     };
-    if share == 0.0 {
+    let needless = (share > 0.0)
+        .then(|| left_out::needless_splits(scene, &frame))
+        .flatten();
+    if share == 0.0 || needless.is_some() {
         let binary = object::build(scene, &frame, &policy, monitor)?;
-        return whole(scene, config, frame, binary);
+        let mut built = whole(scene, config, frame, binary)?;
+        built.left_out.extend(needless);
+        return Ok(built);
     }
     let framed = FramedScene {
         scene,

@@ -2,6 +2,7 @@
 //! Octrees: one build, and one row for each way in which rays find the next cell.
 
 use crate::leaf_tests::{self, BLOCKS, NO_BEAMS, SCALAR, leaves as leaf_tests_of, singly};
+use crate::left_out;
 use crate::list::List;
 use crate::params::{BEAM_LEAST, least};
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
@@ -330,8 +331,10 @@ fn build(
         tree: Some(tree),
         leaves,
         derived: Vec::new(),
+        left_out: left_out::levels(&shape, depth as usize, params.leaf_size, params.budget)
+            .into_iter()
+            .collect(),
         shape,
-        left_out: Vec::new(),
         growing: None,
         refit: None,
     })

@@ -8,6 +8,7 @@ use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT, WIDE_LEAVES};
 pub use params::{EMPTY, LEAVES, SLAB_LEAVES};
 
 use crate::leaf_tests;
+use crate::left_out;
 use crate::list::List;
 use crate::params as shared;
 use crate::refit::{self, Layers, MakePlan};
@@ -323,7 +324,12 @@ impl Ordered<'_> {
             leaves: Arc::new(blocks),
             shape,
         };
-        Ok(refit::built(self.config, layers, plan))
+        let remark = (self.config.float("empty") > 0.0)
+            .then(|| left_out::no_empty_space(&layers.shape))
+            .flatten();
+        let mut built = refit::built(self.config, layers, plan);
+        built.left_out.extend(remark);
+        Ok(built)
     }
 }
 

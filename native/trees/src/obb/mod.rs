@@ -18,6 +18,7 @@ mod turning;
 
 use crate::bih;
 use crate::boxes::{self, Boxes};
+use crate::left_out;
 use crate::list::List;
 use crate::objects;
 use crate::params;
@@ -153,7 +154,9 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     drop(binary);
 
     // Choose the rotation of each node, and turn the boxes.
-    let frames = config.integer("frames");
+    let wanted = config.integer("frames");
+    let parallel = wanted > 1 && left_out::is_parallel(scene);
+    let frames = if parallel { 1 } else { wanted };
     let turning = Turning {
         scene,
         frame: &frame,
@@ -194,9 +197,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         };
         objects::built(config, frame, tree, leaves, plan, shape)
     };
-    if frames > 1 && turns.is_empty() && !scene.live().is_empty() {
-        let reason = "turned boxes: those along the axes were cheapest at every node";
-        built.left_out.push(reason.to_owned());
+    if wanted > 1 && turns.is_empty() && !scene.live().is_empty() {
+        let reason = if parallel {
+            left_out::PARALLEL
+        } else {
+            "those along the axes were cheapest at every node"
+        };
+        built.left_out.push(format!("turned boxes: {reason}"));
     }
     Ok(built)
 }
