@@ -335,7 +335,11 @@ fn extreme_parameters_build_valid_trees() {
             for end in ends.iter().filter(|_| param.name != "robust") {
                 let mut spec = format!("{}:{}={end}", tree.id, param.name);
                 // Meet the conditions of parameters that have no effect with the defaults.
-                for need in param.needs {
+                let own = match param.kind {
+                    Kind::Choice(options) => options.iter().find(|o| o.name == *end),
+                    _ => None,
+                };
+                for need in param.needs.iter().chain(own.map_or(&[][..], |o| o.needs)) {
                     let other = tree.all_params().find(|p| p.name == need.key).unwrap();
                     if let Only::Options(options) = need.only
                         && !need.holds(&other.default)
@@ -381,6 +385,16 @@ fn traversals_without_error_bounds_are_caught() {
         "bih4:robust=none",
         "bih-n:robust=none",
         "bih-sah:robust=none",
+        "bih:robust=none,leaves=scalar",
+        "bih1:robust=none,leaves=scalar",
+        "bih4:robust=none,leaves=scalar",
+        "bih-bvh:robust=none,leaves=scalar",
+        "bih-obl:robust=none,leaves=scalar",
+        "bvh-sah:robust=none,leaves=scalar",
+        "bvh-sah:robust=none,leaves=scalar,width=2",
+        "bbox-gs:robust=none,leaves=scalar",
+        "bbox-gs:robust=none,leaves=scalar,slabs=7",
+        "grid:robust=none,leaves=scalar",
         "bih-bvh:robust=none",
         "bih-obl:robust=none",
         "bbox-gs:robust=none",

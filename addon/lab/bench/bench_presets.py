@@ -9,9 +9,9 @@ DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in
 """The structures that the thesis sweeps over k."""
 
 FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir,leaves=scalar"
-"""The thesis's costs, stopping rule and tie breaking, without clipping of triangles; its draw of normals and
-`rule=code` are added where there is one. Rays are traced singly and test one triangle at a time, as in its
-kd-tree.
+"""The thesis's costs, stopping rule and tie breaking, without clipping of triangles; its draw of normals,
+`rule=code` and `empty_clusters=code` are added where there is one. Rays are traced singly and test one triangle at a
+time, as in its kd-tree; also in its RBSP, which computes each plane's two dot products (`dir`).
 """
 
 BASE = "kd-sah:traversal=dir,leaves=scalar"
@@ -37,8 +37,10 @@ def as_published(spec: str) -> str:
     parts = [FAITHFUL]
     if name.startswith(("bsp-wn", "bsp-cn")):
         parts.append("draw=thesis")
-    if name.endswith("-kd") or name.startswith("bsp-cn"):
+    if name.endswith("-kd"):
         parts.append("rule=code")
+    if name.startswith("bsp-cn"):
+        parts.append("empty_clusters=code")
     return specs.joined(spec, *parts)
 
 

@@ -53,17 +53,17 @@ FORMS: Mapping[str, str] = {
     "bsp-wn": f"{THESIS},draw=thesis",
     "bsp-wn-plus": f"{THESIS},draw=thesis",
     "bsp-wn-plus-kd": f"{THESIS},draw=thesis,rule=code",
-    "bsp-cn": f"{THESIS},draw=thesis,rule=code",
-    "bsp-cn-plus": f"{THESIS},draw=thesis,rule=code",
-    "bsp-cn-plus-kd": f"{THESIS},draw=thesis,rule=code",
+    "bsp-cn": f"{THESIS},draw=thesis,empty_clusters=code",
+    "bsp-cn-plus": f"{THESIS},draw=thesis,empty_clusters=code",
+    "bsp-cn-plus-kd": f"{THESIS},draw=thesis,rule=code,empty_clusters=code",
     "bsp-ize": THESIS,
     "bsp-ize-kd": f"{THESIS},rule=code",
     "rbsp": f"{THESIS}|projected",
     "rbsp-kd": f"{THESIS}|projected,rule=code",
 }
 """Required values of parameters by structure, `|` between those that are allowed; of parameters without an effect
-nothing is required. Intervals, boxes and octrees test eight triangles at once, where their sources tested one: their
-forms lack `leaves=scalar`, which these structures do not have.
+nothing is required. Claims about intervals, boxes and octrees compare these with each other, all with eight triangles at
+once, where their sources tested one: their forms do not ask for `leaves=scalar`.
 """
 
 

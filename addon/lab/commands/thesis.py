@@ -20,6 +20,7 @@ from ...core.report import results
 from ...core.scene import workload
 from ..base.usage import Parser, UsageError, output
 from ..bench.bench_presets import BASE, as_published
+from ..claims.thesis import BVHS
 from ..report import thesis as published
 from ..thesis import levels, measure, page, plan, tables
 
@@ -168,9 +169,11 @@ def save(
 
 def about(effort: plan.Effort) -> str:
     """How the numbers were measured."""
+    boxes = ", ".join(f"{name} ({spec})" for name, spec in zip(plan.HIERARCHIES, BVHS.values(), strict=True))
     return (
         "All trees have the costs, rules and draws of the thesis and test one triangle at a time, by single rays; so "
-        f"has the kd-tree ({BASE}) that they are compared with. Rays of {effort.size[0]} x {effort.size[1]} pixels, "
+        f"has the kd-tree ({BASE}) that they are compared with. Beside them are hierarchies of boxes, {boxes}. Rays of "
+        f"{effort.size[0]} x {effort.size[1]} pixels, "
         "their shadow rays and one bounce, one thread, processor time, the median of "
         f"{effort.repeats} passes in turn with the kd-tree's; {len(effort.seeds)} seeds. Ize's trees try the planes of "
         f"{'all' if effort.all_tried else '128'} triangles of a node."

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..bench.bench_presets import as_published
+from ..claims.thesis import BVHS
 from ..report.thesis import TABLES
 
 AXES = 3
@@ -19,6 +20,9 @@ SCENES = ("killeroo-feet", "sponza-dabrovic", "conference")
 SETS = ("primary", "shadow", "diffuse")
 ALL_TRIED = "tried=1000000"
 """More triangles than any node has."""
+
+HIERARCHIES = ("bvh-scalar", "bvh-embree")
+"""Names of the hierarchies of boxes that the trees are compared with beside the kd-tree."""
 
 CHEAP = "-plus-kd"
 """End of the names of trees with the axes as cheap nodes."""
@@ -51,7 +55,7 @@ QUICK = Effort(((4, 6), (6,)), (1,), (128, 128), 3, 2_000)
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree to measure. structure: its id. k: number of directions, 0 where the tables have none. spec: in full."""
+    """A tree to measure. structure: its name. k: number of directions, 0 where the tables have none. spec: in full."""
 
     structure: str
     k: int
@@ -76,6 +80,7 @@ def trees(effort: Effort) -> Iterator[Tree]:
                 yield Tree(name, 0, 0, as_published(f"{name}:k={RBSP_K}"))
             for name in ("bsp-ize-kd", "bsp-ize"):
                 yield Tree(name, 0, 0, as_published(f"{name}:{ALL_TRIED}" if effort.all_tried else name))
+            yield from (Tree(name, 0, 0, spec) for name, spec in zip(HIERARCHIES, BVHS.values(), strict=True))
         for name in (name for name in TABLES if name not in cheap):
             least = AXES if name.endswith("-plus") else 1
             # Trees of the axes alone draw nothing, and are the same for all seeds.
@@ -97,7 +102,7 @@ def _swept(name: str, k: int, seed: int) -> Tree:
     return Tree(name, k, seed, as_published(f"{name}:k={k},seed={seed}"))
 
 
-DRAWN = ("draw", "rule", "seed")
+DRAWN = ("draw", "rule", "empty_clusters", "seed")
 """Parameters that have no effect on the axes alone."""
 
 NOT_OF_AXES = (*DRAWN, "slab")

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..claims.claims import FAILS, HOLDS, UNTESTED
 from ..report.thesis import TABLES, Numbers, Published
+from .plan import HIERARCHIES
 
 NOISE = 5.0
 """Points by which a time in percent may exceed the published one: the published trees with the axes alone, which are
@@ -61,7 +62,7 @@ def lines(rows: Iterable[dict[str, Any]], known: Published) -> Iterator[Line]:
     groups: dict[tuple[str, str, int], list[dict[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row["model"], row["structure"], row["k"]), []).append(row)
-    order = [*TABLES, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd"]
+    order = [*TABLES, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd", *HIERARCHIES]
     for (model, structure, k), own in sorted(groups.items(), key=lambda item: (order.index(item[0][1]), item[0])):
         scene = model.partition(" ")[0]
         theirs = {key: x for key, x in known.medians.get((structure, scene, k), {}).items() if key in COLUMNS}

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Single rays through trees of split planes as papers describe them, one file per algorithm; and the kernels that test
-//! one triangle at a time ([`halfspace_leaf::scalar`]).
+//! Single rays through trees of split planes as papers describe them, one file per algorithm; and the kernels of all trees
+//! that test one triangle at a time ([`halfspace_leaf::scalar`]).
 
+pub mod alone;
 pub mod bounded;
 pub mod origin;
 pub mod projected;

@@ -2,6 +2,7 @@
 //! The configurations that the contract of structures is tested on.
 
 use halfspace::registry::{self, TREES};
+use halfspace::structure::row::Family;
 use halfspace::structure::way::Way;
 
 /// Returns whether a way is compared in full on another tree with the same nodes.
@@ -27,7 +28,7 @@ pub fn with(spec: &str, pair: &str) -> String {
 }
 
 /// Forms of trees that other values than the defaults select.
-const FORMS: [&str; 15] = [
+const FORMS: [&str; 20] = [
     "bvh-sah:quality=fast",
     "bvh-sah:quality=high",
     "bvh-sah:splits=1",
@@ -43,6 +44,11 @@ const FORMS: [&str; 15] = [
     "rbsp:k=26,axes_depth=3,traversal=projected",
     "rbsp-kd:set=random,seed=1,traversal=projected",
     "rbsp-kd:k=13,leaves=scalar,traversal=projected",
+    "bvh-sah:width=2,leaves=scalar",
+    "bvh-sah:splits=1,leaves=scalar",
+    "bih-n:n=2,leaves=scalar",
+    "bbox-gs:slabs=7,leaves=scalar",
+    "octree-beam:traversal=net,leaves=scalar",
 ];
 
 /// Returns every structure with each of its ways.
@@ -57,9 +63,10 @@ pub fn specs() -> Vec<String> {
             .filter(|(way, _)| !way.traversal.starts_with("tile") && !elsewhere(tree.id, way));
         let ways: Vec<_> = ways.map(|(_, spec)| spec).collect();
         // Leaves tested one triangle at a time, on one tree of each kind of nodes.
-        let on = ["kd", "kd-median", "kd-sah", "rbsp-kd", "bsp-wn"];
+        let elsewhere = tree.family == Family::Space
+            && !["kd", "kd-median", "kd-sah", "rbsp-kd", "bsp-wn", "grid"].contains(&tree.id);
         let scalar = ways.iter().map(|spec| with(spec, "leaves=scalar"));
-        specs.extend(scalar.filter(|spec| on.contains(&tree.id) && registry::parse(spec).is_ok()));
+        specs.extend(scalar.filter(|spec| !elsewhere && registry::parse(spec).is_ok()));
         specs.extend(ways);
     }
     specs

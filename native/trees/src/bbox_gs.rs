@@ -2,7 +2,8 @@
 //! Hierarchies of bounding boxes that grow object by object, traversed with a heap: what object-oriented
 //! ray tracers of the early nineties used, among them the OORT library.
 
-use crate::bih::LEAVES;
+use crate::bih::SLAB_LEAVES;
+use crate::leaf_tests;
 use crate::ways::only_singly;
 use crate::{objects, params};
 use halfspace_base::Monitor;
@@ -13,6 +14,7 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::dop_tree::DopTree;
 use halfspace_nodes::nested;
+use halfspace_papers::alone;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -68,7 +70,7 @@ const PARAMS: &[ParamSpec] = &[
     FANOUT,
     CHILDREN,
     LEAF_SIZE,
-    LEAVES,
+    SLAB_LEAVES,
     params::ROBUST,
     ORDER,
     SEED,
@@ -186,9 +188,11 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
         grown: &grown,
         ids: &ids,
     };
-    match config.choice("slabs") {
-        "3" => order.lay_out(dops::dops3),
-        "7" => order.lay_out(dops::dops7),
+    match (config.choice("slabs"), leaf_tests::alone(config)) {
+        ("3", false) => order.lay_out(dops::dops3),
+        ("3", true) => order.lay_out(|tree, leaves| alone::dops3(tree, leaves, config.robust())),
+        ("7", false) => order.lay_out(dops::dops7),
+        ("7", true) => order.lay_out(|tree, leaves| alone::dops7(tree, leaves, config.robust())),
         _ => order.lay_out(dops::dops13),
     }
 }
@@ -206,7 +210,7 @@ impl Inserted<'_> {
     /// Lays the tree out with `D` slabs per node, writes its leaves and makes its plan.
     fn lay_out<const D: usize>(
         &self,
-        kernel: fn(&Arc<DopTree<D>>, &Arc<Blocks>) -> Arc<dyn SingleRays>,
+        kernel: impl FnOnce(&Arc<DopTree<D>>, &Arc<Blocks>) -> Arc<dyn SingleRays>,
     ) -> Result<Built> {
         let mut leaves = Leaves::new(params::keep(self.config));
         let mut ids = Vec::with_capacity(self.ids.len());

@@ -5,7 +5,7 @@
 use crate::bih::{EMPTY, LEAVES};
 use crate::bsp::params::MORE_THAN_AXES;
 use crate::ways::together;
-use crate::{bih, objects, params};
+use crate::{bih, leaf_tests, left_out, objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::slanted::{self, Policy};
@@ -13,6 +13,7 @@ use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS;
+use halfspace_papers::alone;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_single::objects::slanted::slanted as slanted_rays;
@@ -81,6 +82,9 @@ pub const SPEC: StructureSpec = StructureSpec {
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
+    // Try the axes alone where no triangle is oblique.
+    let directions = config.integer("k");
+    let parallel = directions > 3 && left_out::is_parallel(scene);
     let policy = Policy {
         costs: Costs {
             step: config.float("step_cost"),
@@ -91,20 +95,31 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         oblique_step: config.float("oblique_step_cost"),
         leaf_max: config.integer("leaf_max"),
         empty: config.float("empty"),
-        directions: config.integer("k"),
+        directions: if parallel { 3 } else { directions },
     };
     let built = slanted::build(scene, &frame, &policy, monitor)?;
     let mut leaves = Leaves::new(params::keep(config));
     let tree = SlantTree::new(&built, &mut leaves)?;
     let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
     let (tree, shape) = (Arc::new(tree), built.shape());
-    let plan = Plan::single("intervals", "intervals", slanted_rays(&tree, &leaves));
-    let groups = together!(&tree, &leaves, slanted, shadow_slanted);
-    let plan = groups.plan(plan, config.way().rays);
+    let single = |kernel| Plan::single("intervals", "intervals", kernel);
+    let plan = if leaf_tests::alone(config) {
+        single(alone::slanted(&tree, &leaves, config.robust()))
+    } else {
+        let groups = together!(&tree, &leaves, slanted, shadow_slanted);
+        groups.plan(single(slanted_rays(&tree, &leaves)), config.way().rays)
+    };
     let mut built = objects::built(config, frame, tree, leaves, plan, shape);
-    if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
-        let reason = "oblique planes: those along the axes were cheaper everywhere";
-        built.left_out.push(reason.to_owned());
+    if shape.nodes_oblique == 0 && shape.nodes_axis > 0 && directions > 3 {
+        let reason = if parallel {
+            left_out::PARALLEL
+        } else {
+            "those along the axes were cheaper everywhere"
+        };
+        built.left_out.push(format!("oblique planes: {reason}"));
+    }
+    if policy.empty > 0.0 {
+        built.left_out.extend(left_out::no_empty_space(&shape));
     }
     Ok(built)
 }

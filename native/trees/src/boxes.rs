@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversals of nodes of eight boxes: those of a box hierarchy, and those made from split planes.
 
-use crate::ways::{Pair, Traversal, in_packets, in_streams, in_tiles, way};
+use crate::leaf_tests;
+use crate::ways::{Pair, Traversal, chosen, in_packets, in_streams, in_tiles, way};
 use halfspace_group::{packet, tile};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
+use halfspace_papers::alone;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_single::objects::boxes::boxes8;
 use halfspace_stream as stream;
@@ -13,6 +15,7 @@ use halfspace_stream::order::Rule;
 use halfspace_structure::Plan;
 use halfspace_structure::coherence::Limits;
 use halfspace_structure::footprint::Footprint;
+use halfspace_structure::spec::Config;
 use halfspace_structure::way::Rays;
 use halfspace_trace::kernel::Kernel;
 use std::sync::Arc;
@@ -138,6 +141,15 @@ pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
 ];
 
 impl Boxes {
+    /// The plan of the chosen way.
+    pub fn plan(&self, config: &Config) -> Plan {
+        if leaf_tests::alone(config) {
+            let kernel = alone::boxes8(&self.tree, &self.leaves, config.robust());
+            return Plan::single("boxes", "ordered", kernel);
+        }
+        (chosen(&TRAVERSALS, config.way()).plan)(self)
+    }
+
     /// Single rays, the nearest box first.
     fn singly(&self) -> Plan {
         Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))

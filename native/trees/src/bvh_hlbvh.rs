@@ -21,6 +21,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         bvh_sah::TRAVERSAL,
         bvh_sah::ANY_ORDER,
         params::ROBUST,
+        bvh_sah::LEAVES,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
         params::triangle_cost(Costs::BOXES),

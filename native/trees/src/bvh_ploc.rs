@@ -22,6 +22,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         bvh_sah::ANY_ORDER,
         RADIUS,
         params::ROBUST,
+        bvh_sah::LEAVES,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
         params::triangle_cost(Costs::BOXES),

@@ -3,10 +3,11 @@
 //! All other structures are compared with it.
 
 use crate::boxes::{self, Boxes};
+use crate::leaf_tests::{self, BLOCKS, SCALAR, leaves, singly};
 use crate::list::List;
 use crate::refit::{Layers, MakePlan};
-use crate::ways::{all, chosen, distinct, together, traversal};
-use crate::{objects, params, refit};
+use crate::ways::{all, distinct, together, traversal};
+use crate::{left_out, objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::{hlbvh, object, spatial};
@@ -17,6 +18,7 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_nodes::plane_boxes::PlaneBoxTree;
+use halfspace_papers::alone;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -46,6 +48,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         ANY_ORDER,
         QUALITY,
         params::ROBUST,
+        LEAVES,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),
         params::triangle_cost(Costs::BOXES),
@@ -114,8 +117,26 @@ pub(crate) const ANY_ORDER: ParamSpec = ParamSpec {
             key: "width",
             only: Only::Options(&["8"]),
         },
+        Need {
+            key: leaf_tests::LEAVES,
+            only: Only::Options(&[BLOCKS.name]),
+        },
     ],
 };
+
+pub(crate) const LEAVES: ParamSpec = leaves(&[
+    BLOCKS,
+    Named {
+        needs: &[
+            singly(&["auto", "ordered"]),
+            Need {
+                key: "width",
+                only: Only::Options(&["8", "2"]),
+            },
+        ],
+        ..SCALAR
+    },
+]);
 
 /// Levels of other libraries (bvh by madmann91, obvhs) for the builders of this row and of `bvh-hlbvh`.
 const QUALITY: ParamSpec = ParamSpec {
@@ -172,9 +193,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         "high" => HIGH_SPLITS,
         _ => config.float(params::SPLITS.name),
     };
-    if share == 0.0 {
+    let needless = (share > 0.0)
+        .then(|| left_out::needless_splits(scene, &frame))
+        .flatten();
+    if share == 0.0 || needless.is_some() {
         let binary = object::build(scene, &frame, &policy, monitor)?;
-        return whole(scene, config, frame, binary);
+        let mut built = whole(scene, config, frame, binary)?;
+        built.left_out.extend(needless);
+        return Ok(built);
     }
     let framed = FramedScene {
         scene,
@@ -210,6 +236,9 @@ pub(crate) fn whole(
         "2" => order.lay_out(
             |tree| tree,
             |config, tree, leaves, _| {
+                if leaf_tests::alone(config) {
+                    return ordered(alone::boxes2(tree, leaves, config.robust()));
+                }
                 let single = ordered(boxes2(tree, leaves));
                 let groups = together!(tree, leaves, boxes2, shadow_boxes2);
                 groups.plan(single, config.way().rays)
@@ -234,7 +263,7 @@ pub(crate) fn whole(
                         leaves: leaves.clone(),
                         any_order: any_order(config),
                     };
-                    (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes)
+                    boxes.plan(config)
                 },
             )
         }
@@ -256,7 +285,7 @@ fn of_parts(framed: FramedScene<'_>, config: &Config, binary: &ObjectTree) -> Re
         leaves: Arc::new(leaves.write(scene, frame, &binary.ids)),
         any_order: any_order(config),
     };
-    let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
+    let plan = boxes.plan(config);
     let shape = nested::shape(&*boxes.tree, frame.bounds());
     let tree = Arc::new(PlaneBoxTree(boxes.tree));
     Ok(objects::built(

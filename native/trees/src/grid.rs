@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The uniform grid: equal cells, each with the triangles that reach into it, and no tree at all.
 
+use crate::leaf_tests::{self, BLOCKS, SCALAR, singly};
 use crate::list::List;
 use crate::params;
 use crate::ways::{distinct, every_way, together, traversal};
@@ -11,6 +12,7 @@ use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::grid::Grid;
 use halfspace_nodes::shape::{Measure, Shape};
+use halfspace_papers::alone;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -43,7 +45,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
     // A grid has no tree for beams of shadow rays to descend, so `beam` is not a choice.
-    params: &[DENSITY, TRAVERSAL, params::ROBUST, SHADOW],
+    params: &[DENSITY, TRAVERSAL, params::ROBUST, LEAVES, SHADOW],
     ways: &WAYS,
     no_groups: "",
     menu: Menu::Others,
@@ -68,6 +70,14 @@ const DENSITY: ParamSpec = ParamSpec {
     group: Group::Main,
     needs: &[],
 };
+
+const LEAVES: ParamSpec = leaf_tests::leaves(&[
+    BLOCKS,
+    Named {
+        needs: &[singly(&["auto", "steps"])],
+        ..SCALAR
+    },
+]);
 
 /// Depth of a cell in the overlay: below slices and rows.
 const DEPTH: usize = 3;
@@ -100,9 +110,11 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         ));
     }
     let (tree, leaves) = (Arc::new(grid), Arc::new(blocks));
-    let plan = Plan::single("cells", "steps", single::grid::grid(&tree, &leaves));
+    let singly = |kernel| Plan::single("cells", "steps", kernel);
+    let plan = singly(single::grid::grid(&tree, &leaves));
     let groups = together!(&tree, &leaves, cells, shadow_cells);
     let plan = match config.way().rays {
+        _ if leaf_tests::alone(config) => singly(alone::grid(&tree, &leaves, config.robust())),
         // Streams of nearest hits are slower than single rays: cells are found by halving ranges.
         Rays::Auto => (plan.with_tiles(Rays::Tile, groups.tiles.closest))
             .with_any(Rays::Stream, groups.streams.any)

@@ -5,7 +5,7 @@
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
 use crate::planes::scalar::AXIS_LEAVES;
 use crate::ways::PLANE_NODES;
-use crate::{lazy, params, planes};
+use crate::{lazy, left_out, params, planes};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::{ClippedBox, Piece};
@@ -117,6 +117,19 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     plane_tree(scene, config, policy, &params, monitor)
 }
 
+/// Lists what the scene does not need of an axis-aligned tree.
+fn lines(scene: &Triangles, config: &Config, frame: &Frame) -> lazy::LeftOut {
+    let (count, bounds) = (scene.live().len(), frame.bounds());
+    let cuts = config.structure().id == SPEC.id && !lazy::is_lazy(config);
+    Box::new(move |shape, _| {
+        let flat = (shape.nodes_axis > 0)
+            .then(|| left_out::flat(&bounds))
+            .flatten();
+        let uncut = cuts.then(|| left_out::uncut(shape, count)).flatten();
+        flat.into_iter().chain(uncut).collect()
+    })
+}
+
 /// Builds an axis-aligned tree and lays it out.
 ///
 /// # Errors
@@ -132,5 +145,5 @@ pub fn plane_tree<P: PlanePolicy + Send + 'static>(
     let grown = planes::during_planes(config, monitor, || {
         lazy::grow(scene, config, &frame, policy, params, monitor)
     })?;
-    grown.lay_out(scene, config, frame, lazy::nothing(), monitor)
+    grown.lay_out(scene, config, frame, lines(scene, config, &frame), monitor)
 }

@@ -25,9 +25,9 @@ use std::sync::Arc;
 /// tried their first directions only.
 pub type LeftOut = Box<dyn Fn(&Shape, usize) -> Vec<String> + Send + Sync>;
 
-/// Returns no feature, for trees that have none that a scene might not need.
-pub fn nothing() -> LeftOut {
-    Box::new(|_, _| Vec::new())
+/// Returns whether a configuration has `lazy=1`.
+pub fn is_lazy(config: &Config) -> bool {
+    config.find(LAZY.name) == Some(&Value::Choice("1"))
 }
 
 /// A tree as its builder returns it.
@@ -50,7 +50,7 @@ pub fn grow<P: PlanePolicy + Send + 'static>(
     params: &Params,
     monitor: &Monitor,
 ) -> Result<Grown> {
-    if config.find(LAZY.name) == Some(&Value::Choice("1")) {
+    if is_lazy(config) {
         let shared = policy.bytes();
         let upper = lazy::build(scene, *frame, policy, params, monitor)?;
         return Ok(Grown::Upper(upper, shared));
@@ -75,10 +75,16 @@ impl Grown {
         match self {
             Self::Whole(preorder) => {
                 let built = planes::lay_out(scene, config, frame, &preorder, monitor)?;
-                Ok(Built {
-                    left_out: left_out(&Shape::new(&preorder), preorder.first_only),
-                    ..built
-                })
+                let shape = Shape::new(&preorder);
+                let mut left_out = left_out(&shape, preorder.first_only);
+                let planes = shape.nodes_axis + shape.nodes_oblique;
+                if config.way().nodes == "boxes" && planes > 0 {
+                    let boxes = built.shape.nodes_axis + built.shape.nodes_oblique;
+                    left_out.push(format!(
+                        "split planes: rays meet the {boxes} nodes of boxes made from {planes} planes"
+                    ));
+                }
+                Ok(Built { left_out, ..built })
             }
             Self::Upper(tree, shared) => {
                 let lazy = Lazy {

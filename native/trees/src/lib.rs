@@ -16,6 +16,8 @@ pub mod kd;
 pub mod kd_median;
 pub mod kd_sah;
 pub mod lazy;
+pub mod leaf_tests;
+pub mod left_out;
 pub mod list;
 pub mod obb;
 pub mod objects;

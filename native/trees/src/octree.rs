@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way in which rays find the next cell.
 
+use crate::leaf_tests::{self, BLOCKS, NO_BEAMS, SCALAR, leaves as leaf_tests_of, singly};
+use crate::left_out;
 use crate::list::List;
 use crate::params::{BEAM_LEAST, least};
 use crate::ways::{distinct, every_way, only_singly, together, traversal, way};
@@ -11,6 +13,7 @@ use halfspace_builders::octree::{self, Params};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octants::{Cube, MAX_DEPTH};
 use halfspace_nodes::octree_nodes::Octree;
+use halfspace_papers::alone;
 use halfspace_ray::FramedScene;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -21,6 +24,7 @@ use halfspace_structure::row::{
 use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
+use halfspace_trace::kernel::SingleRays;
 use std::sync::Arc;
 
 /// Depth limit.
@@ -144,6 +148,33 @@ const BEAM_OPTIONS: List<Named> = distinct(&BEAM_WAYS);
 
 const BEAM_TRAVERSAL: ParamSpec = traversal(BEAM_OPTIONS.slice());
 
+/// The parameter `leaves` of octrees whose rays all go one by one.
+const LEAVES: ParamSpec = leaf_tests_of(&[
+    BLOCKS,
+    Named {
+        needs: &[NO_BEAMS],
+        ..SCALAR
+    },
+]);
+
+/// The same from the root down.
+const FROM_ROOT_LEAVES: ParamSpec = leaf_tests_of(&[
+    BLOCKS,
+    Named {
+        needs: &[singly(&["auto", "param"]), NO_BEAMS],
+        ..SCALAR
+    },
+]);
+
+/// The same with beams.
+const BEAM_LEAVES: ParamSpec = leaf_tests_of(&[
+    BLOCKS,
+    Named {
+        needs: &[singly(&["net"]), NO_BEAMS],
+        ..SCALAR
+    },
+]);
+
 /// The registry's row: from the root down.
 pub const PARAM: StructureSpec = StructureSpec {
     id: "octree-param",
@@ -153,7 +184,13 @@ pub const PARAM: StructureSpec = StructureSpec {
     summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal; Arvo 1988, \
             Linear-time voxel walking for octrees (Ray Tracing News 1)",
-    params: &[LEAF_SIZE, REFERENCES, FROM_ROOT_TRAVERSAL, MAX_DEPTH_PARAM],
+    params: &[
+        LEAF_SIZE,
+        REFERENCES,
+        FROM_ROOT_TRAVERSAL,
+        MAX_DEPTH_PARAM,
+        FROM_ROOT_LEAVES,
+    ],
     ways: &FROM_ROOT,
     no_groups: "",
     menu: Menu::Octrees,
@@ -170,7 +207,7 @@ pub const NET: StructureSpec = StructureSpec {
     label: "Octree with links",
     summary: "Cubes halved along all axes; rays go from leaf to leaf by six stored links each.",
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, LEAVES],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     literature: &[("Samet-Net", "")],
@@ -197,6 +234,7 @@ pub const BEAM: StructureSpec = StructureSpec {
         REFERENCES,
         BEAM_TRAVERSAL,
         MAX_DEPTH_PARAM,
+        BEAM_LEAVES,
         BEAM_LEAST,
         POLYGON_LEAST,
     ],
@@ -222,7 +260,7 @@ pub const SAMET: StructureSpec = StructureSpec {
     label: "Octree with ascent",
     summary: "Cubes halved along all axes; rays find the next leaf by going up to the common ancestor and down again.",
     paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, LEAVES],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     literature: &[("Samet-Standard", "")],
@@ -243,7 +281,7 @@ pub const GLASSNER: StructureSpec = StructureSpec {
     label: "Octree with point location",
     summary: "Cubes halved along all axes; rays locate every next leaf from the root.",
     paper: "Glassner 1984, Space subdivision for fast ray tracing",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, LEAVES],
     ways: &SINGLY,
     no_groups: "its rays go from leaf to leaf, each by its own neighbours; groups that share cells from the root down are those of octree-param",
     literature: &[("Octree, Glassner", "")],
@@ -293,24 +331,31 @@ fn build(
         tree: Some(tree),
         leaves,
         derived: Vec::new(),
+        left_out: left_out::levels(&shape, depth as usize, params.leaf_size, params.budget)
+            .into_iter()
+            .collect(),
         shape,
-        left_out: Vec::new(),
         growing: None,
         refit: None,
     })
 }
 
+/// Makes the kernel of single rays.
+type Single = fn(&Arc<Octree>, &Arc<Blocks>) -> Arc<dyn SingleRays>;
+
 fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Traversal) -> Plan {
-    let mut plan = match traversal {
-        Traversal::FromRoot => Plan::single("octants", "param", param::param(tree, leaves)),
-        Traversal::Links | Traversal::Beams => {
-            Plan::single("octants", "net", net::net(tree, leaves))
-        }
-        Traversal::Ascent => Plan::single("octants", "samet", samet::samet(tree, leaves)),
-        Traversal::Location => {
-            Plan::single("octants", "glassner", glassner::glassner(tree, leaves))
-        }
+    let (name, eight, scalar): (_, Single, Single) = match traversal {
+        Traversal::FromRoot => ("param", param::param, alone::param),
+        Traversal::Links | Traversal::Beams => ("net", net::net, alone::net),
+        Traversal::Ascent => ("samet", samet::samet, alone::samet),
+        Traversal::Location => ("glassner", glassner::glassner, alone::glassner),
     };
+    let choice = config.choice("shadow");
+    if leaf_tests::alone(config) {
+        let plan = Plan::single("octants", name, scalar(tree, leaves));
+        return plan.with_shadow(choice, None);
+    }
+    let mut plan = Plan::single("octants", name, eight(tree, leaves));
     if traversal == Traversal::Beams && config.way().rays == Rays::Beam {
         if config.way().traversal == "polygon" {
             plan.cases = &halfspace_polybeam::NAMES;
@@ -327,7 +372,6 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, traversal: Tr
         let groups = together!(tree, leaves, octants, shadow_octants);
         plan = groups.plan(plan, config.way().rays);
     }
-    let choice = config.choice("shadow");
     if choice == "beam" && config.way().traversal == "polygon" {
         let least = least(config, &POLYGON_LEAST);
         let beams = halfspace_polybeam::shadow_octants(tree, leaves, least);

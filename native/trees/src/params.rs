@@ -259,6 +259,10 @@ pub fn least(config: &Config, param: &ParamSpec) -> u32 {
 pub fn keep(config: &Config) -> Keep {
     config.pick(
         "leaves",
-        [("indices", Keep::Indices), ("corners", Keep::Corners)],
+        [
+            ("indices", Keep::Indices),
+            ("corners", Keep::Corners),
+            ("scalar", Keep::Indices),
+        ],
     )
 }

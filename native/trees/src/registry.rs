@@ -409,8 +409,8 @@ mod tests {
                 "draw=thesis has no effect in 'bsp-cn-plus-kd' with k=3; it needs k above 3",
             ),
             (
-                "bsp-cn:rule=code",
-                "rule=code has no effect in 'bsp-cn' with draw=distinct; it needs draw=thesis",
+                "bsp-cn:empty_clusters=code",
+                "empty_clusters=code has no effect in 'bsp-cn' with draw=distinct; it needs draw=thesis",
             ),
         ] {
             let message = parse(text).unwrap_err().to_string();

@@ -7,6 +7,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
+from addon.core.structures import catalogue, specs, ways
 from tests.rooms_of_triangles import soup
 
 COUNTERS = ("steps_axis", "steps_oblique", "leaves", "leaves_empty", "tests", "verdicts")
@@ -47,6 +48,14 @@ def test_the_nodes_and_the_work_are_those_of_the_generic_traversal(tree: str) ->
     assert found.counters is not None
     for name in COUNTERS:
         assert np.array_equal(expected.counters[name], found.counters[name]), name
+
+
+@pytest.mark.parametrize("tree", ["rbsp", "rbsp-kd:k=26", "rbsp:leaves=scalar", "rbsp-kd:robust=none,leaves=scalar"])
+def test_single_rays_are_projected_by_default(tree: str) -> None:
+    built = native.build(*soup(3000, 3, box=8, size=0.2), tree)
+    assert built.counted_as == "projected"
+    structure = catalogue.load()[specs.structure_of(tree)]
+    assert "traversal=projected" in str(ways.single(structure, tree))
 
 
 def test_random_directions_are_drawn_once_for_the_whole_tree() -> None:

@@ -4,9 +4,11 @@
 
 pub mod params;
 
-use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT};
-pub use params::{EMPTY, LEAVES};
+use params::{BY_SURFACE, CHILDREN, CUT, LEAF_SIZE, SPLIT, WIDE_LEAVES};
+pub use params::{EMPTY, LEAVES, SLAB_LEAVES};
 
+use crate::leaf_tests;
+use crate::left_out;
 use crate::list::List;
 use crate::params as shared;
 use crate::refit::{self, Layers, MakePlan};
@@ -29,6 +31,7 @@ use halfspace_nodes::slab_boxes::SlabBoxes;
 use halfspace_nodes::slab_node::Double;
 use halfspace_nodes::slab_tree::{Gaps, SlabTree};
 use halfspace_nodes::slab_wide::WideSlabs;
+use halfspace_papers::alone;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_single::objects::{slab_boxes, slabs, wide_slabs};
@@ -175,6 +178,9 @@ pub const ONE_PLANE: StructureSpec = StructureSpec {
                 SlabTree::new(binary, bounds, tighten(config), Gaps::OneChild, leaves)
             },
             |config, tree, leaves, _| {
+                if leaf_tests::alone(config) {
+                    return one_by_one(alone::single_slabs(tree, leaves, config.robust()));
+                }
                 let groups = together!(tree, leaves, single_intervals, shadow_single_intervals);
                 groups.plan(
                     one_by_one(slabs::single_slabs(tree, leaves)),
@@ -200,7 +206,7 @@ pub const WIDE: StructureSpec = StructureSpec {
         TRAVERSAL,
         LEAF_SIZE,
         EMPTY,
-        LEAVES,
+        WIDE_LEAVES,
         shared::ROBUST,
     ],
     literature: &[("BIH, four planes", "n=2"), ("BIH, n-ary", "n=4")],
@@ -234,6 +240,9 @@ pub const AS_BOXES: StructureSpec = StructureSpec {
                     tree: tree.clone(),
                     bounds,
                 });
+                if leaf_tests::alone(config) {
+                    return one_by_one(alone::slab_boxes(&boxes, leaves, config.robust()));
+                }
                 let groups = together!(&boxes, leaves, slab_boxes, shadow_slab_boxes);
                 let single = one_by_one(slab_boxes::slab_boxes(&boxes, leaves));
                 groups.plan(single, config.way().rays)
@@ -315,7 +324,12 @@ impl Ordered<'_> {
             leaves: Arc::new(blocks),
             shape,
         };
-        Ok(refit::built(self.config, layers, plan))
+        let remark = (self.config.float("empty") > 0.0)
+            .then(|| left_out::no_empty_space(&layers.shape))
+            .flatten();
+        let mut built = refit::built(self.config, layers, plan);
+        built.left_out.extend(remark);
+        Ok(built)
     }
 }
 
@@ -325,6 +339,9 @@ fn one_by_one(kernel: Arc<dyn SingleRays>) -> Plan {
 
 /// The plan of trees of two planes per node.
 fn two_planes(config: &Config, tree: &Arc<SlabTree<Double>>, leaves: &Arc<Blocks>) -> Plan {
+    if leaf_tests::alone(config) {
+        return one_by_one(alone::slabs(tree, leaves, config.robust()));
+    }
     let groups = together!(tree, leaves, intervals, shadow_intervals);
     groups.plan(one_by_one(slabs::slabs(tree, leaves)), config.way().rays)
 }
@@ -337,6 +354,9 @@ fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, children: usize) 
         2 => order.lay_out(
             |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
             |config, tree, leaves, _| {
+                if leaf_tests::alone(config) {
+                    return one_by_one(alone::wide_slabs2(tree, leaves, config.robust()));
+                }
                 let groups = together!(tree, leaves, intervals2, shadow_intervals2);
                 groups.plan(
                     one_by_one(wide_slabs::wide_slabs2(tree, leaves)),

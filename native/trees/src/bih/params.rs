@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of interval hierarchies.
 
-use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, named};
+use crate::leaf_tests::{SCALAR, singly};
+use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, named};
 use halfspace_structure::spec::Value;
 
 /// Leaf size of hierarchies whose triangles a grid divides.
@@ -19,21 +20,66 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     }],
 };
 
-/// Whether leaves keep indices or copies of the corners.
-pub const LEAVES: ParamSpec = ParamSpec {
-    name: "leaves",
-    label: "Leaves",
-    doc: "indices: leaves name triangles and corners, less than half the memory. corners: they hold \
-          copies, which are tested sooner and take longer to build",
-    unit: "",
-    kind: Kind::Choice(&[
-        named("indices", "Indices"),
-        named("corners", "Corner Copies"),
-    ]),
-    default: Value::Choice("indices"),
-    group: Group::Numerics,
-    needs: &[],
-};
+const INDICES: Named = named("indices", "Indices");
+
+const CORNERS: Named = named("corners", "Corner Copies");
+
+/// The parameter `leaves` with these options: whether leaves keep indices or copies of the corners, and how many triangles
+/// are tested at once.
+pub const fn leaves_of(options: &'static [Named]) -> ParamSpec {
+    ParamSpec {
+        name: "leaves",
+        label: "Leaves",
+        doc: "indices: leaves name triangles and corners, less than half the memory. corners: they hold \
+              copies, which are tested sooner and take longer to build. scalar: indices, and triangles are tested one after \
+              another, as the programs of the papers did, always by single rays; robust=none then decides hits in f32 by \
+              pbrt's test",
+        unit: "",
+        kind: Kind::Choice(options),
+        default: Value::Choice(options[0].name),
+        group: Group::Numerics,
+        needs: &[],
+    }
+}
+
+/// The parameter `leaves` of hierarchies of intervals.
+pub const LEAVES: ParamSpec = leaves_of(&[
+    INDICES,
+    CORNERS,
+    Named {
+        needs: &[singly(&["auto", "ordered"])],
+        ..SCALAR
+    },
+]);
+
+/// The same of nodes with an interval per child.
+pub const WIDE_LEAVES: ParamSpec = leaves_of(&[
+    INDICES,
+    CORNERS,
+    Named {
+        needs: &[
+            singly(&["auto", "ordered"]),
+            Need {
+                key: "n",
+                only: Only::Options(&["2"]),
+            },
+        ],
+        ..SCALAR
+    },
+]);
+
+/// The same of nodes between slabs.
+pub const SLAB_LEAVES: ParamSpec = leaves_of(&[
+    INDICES,
+    CORNERS,
+    Named {
+        needs: &[Need {
+            key: "slabs",
+            only: Only::Options(&["3", "7"]),
+        }],
+        ..SCALAR
+    },
+]);
 
 /// Threshold below which empty space is cut off.
 pub const EMPTY: ParamSpec = ParamSpec {

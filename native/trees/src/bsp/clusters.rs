@@ -231,7 +231,7 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
             geometry: Geometry::Sphere,
             published: (config.pick("draw", [("distinct", false), ("thesis", true)])).then(|| {
                 config.pick(
-                    "rule",
+                    "empty_clusters",
                     [("text", Empty::Replaced), ("code", Empty::Restarted)],
                 )
             }),

@@ -1,24 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of the trees whose directions are normals or clusters of normals: which normals are drawn.
 
-use crate::bsp::params::{LINEAR_MORE, MORE_THAN_AXES, RULE, kd, plus, usual};
+use crate::bsp::params::{MORE_THAN_AXES, RULE, kd, plus, usual};
 use crate::list::List;
 use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, named};
 use halfspace_structure::spec::Value;
 
-/// Parameter rule of trees whose directions are clusters.
-const CLUSTER_RULE: ParamSpec = ParamSpec {
+/// Parameter empty_clusters.
+const EMPTY_CLUSTERS: ParamSpec = ParamSpec {
+    name: "empty_clusters",
     label: "Empty Clusters",
     doc: "What draw=thesis does where a cluster is empty. text: its centre becomes a random normal. code: all centres \
           do, as in the thesis's program, so that nodes of few distinct normals get equal ones",
-    ..RULE
-};
-
-/// [`RULE`] of trees whose directions are clusters.
-const RULE_OF_CLUSTERS: ParamSpec = ParamSpec {
-    doc: "Where no plane pays at the linear cost of oblique planes but one does at the fixed cost: text \
-          takes that one, code takes the first attempt's, as the thesis's program does. Where draw=thesis meets an \
-          empty cluster: text replaces its centre, code all centres",
+    group: Group::Builder,
     ..RULE
 };
 
@@ -71,18 +65,17 @@ pub const fn normals_kd(k: ParamSpec) -> List<ParamSpec> {
 
 /// [`usual`] for directions from clusters.
 pub const fn clusters_usual(k: ParamSpec) -> List<ParamSpec> {
-    usual(k).and(&[DRAW_CLUSTERS, CLUSTER_RULE.needing(PUBLISHED)])
+    usual(k).and(&[DRAW_CLUSTERS, EMPTY_CLUSTERS.needing(PUBLISHED)])
 }
 
 /// [`plus`] for directions from clusters.
 pub const fn clusters_plus(k: ParamSpec) -> List<ParamSpec> {
     let draw = DRAW_CLUSTERS.needing(MORE_THAN_AXES);
-    plus(k).and(&[draw, CLUSTER_RULE.needing(PUBLISHED_MORE)])
+    plus(k).and(&[draw, EMPTY_CLUSTERS.needing(PUBLISHED_MORE)])
 }
 
 /// [`kd`] for directions from clusters.
 pub const fn clusters_kd(k: ParamSpec) -> List<ParamSpec> {
-    kd(k)
-        .replace("rule", RULE_OF_CLUSTERS.needing(LINEAR_MORE))
-        .and(&[DRAW_CLUSTERS.needing(MORE_THAN_AXES)])
+    let draw = DRAW_CLUSTERS.needing(MORE_THAN_AXES);
+    kd(k).and(&[draw, EMPTY_CLUSTERS.needing(PUBLISHED_MORE)])
 }

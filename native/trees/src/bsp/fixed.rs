@@ -25,6 +25,9 @@ impl Source for Fixed {
     }
 }
 
+/// Number of directions with coordinates -1, 0 and 1.
+pub const CUBE: usize = 13;
+
 /// Returns the thirteen directions with coordinates -1, 0 and 1: axes, then diagonals of the cube, then of its
 /// faces (Klosowski et al. 1998). Diagonals are halved, so that none is longer than 1 and products stay exact.
 pub fn cube() -> Vec<[f32; 3]> {
@@ -164,7 +167,7 @@ fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant)
     let (k, kind) = (config.integer("k"), config.choice("set"));
     let set = if kind == "random" {
         random(k, Settings::of(config).seed, variant)
-    } else if kind == "cube" && k <= cube().len() {
+    } else if kind == "cube" && k <= CUBE {
         cube()
     } else if variant == Variant::PlusKd {
         let mut set = cube();
@@ -195,6 +198,6 @@ mod tests {
                 assert!(add_distinct(&mut distinct, unit), "{n:?} twice");
             }
         }
-        assert_eq!(cube().len(), 13);
+        assert_eq!(cube().len(), CUBE);
     }
 }

@@ -7,6 +7,7 @@ use super::settings::Settings;
 use super::{Source, Variant, params};
 use crate::kd::Axes;
 use crate::lazy::{self, Grown};
+use crate::left_out;
 use crate::planes;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -43,7 +44,11 @@ pub fn build<S: Source + 'static>(
         variant,
         |frame, normals, needed| {
             let k = if needed { settings.k } else { 3 };
-            let small = settings.at_small_nodes(variant, k);
+            let small = if needed {
+                settings.at_small_nodes(variant, k)
+            } else {
+                k
+            };
             let task = Task {
                 source: Arc::new(source(settings, normals)),
                 variant,
@@ -82,12 +87,12 @@ pub fn build_with(
     let frame = Frame::new(scene.bounds());
     let normals = Arc::new(Normals::new(scene, &frame));
     // Determine whether oblique planes are of any use.
-    let needless = if variant == Variant::Plain {
+    let needless = if !settings.has_axes(variant) {
         None
     } else if settings.k == 3 {
         Some("K = 3 leaves only the axes")
     } else if normals.all_parallel_to_axes() {
-        Some("every triangle is parallel to two axes")
+        Some(left_out::PARALLEL)
     } else {
         None
     };
@@ -102,34 +107,33 @@ pub fn build_with(
         }
         Some(_) => grow(&frame, normals, false),
     })?;
-    let left_out = left_out(needless, fewer, params.enough);
-    grown.lay_out(scene, config, frame, left_out, monitor)
+    let lines = lines(needless, fewer, params.enough);
+    grown.lay_out(scene, config, frame, lines, monitor)
 }
 
 /// Lists the features that a tree did not need. `needless`: why oblique planes are of no use; `fewer`: K at large and
 /// at small nodes if these tried fewer directions; `enough`: as [`Params::enough`].
-fn left_out(
-    needless: Option<&'static str>,
-    fewer: Option<[usize; 2]>,
-    enough: f32,
-) -> lazy::LeftOut {
+fn lines(needless: Option<&'static str>, fewer: Option<[usize; 2]>, enough: f32) -> lazy::LeftOut {
     Box::new(move |shape, first_only| {
         let mut lines = Vec::new();
         let nodes = shape.nodes_axis + shape.nodes_oblique;
-        // Report how many nodes tried only the axes.
-        if first_only > 0 {
+        // Report how many nodes tried only the axes although others were to be tried.
+        if first_only > 0 && needless.is_none() {
             lines.push(format!(
-                "directions besides the axes: at {first_only} of {nodes} nodes, where a plane along an axis costs less \
+                "directions besides the axes: at {first_only} of {nodes} split planes, where one along an axis costs less \
                  than {enough} of a leaf"
             ));
         }
-        // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has
-        // no planes at all.
+        // Report the reason why only the axes were tried. Where these have nodes of their own, a node that no axis splits
+        // tries random directions, and then the reason did not hold.
         if let Some(reason) = needless
-            && shape.nodes_axis > 0
-            && shape.nodes_oblique == 0
+            && nodes > 0
         {
-            lines.push(format!("oblique planes: {reason}"));
+            if shape.nodes_axis == 0 {
+                lines.push(format!("directions besides the axes: {reason}"));
+            } else if shape.nodes_oblique == 0 {
+                lines.push(format!("oblique planes: {reason}"));
+            }
         }
         // Report that small nodes tried fewer directions.
         if let Some([k, small]) = fewer

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The parameters of a tree with oblique planes, read once.
 
+use super::fixed::CUBE;
 use super::{Variant, params};
 use crate::kd::default_depth;
 use crate::kd_sah::thesis_depth;
@@ -8,7 +9,7 @@ use halfspace_builders::space::{ObliqueStep, Params, Stop};
 use halfspace_builders::sweep::Ties;
 use halfspace_nodes::cost::Costs;
 use halfspace_ray::frame::U;
-use halfspace_structure::spec::Config;
+use halfspace_structure::spec::{Config, Value};
 
 /// Values of the parameters. One that the structure's row lacks has the value under which it changes nothing.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +42,8 @@ pub struct Settings {
     area_stop: f32,
     /// Depth limit; 0 chooses by the number of triangles.
     max_depth: usize,
+    /// Whether a fixed set has more directions than the axes, which come first and may suffice. The thesis tries all.
+    axes_first: bool,
 }
 
 impl Settings {
@@ -86,7 +89,15 @@ impl Settings {
             enough: fitted("enough", 0.0),
             area_stop: fitted("area_stop", 0.0),
             max_depth: integer("max_depth"),
+            axes_first: !thesis
+                && config.find("set") == Some(&Value::Choice("cube"))
+                && (4..=CUBE).contains(&integer("k")),
         }
+    }
+
+    /// Returns whether the axes are among the directions of every node.
+    pub fn has_axes(&self, variant: Variant) -> bool {
+        variant != Variant::Plain || self.axes_first
     }
 
     /// Returns K at small nodes: a share of K, but at least one direction in addition to the axes.

@@ -18,10 +18,11 @@ mod turning;
 
 use crate::bih;
 use crate::boxes::{self, Boxes};
+use crate::left_out;
 use crate::list::List;
 use crate::objects;
 use crate::params;
-use crate::ways::{chosen, distinct, offer, together, traversal};
+use crate::ways::{distinct, offer, together, traversal};
 use halfspace_base::error::Result;
 use halfspace_base::monitor::Monitor;
 use halfspace_builders::object;
@@ -153,7 +154,9 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     drop(binary);
 
     // Choose the rotation of each node, and turn the boxes.
-    let frames = config.integer("frames");
+    let wanted = config.integer("frames");
+    let parallel = wanted > 1 && left_out::is_parallel(scene);
+    let frames = if parallel { 1 } else { wanted };
     let turning = Turning {
         scene,
         frame: &frame,
@@ -171,11 +174,12 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let mut built = if turns.is_empty() && corners {
         let any_order = Rule::Cost;
         let tree = Arc::new(boxes);
-        let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&Boxes {
+        let plan = Boxes {
             tree: tree.clone(),
             leaves: leaves.clone(),
             any_order,
-        });
+        }
+        .plan(config);
         let shape = nested::shape(&*tree, frame.bounds());
         objects::built(config, frame, tree, leaves, plan, shape)
     } else {
@@ -193,9 +197,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         };
         objects::built(config, frame, tree, leaves, plan, shape)
     };
-    if frames > 1 && turns.is_empty() && !scene.live().is_empty() {
-        let reason = "turned boxes: those along the axes were cheapest at every node";
-        built.left_out.push(reason.to_owned());
+    if wanted > 1 && turns.is_empty() && !scene.live().is_empty() {
+        let reason = if parallel {
+            left_out::PARALLEL
+        } else {
+            "those along the axes were cheapest at every node"
+        };
+        built.left_out.push(format!("turned boxes: {reason}"));
     }
     Ok(built)
 }

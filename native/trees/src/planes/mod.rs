@@ -4,7 +4,8 @@
 pub mod rows;
 pub mod scalar;
 
-use crate::boxes::{self, Boxes};
+use crate::boxes::Boxes;
+use crate::leaf_tests;
 use crate::ways::{Pair, chosen, together};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -33,7 +34,7 @@ use halfspace_stream as stream;
 use halfspace_stream::flight;
 use halfspace_stream::order::Rule;
 use halfspace_structure::row::Derived;
-use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::spec::Config;
 use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::{Kernel, SingleRays};
@@ -66,6 +67,21 @@ impl Planes<'_> {
     /// Single rays by plane distances.
     fn by_distances(&self) -> Plan {
         Plan::single("planes", "dir", dir::dir(&self.tree, &self.leaves))
+    }
+
+    /// Whether the structure's planes have few directions.
+    fn has_few_directions(&self) -> bool {
+        let ways = self.config.structure().ways;
+        ways.contains(&rows::PROJECTED)
+    }
+
+    /// Single rays in the quickest way: projected onto the tree's directions where these are few, else by plane distances.
+    fn quickest(&mut self) -> Result<Plan> {
+        if self.has_few_directions() {
+            self.projected()
+        } else {
+            Ok(self.by_distances())
+        }
     }
 
     /// Single rays with error bounds, or as published.
@@ -260,9 +276,7 @@ pub fn lay_out(
     };
     let way = config.way();
     let plan = match way.rays {
-        _ if config.find(scalar::LEAVES) == Some(&Value::Choice("scalar")) => {
-            (chosen(&scalar::ONE_BY_ONE, way).plan)(&mut planes)?
-        }
+        _ if leaf_tests::alone(config) => (chosen(&scalar::ONE_BY_ONE, way).plan)(&mut planes)?,
         Rays::Beam => (chosen(&rows::BEAMS, way).plan)(&mut planes)?,
         _ if way.nodes == "wide" => (chosen(&rows::WIDE, way).plan)(&mut planes)?,
         _ => (chosen(&rows::BINARY, way).plan)(&mut planes)?,
@@ -309,7 +323,7 @@ fn boxed(
         leaves: Arc::new(made.blocks),
         any_order: Rule::Cost,
     };
-    let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
+    let plan = boxes.plan(config);
     Ok(Built {
         frame,
         shape: nested::shape(&*boxes.tree, frame.bounds()),

@@ -6,7 +6,7 @@ use crate::boxes;
 use crate::list::List;
 use crate::params;
 use crate::ways::{
-    Traversal, all, distinct, in_packets, in_streams, in_tiles, offer, traversal, way,
+    Traversal, all, distinct, in_packets, in_streams, in_tiles, named, offer, traversal, way,
 };
 use halfspace_base::error::Result;
 use halfspace_beam as beam;
@@ -41,7 +41,7 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
             let shadow = packet::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let packets = packet::kernel::planes(&planes.tree, &planes.leaves, 16);
-            Ok((planes.by_distances())
+            Ok((planes.quickest()?)
                 .with_tiles_by_footprint(tiles, packets, Footprint::PLANES)
                 .with_closest(Rays::Stream, streams)
                 .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES)
@@ -330,8 +330,8 @@ const FIXED: List<Way> = with_others(offer(
     &BINARY,
     &[
         "auto",
-        "dir",
         "projected",
+        "dir",
         "tile",
         "tile16",
         "packet",
@@ -341,6 +341,9 @@ const FIXED: List<Way> = with_others(offer(
         "ta-b-poly",
     ],
 ));
+
+/// The way of rays that are projected onto the tree's directions.
+pub const PROJECTED: Way = named(&BINARY, "projected");
 
 /// Ways through trees whose planes have few directions.
 pub const FIXED_WAYS: &[Way] = FIXED.slice();

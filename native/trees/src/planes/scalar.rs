@@ -3,26 +3,18 @@
 
 use super::Planes;
 use super::rows::{BINARY, MakePlan};
+use crate::leaf_tests::{BLOCKS, NO_BEAMS, SCALAR, leaves};
 use crate::ways::{Traversal, named};
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
 use halfspace_papers::{bounded, published};
 use halfspace_structure::Plan;
-use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec};
-use halfspace_structure::spec::Value;
+use halfspace_structure::row::{Named, Need, Only, ParamSpec};
 use halfspace_structure::way::{NODES, TRAVERSAL, Way};
-
-/// Name of the parameter.
-pub const LEAVES: &str = "leaves";
 
 const PLANES: Need = Need {
     key: NODES,
     only: Only::Options(&["planes"]),
-};
-
-const NO_BEAMS: Need = Need {
-    key: "shadow",
-    only: Only::Options(&["none", "cache"]),
 };
 
 const AXIS_NEEDS: &[Need] = &[
@@ -44,35 +36,6 @@ const ANY_NEEDS: &[Need] = &[
     },
     NO_BEAMS,
 ];
-
-const BLOCKS: Named = Named {
-    name: "blocks",
-    label: "Eight at Once",
-    doc: "",
-    needs: &[],
-};
-
-const SCALAR: Named = Named {
-    name: "scalar",
-    label: "One by One",
-    ..BLOCKS
-};
-
-/// The parameter with these options.
-const fn leaves(options: &'static [Named]) -> ParamSpec {
-    ParamSpec {
-        name: LEAVES,
-        label: "Leaf Tests",
-        doc: "How rays test the triangles of a leaf. blocks: eight at once. scalar: one after another, as the programs of \
-              the papers did, always by single rays; robust=none then decides hits in f32 by pbrt's test. Slower; costs=thesis \
-              was meant for it",
-        unit: "",
-        kind: Kind::Choice(options),
-        default: Value::Choice("blocks"),
-        group: Group::Numerics,
-        needs: &[],
-    }
-}
 
 /// The parameter of axis-aligned trees.
 pub const AXIS_LEAVES: ParamSpec = leaves(&[
@@ -119,7 +82,13 @@ const fn binary(name: &str) -> Way {
 pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
     Traversal {
         way: binary("auto"),
-        plan: |planes| Ok(planes.as_chosen("dir", bounded::dir, published::dir)),
+        plan: |planes| {
+            if planes.has_few_directions() {
+                projected(planes)
+            } else {
+                Ok(planes.as_chosen("dir", bounded::dir, published::dir))
+            }
+        },
     },
     Traversal {
         way: binary("dir"),
@@ -168,18 +137,21 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
     },
     Traversal {
         way: binary("projected"),
-        plan: |planes| {
-            let nodes = planes.numbered()?;
-            let make = if planes.robust {
-                bounded::projected
-            } else {
-                published::projected
-            };
-            let kernel = make(&nodes, &planes.leaves);
-            Ok(Plan::single("planes", "projected", kernel))
-        },
+        plan: projected,
     },
 ];
+
+/// Single rays that are projected onto the tree's directions.
+fn projected(planes: &mut Planes<'_>) -> Result<Plan> {
+    let nodes = planes.numbered()?;
+    let make = if planes.robust {
+        bounded::projected
+    } else {
+        published::projected
+    };
+    let kernel = make(&nodes, &planes.leaves);
+    Ok(Plan::single("planes", "projected", kernel))
+}
 
 /// Single rays from leaf to leaf by links of this kind.
 fn roped(planes: &mut Planes<'_>, name: &'static str, kind: ropes::LinkKind) -> Result<Plan> {
