@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension zip: `python scripts/package.py [--portable] [--for SYSTEM ...] [--wheel WHEEL ... [--unmodified]]
-[--split] [--website URL]`.
+[--split] [--repository DIR] [--website URL]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs, with --for one for another system. Wheels are named after their build
 (`systems/bundled.py`), with --unmodified they go into the zip as they are. With --split, each system also gets a zip of
-its own. --website enters the page of the publisher. Warns if a wheel needs a newer C library than Blender itself.
+its own. With --repository, a folder becomes an extension repository that any web server can publish: the zips, the
+list that Blender reads, and a page to drag the extension from. --website enters the page of the publisher. Warns if a
+wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -43,6 +45,10 @@ PLATFORMS = {
     r"macosx_.*_x86_64": "macos-x64",
 }
 """Blender's name of a platform by the pattern of a wheel's platform tag."""
+
+
+REPOSITORY_PAGE = ROOT / "scripts" / "repository.html"
+"""Template of the page of an extension repository; Blender's tool puts the table of extensions in."""
 
 
 class PackageError(RuntimeError):
@@ -211,6 +217,23 @@ def package(
         return [path.replace(out / path.name) for path in zips]
 
 
+def repository(zips: Sequence[Path], folder: Path) -> None:
+    """Make the folder a static extension repository of these zips: `index.json`, `index.html`, and the zips.
+
+    zips: as `package` returns them. Where there is one per system, Blender's users download that of their own. Older
+    zips of the extension are removed from the folder, since Blender takes two versions of one id for a mistake. Raises
+    PackageError and OSError.
+    """
+    whole, *single = zips
+    chosen = single or [whole]
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob(f"{whole.name.partition('-')[0]}-*.zip"):
+        old.unlink()
+    for path in chosen:
+        shutil.copy2(path, folder)
+    run_tool("server-generate", "--repo-dir", str(folder), "--html", "--html-template", str(REPOSITORY_PAGE))
+
+
 def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
@@ -238,6 +261,12 @@ def main(arguments: Sequence[str]) -> int:
         "--unmodified", action="store_true", help="bundle the wheels without naming them after their build"
     )
     parser.add_argument("--split", action="store_true", help="also make one zip per system")
+    parser.add_argument(
+        "--repository",
+        type=output,
+        metavar="DIR",
+        help="also make this folder an extension repository, of the zips per system if there are",
+    )
     parser.add_argument("--website", type=website, metavar="URL", help="the publisher's page, which Blender links to")
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
     return command.run("package", arguments, parser.parse_args, run, told=REPORTED)
@@ -257,6 +286,9 @@ def run(asked: argparse.Namespace) -> int:
     )
     for path in zips:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    if asked.repository is not None:
+        repository(zips, asked.repository)
+        print(f"{asked.repository / 'index.html'}: the page of the repository, next to index.json")
     return 0
 
 

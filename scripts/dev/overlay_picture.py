@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A picture of the structure in the viewport: `python -m scripts.dev.overlay_picture [FILE] [options]`.
 
-FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Draws without a
+FILE: as for `bench` (default: the built-in showcase), seen through its camera in Solid shading. Draws without a
 window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, with one line; 130 stopped.
 """
 
@@ -16,9 +16,10 @@ from typing import Any
 
 from addon.core.base import command
 from addon.core.report import results
-from addon.core.scene import workload
+from addon.core.scene.workload import View
 from addon.core.structures import specs
 from addon.lab.base.usage import Parser, UsageError, output
+from addon.lab.bench import scenes
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,7 +32,7 @@ SMOOTHING = 2
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="overlay_picture", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("file", nargs="?", help=f"{scenes.CHOICES} (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="the acceleration structure (default: kd)")
     made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
     made.add_argument(
@@ -60,7 +61,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
     asked = parser().parse_args(arguments)
     if asked.file is not None:
-        workload.find(asked.file, workload.RENDERED)
+        scenes.find(asked.file)
     first, _, last = asked.depth.partition("-")
     if not all(specs.is_whole(level) and int(level) <= DEEPEST for level in (first, last or first)):
         raise UsageError(f"--depth: expected FIRST-LAST, whole numbers up to {DEEPEST}, got {asked.depth!r}")
@@ -95,7 +96,7 @@ def run(asked: argparse.Namespace) -> int:
     from addon.blender.overlay import drawing as overlay
     from addon.blender.samples import camera
     from addon.blender.settings import presets
-    from addon.lab.pictures import scenes
+    from addon.lab.pictures import scenes as opened
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")
@@ -103,7 +104,7 @@ def run(asked: argparse.Namespace) -> int:
     scene: Any = bpy.context.scene
     if not hasattr(scene, "halfspace"):
         addon.register()
-    scenes.open_file(asked.file)
+    opened.open_file(asked.file)
     scene = bpy.context.scene  # opening a file replaces the scene
     group = scene.halfspace
     settings = group.overlay
@@ -125,7 +126,7 @@ def run(asked: argparse.Namespace) -> int:
         operators.halfspace.pick_ray(origin=start, direction=towards - start, pixel=asked.pixel)
     if asked.view is not None:
         eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
-        camera.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
+        camera.see(scene, View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
     # Draw at a multiple of the size, save the average, and print what is in the picture.
     if scene.camera is None:
         raise ValueError("the scene has no camera; give it a --view")

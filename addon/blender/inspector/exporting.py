@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ...core.base import native
+from ...core.base import csv_text, native
 from ...core.inspector import csv_files, page
 from ...core.report import results
 from ..measure import cost_maps, pictures
@@ -44,7 +44,7 @@ class ExportError(ValueError):
 def text(scene: Any, what: str) -> str:
     """A table as CSV. Raises ExportError, WorkloadError, TreeError."""
     if what == "MAP":
-        return csv_files.text(csv_files.pixels(dict(_maps().maps)))
+        return csv_text.text(csv_files.pixels(dict(_maps().maps)))
     tree = trees.last(scene)
     if tree is None:
         raise ExportError("Build a structure first")
@@ -54,8 +54,8 @@ def text(scene: Any, what: str) -> str:
         "RAYS": lambda: _rays(scene, tree),
     }
     if what == "LEVELS":
-        return csv_files.text((levels.known(scene) or levels.measure(scene, tree)).rows())
-    return csv_files.text(rows[what]())
+        return csv_text.text((levels.known(scene) or levels.measure(scene, tree)).rows())
+    return csv_text.text(rows[what]())
 
 
 def page_of(scene: Any) -> str:

@@ -38,17 +38,24 @@ def load(path: Path, size: tuple[int, int], layout: str = "flatten") -> Workload
     """The scene of a file, seen by its camera in a frame of `size` pixels; layout: as for `current`. Raises
     WorkloadError.
     """
+    open_file(path)
+    return current(path.stem, size, layout)
+
+
+def open_file(path: Path) -> None:
+    """Make the scene of a .blend, or of a file that Blender imports, the open one. Its scripts are not run. Raises
+    WorkloadError.
+    """
     suffix = path.suffix.lower()
     try:
         if suffix == ".blend":
-            bpy.ops.wm.open_mainfile(filepath=str(path))
+            bpy.ops.wm.open_mainfile(filepath=str(path), use_scripts=False)
         else:
             bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
             IMPORTERS[suffix](str(path))
     except Exception as error:
         # Operators report several lines, and importers written in Python raise anything.
         raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
-    return current(path.stem, size, layout)
 
 
 def built_in_showcase(size: tuple[int, int], layout: str = "flatten") -> Workload:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 
 NAMES_SHOWN = 8
 """Largest number of names that a line lists; the others are counted."""
@@ -50,3 +51,9 @@ def some(names: Sequence[str], most: int = NAMES_SHOWN) -> str:
 def few(names: Sequence[str]) -> str:
     """As many names as a sentence holds, joined, and the number of the others."""
     return some(names, NAMES_IN_A_SENTENCE)
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """The end of a sentence that asks for the known name closest to an unknown one; "" if none is close."""
+    close = difflib.get_close_matches(word, known, 1)
+    return f"; did you mean {close[0]}?" if close else ""

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,18 +14,6 @@ from ..tree.table import KIND_LABELS, Table
 from . import ray_costs
 from .ray_costs import BLOCK, SETS, RayCosts
 from .replay import Replay
-
-
-def text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """The rows as CSV with one line of names, those of the first row; "" without rows."""
-    written = io.StringIO()
-    writer = None
-    for row in rows:
-        if writer is None:
-            writer = csv.DictWriter(written, list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow(row)
-    return written.getvalue()
 
 
 def nodes(table: Table) -> Iterator[dict[str, Any]]:

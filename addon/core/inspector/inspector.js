@@ -42,7 +42,10 @@ function save(name, blob) {
 
 // Rows as CSV, with every digit of their numbers; null is an empty field.
 function saveTable(name, rows) {
-  const field = value => /[",\n]/.test(value) ? `"${String(value).replaceAll('"', '""')}"` : value ?? "";
+  // A spreadsheet would compute a text that begins like a formula.
+  const plain = value => typeof value === "string" && /^[=+\-@\t\r]./.test(value) && isNaN(value) ? "'" + value : value;
+  const quoted = value => /[",\n]/.test(value) ? `"${String(value).replaceAll('"', '""')}"` : value ?? "";
+  const field = value => quoted(plain(value));
   const lines = [Object.keys(rows[0]), ...rows.map(row => Object.values(row))];
   save(name + ".csv", new Blob([lines.map(line => line.map(field).join(",") + "\n").join("")], { type: "text/csv" }));
 }

@@ -6,8 +6,6 @@ Every time is shown with the error measured for the same configuration.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base import csv_text
 from ..base.notes import NAMES_IN_A_SENTENCE, few
 from ..measure import counting, curve, inference, ranking, yardstick
 from ..measure.rows import Row, agrees, building, by_scene, eager, is_lazy, set_names
@@ -42,11 +41,7 @@ def as_csv(rows: Sequence[Row]) -> str:
     """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
     flat = [dict(_flatten("", without_pictures(row))) for row in rows]
     columns = list(dict.fromkeys(name for row in flat for name in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return text.getvalue()
+    return csv_text.text(flat, columns)
 
 
 def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:

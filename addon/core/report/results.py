@@ -43,7 +43,8 @@ def write(path: Path, text: str) -> None:
 def write_all(files: Mapping[Path, str | bytes]) -> None:
     """Write files atomically: none is ever visible half-written, and after an error all old ones are back in place.
 
-    files: contents by path; texts are written as UTF-8. Raises FolderError, which names the file that cannot be
+    files: contents by path; texts are written as UTF-8, and what a name of a file contains that is none as escapes.
+    Raises FolderError, which names the file that cannot be
     written, and old files that could not be restored.
     """
     complete: list[tuple[Path, Path]] = []
@@ -57,7 +58,7 @@ def write_all(files: Mapping[Path, str | bytes]) -> None:
                 handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
                 complete.append((Path(temporary), path))
                 with os.fdopen(handle, "wb") as file:
-                    file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
+                    file.write(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
                     file.flush()
                     os.fsync(file.fileno())
                 # mkstemp makes files that only their owner can read; give the report the user's default permissions.

@@ -132,7 +132,7 @@ def fingerprint(sets: Iterable[RaySet]) -> str:
     digest = hashlib.sha256()
     found = list(sets)
     for one in found:
-        digest.update(f"{one.name}|{one.any_hit}|{one.order}|".encode())
+        digest.update(f"{one.name}|{one.any_hit}|{one.order}|".encode("utf-8", "surrogateescape"))
         for array in (one.origins, one.directions, one.t_max):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest() if found else ""

@@ -28,9 +28,6 @@ SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 NAMED = f"a name in {SCENES}, " if SCENES.is_dir() else ""
 """That choice for the help of a command."""
 
-RENDERED = (".blend", ".npz")
-"""Suffixes of renderable files: a Blender scene, or a bare geometry."""
-
 
 class WorkloadError(ValueError):
     """A scene cannot be used. The message names the file and the problem, in one line."""

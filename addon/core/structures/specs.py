@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import native
+from ..base.notes import meant
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
@@ -158,6 +159,7 @@ def expand(
             families = dict.fromkeys(row["family"] for row in structures)
             raise SpecError(
                 f"unknown structure {part!r}; there are {', '.join(rows)}; families: {', '.join(families)}, all"
+                + meant(own, (*rows, *aliases, *families))
             )
         if len(chosen) > MOST:
             raise SpecError(f"these are more than {MOST:,} configurations")
@@ -234,7 +236,17 @@ def tiny(native: Native, spec: str) -> Structure:
     try:
         return native.build(CORNERS, TRIANGLE, spec, threads=1)
     except ValueError as error:
-        raise SpecError(f"{spec}: {error}") from error
+        raise SpecError(f"{spec}: {error}{_meant(native, spec)}") from error
+
+
+def _meant(native: Native, spec: str) -> str:
+    """The question for the structure or the parameters that a wrong configuration may mean; "" if none is close."""
+    rows = {row["id"]: row for row in native.structures()}
+    name = structure_of(spec)
+    if name not in rows:
+        return meant(name, rows)
+    known = [parameter["name"] for parameter in rows[name]["parameters"]]
+    return next((meant(key, known) for key, _ in pairs(spec) if key not in known), "")
 
 
 def _families(row: Mapping[str, Any]) -> list[str]:

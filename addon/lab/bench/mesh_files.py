@@ -321,5 +321,5 @@ def _obj_lines(data: bytes) -> Iterator[list[bytes]]:
 READERS: Mapping[str, Callable[[bytes], Mesh]] = {".ply": read_ply, ".stl": read_stl, ".obj": read_obj}
 """Readers by suffix."""
 
-RENDERED = (*workload.RENDERED, *READERS)
-"""Suffixes of files that commands render."""
+BARE = (".npz", *READERS)
+"""Suffixes of files that are read without Blender: geometry without materials and lights."""

@@ -9,12 +9,15 @@ from pathlib import Path
 
 from ...core.base import interrupt, native
 from ...core.scene import grid, workload
-from ..base.usage import UsageError
+from ..base.usage import UsageError, no_blender
 from . import mesh_files
 from .bench_presets import PRESETS
 
 # Suffixes of scene files.
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
+
+CHOICES = f"a file ({' '.join(SUFFIXES)}), {workload.NAMED}grid or showcase"
+"""The scenes of a command, for its help."""
 
 OPEN_FILE = "open file"
 """Name of the scene that is open in Blender."""
@@ -46,7 +49,7 @@ def loader(
         if isinstance(found, Path) and found.suffix.lower() in mesh_files.READERS:
             mesh = found
             return lambda: mesh_files.load(mesh)
-        raise UsageError(f"{scene}: needs Blender: {error}") from error
+        raise UsageError(f"{scene}: {no_blender(error)}") from error
     if found == "showcase":
         return lambda: workloads.built_in_showcase(size, layout)
     if isinstance(found, str):

@@ -71,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
         "scenes",
         nargs="*",
         metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
+        help=f"{scenes.CHOICES} (default)",
     )
     add("--structures", metavar="SPEC[,SPEC...]", help="specs, families or all (default: one a family); k=2..10 works")
     add(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Quality of the automatic choice: `halfspace choose SCENE.npz [...] [options]`.
+"""Quality of the automatic choice: `halfspace choose SCENE [...] [options]`.
 
 Prints for each scene the chosen configuration, the cost of choosing, and the times of all candidates, each of them
 built, compared with brute force and timed in full. Exit status: 0 done; 2 bad usage or input, with the reason in one
@@ -12,7 +12,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.base import command, native, room
@@ -20,9 +19,10 @@ from ...core.choose import auto, choice
 from ...core.measure import check
 from ...core.measure.reference import Reference, affordable
 from ...core.scene import rays
-from ...core.scene.workload import SCENES, Workload, find, left_out, load_npz
+from ...core.scene.workload import Workload, left_out
 from ...core.structures import catalogue
 from ..base.usage import Parser, UsageError
+from ..bench import scenes
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
@@ -41,7 +41,7 @@ coherent than in the picture, and another structure may appear the best.
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="choose", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("scenes", nargs="+", metavar="SCENE", help=f".npz{f', or a name in {SCENES}' * SCENES.is_dir()}")
+    made.add_argument("scenes", nargs="+", metavar="SCENE", help=scenes.CHOICES)
     made.add_argument("--samples", type=int, default=32, help="samples per pixel of the picture (default: 32)")
     made.add_argument("--pixels", type=int, default=1920 * 1080, help="pixels of the picture (default: 1920 x 1080)")
     made.add_argument("--threads", type=int, default=1, help="0 = all; 1, the default, is timed by the processor")
@@ -94,10 +94,10 @@ def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
     plan = choice.Plan(asked.pixels, asked.samples)
     good = 0
-    paths = [Path(find(scene)) for scene in asked.scenes]
+    loaders = [scenes.loader(scene, FINE) for scene in asked.scenes]
     module, known = native.load(), catalogue.load()
-    for path in paths:
-        workload = load_npz(path, memory_limit=module.free_memory())
+    for load in loaders:
+        workload = load()
         chosen = auto.choose(module, workload, plan, known, threads=asked.threads)
         compared = full(module, workload, plan, auto.candidates(known), asked.threads)
         best, own = compared.lines[0], next(line for line in compared.lines if line.spec == chosen.spec)

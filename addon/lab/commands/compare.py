@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Comparison of Halfspace with Cycles on one scene, or of two pictures: `halfspace compare FILE [options]`.
 
-FILE: a .blend, or an .npz with the keys of docs/manual.md, which gets a matte surface, a sun, a lamp and a sky; without
-FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
-their difference can be compared with their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
-(both, and their difference × 8), prints the numbers, and lists what each engine left out.
+FILE: as for `bench`; a bare geometry (an .npz with the keys of docs/manual.md, .ply, .stl, .obj) gets a matte surface,
+a sun, a lamp and a sky; without FILE the built-in showcase. Both engines render the same file several times with
+different random numbers, so that their difference can be compared with their noise. Writes NAME-halfspace.png,
+NAME-cycles.png and NAME-compared.png (both, and their difference × 8), prints the numbers, and lists what each engine
+left out.
 
 `--scene NAME` or `--scene all` instead of FILE: both engines render one or all of nine scenes: seven that cover the
 renderer's features, and two composed ones. The verdict is Welch's test of each square of 16 × 16 pixels and of the
@@ -49,10 +50,10 @@ from ...core.base import command, interrupt, native, picture_files
 from ...core.base.arrays import F32
 from ...core.measure import curve, flip
 from ...core.report import results
-from ...core.scene import workload
 from ...core.structures import specs
 from ..base.places import OUT
-from ..base.usage import Parser, UsageError, output
+from ..base.usage import Parser, UsageError, no_blender, output
+from ..bench import scenes
 
 DIFFERENT = 1
 """Exit status if a requirement does not hold."""
@@ -67,7 +68,7 @@ CROP = 320
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase), or a picture")
+    made.add_argument("file", nargs="?", help=f"{scenes.CHOICES} (default), or a picture")
     made.add_argument("reference", nargs="?", type=Path, metavar="PICTURE", help="with a picture: what it should be")
     made.add_argument(
         "--scene",
@@ -94,7 +95,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--lights",
         metavar="LIST",
-        help="with an .npz: some of sun, lamp, point, area, sky, panorama, separated by commas",
+        help="with a geometry: some of sun, lamp, point, area, sky, panorama, separated by commas",
     )
     made.add_argument(
         "--size",
@@ -166,7 +167,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     if asked.most is not None and not ((asked.whole or asked.equal_error) and asked.most > 0):
         raise UsageError("--most: expected --whole or --equal-error, and a ratio above 0")
     if asked.lights is not None and asked.file is None:
-        raise UsageError("--lights: expected an .npz")
+        raise UsageError("--lights: expected a file")
     # Set the defaults, which depend on the comparison, and check the ranges.
     usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
     if asked.scene is not None:
@@ -192,7 +193,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
         raise UsageError(f"--samples: expected at least one for each of {asked.runs} runs, got {asked.samples}")
     _size(asked.size)
     if asked.file is not None:
-        workload.find(asked.file, workload.RENDERED)
+        scenes.find(asked.file)
     return asked
 
 
@@ -451,11 +452,16 @@ def _set_picture(scene: Any, asked: argparse.Namespace) -> None:
 
 
 def _start(asked: argparse.Namespace) -> Any:
-    """Check the options and start Blender with the extension. Returns bpy. Raises FolderError."""
+    """Check the options and start Blender with the extension. Returns bpy. Raises FolderError, and UsageError without
+    Blender.
+    """
     results.prepare_folder(asked.out)
 
     with interrupt.guarded():
-        import bpy
+        try:
+            import bpy
+        except ImportError as error:
+            raise UsageError(no_blender(error)) from error
 
         from ... import register
 
@@ -544,11 +550,12 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _open(asked: argparse.Namespace, lights: Sequence[str] | None = None) -> str:
-    """Open the file, an .npz with these lights unless others are given. Returns its name. Raises UsageError."""
-    from ..pictures import scenes, stage
+    """Open the file, a geometry with these lights unless others are given. Returns its name. Raises UsageError."""
+    from ..pictures import scenes as opened
+    from ..pictures import stage
 
     if asked.lights is not None:
         lights = asked.lights.split(",")
         if unknown := set(lights) - set(stage.ALL_LIGHTS):
             raise UsageError(f"--lights: expected some of {', '.join(stage.ALL_LIGHTS)}, got {min(unknown)!r}")
-    return scenes.open_saved(asked.file, lights)
+    return opened.open_saved(asked.file, lights)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 
 from ...core.base import command, native
 from ...core.report import results
-from ...core.scene import workload
 from ...core.structures import specs
 from ..base.usage import Parser, UsageError, output
 from ..bench import scenes
@@ -31,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         default="showcase",
         metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
+        help=f"{scenes.CHOICES} (default)",
     )
     made.add_argument("--structure", default="kd", metavar="SPEC", help="the configuration (default: kd)")
     made.add_argument("--out", type=output, required=True, metavar="FILE", help="the archive, .npz")
@@ -65,7 +64,7 @@ def export(asked: argparse.Namespace) -> int:
     for note in loaded.notes:
         print(f"[export] {note}")
     structure = native.load().build(loaded.vertices, loaded.triangles, asked.structure, threads=asked.threads)
-    found = trees.arrays(structure, loaded)
+    found = trees.arrays(structure, loaded.name, loaded.vertices, loaded.triangles)
     results.write_all({asked.out: trees.packed(found)})
     leaves = int((found["node_kind"] == trees.LEAF).sum())
     print(

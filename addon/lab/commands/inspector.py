@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from ...core.base import command, native
 from ...core.measure import costmap
 from ...core.report import results
-from ...core.scene import workload
 from ...core.structures import specs
 from ..base.places import OUT
 from ..base.usage import Parser, UsageError, output
@@ -36,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         default="showcase",
         metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
+        help=f"{scenes.CHOICES} (default)",
     )
     made.add_argument("--structures", default="kd,bvh-sah", metavar="SPEC[,SPEC...]", help="default: kd,bvh-sah")
     made.add_argument("--width", type=int, default=256, help="camera rays side by side (default: 256)")

@@ -30,6 +30,37 @@ COMMANDS = {
 USAGE = "usage: halfspace COMMAND [options]\n\n" + "".join(f"  {name:<10} {text}\n" for name, text in COMMANDS.items())
 
 
+LEVELS = ("fallback", "sse4.2", "avx2", "avx512", "neon")
+"""The instruction sets for which a native module may hold code."""
+
+
+def version() -> list[str]:
+    """The lines of --version: version and commit of a clone, instruction sets of the native module here, licence."""
+    from ...core.base import native
+    from ..base.places import ROOT
+    from ..report import history
+
+    # A repository around an installed package is another project's.
+    found = history.commit(ROOT) if (ROOT / "native" / "Cargo.toml").is_file() else ""
+    lines = [f"halfspace {native.VERSION}" + (f", commit {found}" if found else "")]
+    try:
+        module = native.load()
+    except native.NativeError as error:
+        lines.append(f"native module: {error}")
+    else:
+        # This process ends after the answer, so the chosen level does not matter.
+        best, others = module.level(), []
+        for name in LEVELS:
+            try:
+                module.use_level(name)
+            except ValueError:
+                continue
+            others += [name] if name != best else []
+        more = f"; also {', '.join(others)}" if others else ""
+        lines.append(f"native module {module.__version__}: {best} in use on this machine{more}")
+    return [*lines, "licence GPL-3.0-or-later"]
+
+
 def main(arguments: Sequence[str], prepare: Callable[[str], None] = lambda _: None) -> int:
     """Run a command. Returns the exit status; where the command loaded Blender as a module, ends the process instead.
 
@@ -39,13 +70,14 @@ def main(arguments: Sequence[str], prepare: Callable[[str], None] = lambda _: No
         print(USAGE + "\n`halfspace COMMAND --help` lists the options of a command.")
         return 0 if arguments else 2
     if arguments[0] == "--version":
-        from ...core.base.native import VERSION
-
-        print(f"halfspace {VERSION}")
+        print("\n".join(version()))
         return 0
     name = arguments[0]
     if name not in COMMANDS:
-        print(f"halfspace: unknown command {name!r}; expected one of {', '.join(COMMANDS)}", file=sys.stderr)
+        from ...core.base.notes import meant
+
+        known = f"expected one of {', '.join(COMMANDS)}{meant(name, COMMANDS)}"
+        print(f"halfspace: unknown command {name!r}; {known}", file=sys.stderr)
         return 2
     # Load the command, guarded against interrupts, and run it.
     inside = "bpy" in sys.modules

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from ...core.base import command
 from ...core.report import results
 from ..base.places import OUT
-from ..base.usage import Parser, UsageError, output
+from ..base.usage import NO_BLENDER, Parser, UsageError, output
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Write the files. Returns the exit status. Raises UsageError, FolderError, and Blender's RuntimeError."""
     if importlib.util.find_spec("bpy") is None:
-        raise UsageError("needs Blender: the module bpy is not installed; the extra `blender` installs it")
+        raise UsageError(NO_BLENDER)
     results.prepare_folder(asked.out)
     from ..lessons import files, lessons
 

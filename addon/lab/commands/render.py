@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render a picture with Halfspace, without a Blender window: `halfspace render [FILE] [options]`.
 
-FILE: a .blend, or bare geometry (an .npz with the keys of the manual, .ply, .stl, .obj), which gets a matte surface, a
-sun, a lamp and a sky. Without it the built-in showcase is rendered. Where the module bpy is missing, only bare geometry
-is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input; 130 stopped. Failures are reported in one line,
-and leave an older picture of the same name unchanged.
+FILE: as for `bench`. Bare geometry (an .npz with the keys of the manual, .ply, .stl, .obj) gets a matte surface and, as
+do glTF and USD without any, a sun, a lamp and a sky. Without FILE the built-in showcase is rendered. Where the module
+bpy is missing, only bare geometry is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input; 130 stopped.
+Failures are reported in one line, and leave an older picture of the same name unchanged.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from ...core.base import command, interrupt, native, picture_files
 from ...core.base.arrays import F64
 from ...core.choose import choice
 from ...core.report import results
-from ...core.scene import workload
+from ...core.scene import grid
 from ...core.structures import specs
 from ...core.structures.settings import RenderSettings
 from ..base.places import OUT
-from ..base.usage import Parser, UsageError, output
-from ..bench import mesh_files, ray_files
+from ..base.usage import NO_BLENDER, Parser, UsageError, output
+from ..bench import mesh_files, ray_files, scenes
 from ..pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
@@ -45,7 +45,7 @@ FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG", ".jpg": "JPEG", ".jpeg"
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", help=".blend, .npz, .ply, .stl or .obj (default: the built-in showcase)")
+    made.add_argument("file", nargs="?", help=f"{scenes.CHOICES} (default)")
     made.add_argument(
         "--out",
         type=output,
@@ -82,7 +82,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
     asked = parser().parse_args(arguments)
     if asked.file is not None:
-        workload.find(asked.file, mesh_files.RENDERED)
+        scenes.find(asked.file)
     for name, most in MOST.items():
         value = getattr(asked, name)
         if value is not None and not 1 <= value <= most:
@@ -123,9 +123,9 @@ def render(asked: argparse.Namespace) -> int:
             register()
         from ...blender.session import reports, trees
         from ...blender.settings import properties
-        from ..pictures import scenes
+        from ..pictures import scenes as opened
 
-        scenes.open_file(asked.file)
+        opened.open_file(asked.file)
     # Apply the options and render.
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
@@ -165,20 +165,20 @@ def render(asked: argparse.Namespace) -> int:
 
 def render_bare(asked: argparse.Namespace) -> int:
     """Render a bare geometry without Blender. Returns the exit status. Raises UsageError for other scenes."""
-    path = None if asked.file is None else Path(workload.find(asked.file, mesh_files.RENDERED))
-    if path is None or path.suffix.lower() == ".blend":
-        what = "the built-in showcase" if path is None else path
-        raise UsageError(f"{what}: needs Blender: the module bpy is not installed")
+    found = scenes.find(asked.file or "showcase")
+    if found != "grid" and not (isinstance(found, Path) and found.suffix.lower() in mesh_files.BARE):
+        raise UsageError(f"{'the built-in showcase' if found == 'showcase' else found}: {NO_BLENDER}")
     module = native.load()
-    scene = mesh_files.bare(path, module.free_memory())
+    scene = mesh_files.bare(found, module.free_memory()) if isinstance(found, Path) else grid.workload()
     width, height = (max(1, side * (asked.percentage or 100) // 100) for side in bare.FULL)
     given = {name: getattr(asked, name) for name in ("samples", "integrator") if getattr(asked, name) is not None}
     spec = specs.prove(module, [asked.structure or "kd"])[0]
     settings = RenderSettings(width, height, record_rays=RECORDED if asked.record_rays else 0, **given)
     start = time.perf_counter()
-    found, kinds = bare.render(module, scene, spec, settings, bare.PASSES if asked.out.suffix.lower() == ".exr" else ())
+    passes = bare.PASSES if asked.out.suffix.lower() == ".exr" else ()
+    rendered, kinds = bare.render(module, scene, spec, settings, passes)
     attributes = _told(spec, settings.samples, time.perf_counter() - start)
-    picture = picture_files.Picture(found.pixels, found.names, attributes=attributes)
+    picture = picture_files.Picture(rendered.pixels, rendered.names, attributes=attributes)
     picture_files.write(asked.out, picture, asked.compression or "zip")
     print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
     if asked.record_rays is not None:

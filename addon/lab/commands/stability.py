@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Number of wrong answers of each structure on extreme scenes, against brute force and exact arithmetic.
 
-`halfspace stability [options]` prints a table of structures and cases, and the rays that leak out of closed
-surfaces. With `--long N` it compares N answers on random and extreme scenes instead, with `--scenes` camera rays,
-shadow rays and bounces on whole scenes. All measurements except the leaks continue an earlier run with the same
-`--out`. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage; 130 stopped.
+`halfspace stability [options]` prints the sums of each structure over all cases, and the rays that leak out of closed
+surfaces; all rows are in the folder of `--out`, else in `out/stability.csv`. With `--long N` it compares N answers on
+random and extreme scenes instead, with `--scenes` camera rays, shadow rays and bounces on whole scenes. All
+measurements except the leaks continue an earlier run with the same `--out`. Exit status: 0 no structure differs; 1 some
+structure does; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.base import command, native
+from ...core.base import command, csv_text, native
 from ...core.report import results
-from ...core.scene import grid, workload
+from ...core.scene import workload
 from ...core.structures import specs, ways
+from ..base.places import OUT
 from ..base.usage import Parser, UsageError, output
+from ..bench import scenes
 from ..stability import agreement, leaks, slowdown, slowdown_page, stability, trials
 
 if TYPE_CHECKING:
@@ -31,6 +34,9 @@ BUNNY = workload.SCENES / "stanford-bunny.npz"
 
 INSIDE_BUNNY = (-0.025, 0.1, 0.0), 0.015
 """Centre and radius of a ball inside the bunny."""
+
+VIEW = 64, 64
+"""Pixels of the view that comes with a scene of Blender; only its ratio matters."""
 
 RAYS = 100_000
 """Default number of rays of each set with `--scenes`."""
@@ -58,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
     add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
-    add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, {workload.NAMED}grid")
+    add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: {scenes.CHOICES}")
     add("--rays", type=int, metavar="N", help="with --scenes: rays of each set (default: 100000)")
     add("--slowdown", type=int, metavar="N", help="slowdown by offset, scale and shape; N timings each, 0 = work only")
     add("--copies", type=int, metavar="N", help="with --slowdown: coincident triangles (default: 1000, large 10^6)")
@@ -93,7 +99,7 @@ def run(asked: argparse.Namespace) -> int:
         raise UsageError("--structures: nothing to compare with brute force")
     if asked.leaks_only and not with_leaks(chosen, asked):
         raise UsageError("--structures: no rays leave closed surfaces through brute force with --size large")
-    scenes = [workload.find(name, built_in=("grid",)) for name in asked.scenes or ()]
+    loaders = [scenes.loader(name, VIEW) for name in asked.scenes or ()]
     if asked.out is not None:
         results.prepare_folder(asked.out)
     if asked.slowdown is not None:
@@ -101,9 +107,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.long is not None:
         return run_long(module, chosen, asked)
     if asked.scenes is not None:
-        limit = module.free_memory()
-        loaded = [grid.workload() if s == "grid" else workload.load_npz(Path(s), memory_limit=limit) for s in scenes]
-        return run_scenes(module, chosen, loaded, asked)
+        return run_scenes(module, chosen, [load() for load in loaders], asked)
     # Measure leaks alone, or the cases and leaks.
     start = time.monotonic()
     if asked.leaks_only:
@@ -114,7 +118,7 @@ def run(asked: argparse.Namespace) -> int:
     leaking = find_leaks(module, chosen, asked)
     wrong = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.differs(row)]
     # Print the tables, and what they leave out.
-    print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
+    show(rows, asked)
     for name, most in stability.MOST_RAYS.get(asked.size, {}).items():
         say(f"of {name} {most} rays, since each takes long")
     failing = {row["spec"] for row in rows if stability.allowed_to_fail(row["spec"])}
@@ -228,7 +232,7 @@ def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> in
             shown = time.monotonic()
             say(f"{number:,} blocks, {done:,} of {asked.long:,.0f} answers")
     rows = list(totals.values())
-    print(stability.table(rows))
+    show(rows, asked)
     verdict = stability.limit(rows)
     say(
         f"{verdict}; seed {asked.seed}, {number:,} blocks ({earlier:,} of an earlier run), {seconds:.0f} s of processor"
@@ -271,7 +275,7 @@ def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload
             dropped = max(dropped, row["statistics"].get("dropped_triangles", 0))
         for line in workload.left_out(scene, dropped):
             say(f"{scene.name}: {line}")
-    print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
+    show(rows, asked)
     for row in rows:
         for text in row["broken"]:
             say(f"{row['case']}, {row['spec']} is broken: {text}")
@@ -347,6 +351,16 @@ def find_leaks(module: Native, chosen: list[str], asked: argparse.Namespace) -> 
     return any(found[spec].total() for spec in ours)
 
 
+def show(rows: Sequence[stability.Row], asked: argparse.Namespace) -> None:
+    """Print the sums of each configuration, and write all rows where no folder is named. Raises FolderError."""
+    print(stability.screen(rows))
+    if asked.out is None and rows:
+        path = OUT / "stability.csv"
+        results.prepare_folder(path.parent)
+        results.write(path, csv_text.text(rows))
+        say(f"all rows: {path}")
+
+
 def save(
     folder: Path,
     document: dict[str, Any],
@@ -358,7 +372,7 @@ def save(
         results.write_all(
             {
                 folder / f"{name}.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
-                folder / f"{name}.csv": stability.as_csv(document["rows"]),
+                folder / f"{name}.csv": csv_text.text(document["rows"]),
                 folder / f"{name}.html": page(document),
             }
         )

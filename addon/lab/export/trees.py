@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.scene.workload import Workload
+from ...core.base.arrays import F32, I32
 
 if TYPE_CHECKING:
     from ...core.base.interface import Structure
@@ -25,14 +25,14 @@ LEAF = 7
 """`node_kind` of leaves."""
 
 
-def arrays(structure: Structure, workload: Workload) -> dict[str, NDArray[Any]]:
-    """The arrays of the tree of a structure over the workload's triangles, with these triangles."""
+def arrays(structure: Structure, name: str, vertices: F32, triangles: I32) -> dict[str, NDArray[Any]]:
+    """The arrays of the tree of a structure over these triangles, with them. name: of the scene."""
     found: dict[str, NDArray[Any]] = {key: np.asarray(value) for key, value in structure.export().items()}
     found["format"] = np.array(FORMAT, np.int64)
     found["spec"] = np.array(structure.spec)
-    found["scene"] = np.array(workload.name)
-    found["scene_vertices"] = workload.vertices
-    found["scene_triangles"] = workload.triangles
+    found["scene"] = np.array(name)
+    found["scene_vertices"] = vertices
+    found["scene_triangles"] = triangles
     return found
 
 

@@ -12,10 +12,9 @@ import numpy as np
 from ...blender.measure import workloads
 from ...blender.read.extract import NO_WORLD, extract
 from ...core.base.arrays import F32, I32
-from ...core.base.native import first_line
 from ...core.base.notes import Notes
 from ...core.scene.scene import Geometry
-from ...core.scene.workload import View, WorkloadError
+from ...core.scene.workload import View
 
 SIZE = (64, 64)
 """Pixels of the frame whose view is read; a view depends on their ratio only."""
@@ -26,10 +25,7 @@ def load(path: Path) -> tuple[Callable[[int], tuple[F32, I32]], View]:
 
     Vertices are those of the scene frame of the first frame that is read. Raises WorkloadError.
     """
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(path))
-    except RuntimeError as error:
-        raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
+    workloads.open_file(path)
     return of_scene(), workloads.current(path.stem, SIZE).view
 
 

@@ -16,7 +16,7 @@ from ...core.base import interrupt
 from ...core.report import page
 from ...core.scene import workload
 from ...core.structures import specs
-from ..base.usage import UsageError
+from ..base.usage import UsageError, no_blender
 from ..report import marks, plots
 from . import animations, frames
 from .animations import Animation
@@ -98,7 +98,7 @@ def _reader(name: str) -> ModuleType:
         with interrupt.guarded():
             from . import blend_file
     except ImportError as error:
-        raise UsageError(f"{name}: needs Blender: {error}") from error
+        raise UsageError(f"{name}: {no_blender(error)}") from error
     return blend_file
 
 

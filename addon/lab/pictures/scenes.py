@@ -1,38 +1,63 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening the input of command lines: a .blend, a bare geometry, or by default the showcase."""
+"""Opening the input of command lines: a file that Blender reads, a bare geometry, or by default the showcase."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
 
+from ...blender.measure import workloads
 from ...blender.samples import showcase
 from ...core.base import native
 from ...core.base.native import first_line
-from ...core.scene.workload import find
-from ..bench import mesh_files
+from ...core.scene import grid
+from ..bench import mesh_files, scenes
 from . import stage
+
+SEEN = 64, 64
+"""Pixels of the view of an imported scene without a camera."""
 
 
 def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
-    """Open the file's scene as the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
+    """Open a scene as the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
 
-    file: as for `core.workload.find`. lights: those of `stage.LIGHTS` that a bare geometry gets, None for all.
+    file: as for `scenes.find`, None for the showcase. lights: those of `stage.LIGHTS` that a bare geometry gets, None
+    for all. Other files than .blend get a camera and these lights where they have none.
     """
-    path = None if file is None else Path(find(file, mesh_files.RENDERED))
-    if path is not None and path.suffix.lower() == ".blend":
-        bpy.ops.wm.open_mainfile(filepath=str(path))
-        return path.stem
-    workload = None if path is None else mesh_files.bare(path, native.load().free_memory())
+    found = "showcase" if file is None else scenes.find(file)
+    if found == scenes.OPEN_FILE:
+        return str(bpy.path.display_name_from_filepath(bpy.data.filepath))
+    if isinstance(found, Path) and found.suffix.lower() not in mesh_files.BARE:
+        workloads.open_file(found)
+        if found.suffix.lower() != ".blend":
+            _completed(bpy.context.scene, found.stem, stage.LIGHTS if lights is None else lights)
+        return found.stem
+    workload = None
+    if found != "showcase":
+        workload = mesh_files.bare(found, native.load().free_memory()) if isinstance(found, Path) else grid.workload()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if workload is None:
         showcase.build(bpy.context.scene)
         return "showcase"
     stage.build(bpy.context.scene, workload, stage.LIGHTS if lights is None else lights)
     return workload.name
+
+
+def _completed(scene: Any, name: str, lights: Sequence[str]) -> None:
+    """Give an imported scene a camera if it has none, and these lights if it has neither lights nor a world."""
+    kinds = {item.type for item in scene.objects}
+    if "CAMERA" in kinds:
+        scene.camera = scene.camera or next(item for item in scene.objects if item.type == "CAMERA")
+    stage.complete(
+        scene,
+        workloads.current(name, SEEN),
+        see="CAMERA" not in kinds,
+        lights=() if "LIGHT" in kinds or scene.world is not None else lights,
+    )
 
 
 def open_saved(file: str | None, lights: Sequence[str] | None = None) -> str:
@@ -44,10 +69,10 @@ def open_saved(file: str | None, lights: Sequence[str] | None = None) -> str:
     if file is not None and file.lower().endswith(".blend"):
         return name
     with tempfile.TemporaryDirectory(prefix="halfspace-scene-") as folder:
-        path = str(Path(folder) / "scene.blend")
+        path = Path(folder) / "scene.blend"
         try:
-            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.save_as_mainfile(filepath=str(path))
         except RuntimeError as error:
             raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
-        bpy.ops.wm.open_mainfile(filepath=path)
+        workloads.open_file(path)
     return name

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ...blender.samples import arrays
+from ...blender.samples import arrays, camera
 from ...blender.samples.camera import looking
 from . import proving_parts as parts
 
@@ -37,8 +38,19 @@ of the sky.
 def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
     """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
     arrays.add(scene, workload)
-    low, high = workload.bounds()
-    _lights(scene, workload.view, float(np.linalg.norm(high - low)), lights)
+    _lights(scene, workload.view, workload.diagonal(), lights)
+
+
+def complete(scene: Any, workload: Workload, *, see: bool, lights: Sequence[str]) -> None:
+    """Add what a scene lacks, whose triangles are the workload's: the camera of its view with `see`, and these lights.
+
+    The workload's coordinates are relative to its origin.
+    """
+    origin = workload.origin()
+    view = replace(workload.view, eye=workload.view.eye + origin, target=workload.view.target + origin)
+    if see:
+        camera.see(scene, view)
+    _lights(scene, view, workload.diagonal(), lights)
 
 
 def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:

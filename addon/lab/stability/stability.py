@@ -9,9 +9,7 @@ can fail.
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -300,13 +298,18 @@ def _times(row: Row) -> tuple[str, str]:
     return f"{1e6 * taken / max(1, row['rays']):.2f}", f"{ratio:.2f}{'!' if is_slower(row) else ' '}"
 
 
-def as_csv(rows: Sequence[Row]) -> str:
-    """The rows with one column per number."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+SCREEN = 40
+"""Largest number of configurations that `screen` shows."""
+
+
+def screen(rows: Sequence[Row]) -> str:
+    """The sums of each configuration as a table of at most SCREEN lines: first those that differ and must not."""
+    ordered = sorted(sums(rows), key=lambda row: allowed_to_fail(row["spec"]) or not differs(row))
+    shown, rest = ordered[:SCREEN], ordered[SCREEN:]
+    lines = [table(shown)] if shown else []
+    if rest:
+        lines.append(f"and {len(rest):,} more, {sum(map(differs, rest)):,} of which differ")
+    return "\n".join(lines)
 
 
 def as_html(document: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from addon.core.base import csv_text
 from addon.core.inspector import csv_files, histogram, levels, node_view, ray_costs, replay
 from addon.core.overlay import cells
 from tests.rooms_of_triangles import SIZE, WORKLOAD, built
@@ -160,12 +161,12 @@ def rows(text: str) -> list[dict[str, Any]]:
 
 def test_tables_hold_every_node_ray_step_and_pixel() -> None:
     structure, nodes = built("kd")
-    made = rows(csv_files.text(csv_files.nodes(nodes)))
+    made = rows(csv_text.text(csv_files.nodes(nodes)))
     assert len(made) == len(nodes)
     assert sum(float(row["sah"]) for row in made) == pytest.approx(nodes.costs.sum())
     costs = ray_costs.gather(structure, WORKLOAD, SIZE)["shadow"]
     times = csv_files.Times(np.arange(-(-len(costs) // ray_costs.BLOCK)) + 0.5, 2, 9)
-    made = rows(csv_files.text(csv_files.rays(costs, "TESTS", times)))
+    made = rows(csv_text.text(csv_files.rays(costs, "TESTS", times)))
     assert [int(row["tests"]) for row in made] == sorted(costs.tests.tolist(), reverse=True)
     assert [int(row["rank"]) for row in made] == list(range(1, len(costs) + 1))
     for row in made:
@@ -177,8 +178,8 @@ def test_tables_hold_every_node_ray_step_and_pixel() -> None:
         assert (row["wrong_answers"], row["compared_answers"]) == ("2", "9")
     path = cells.follow(structure, [-1.0, -2.0, 2.5], [1.0, 1.1, -0.3])
     found = replay.replay(nodes, path)
-    made = rows(csv_files.text(csv_files.steps(nodes, found)))
+    made = rows(csv_text.text(csv_files.steps(nodes, found)))
     assert sum(int(row["tests"]) for row in made) == path.tests
-    made = rows(csv_files.text(csv_files.pixels({"a": np.array([[0.0, 1.0, 2.0**32], [3.0, 0.1, 1 / 3]])})))
+    made = rows(csv_text.text(csv_files.pixels({"a": np.array([[0.0, 1.0, 2.0**32], [3.0, 0.1, 1 / 3]])})))
     assert [row["a"] for row in made] == ["3", "0.1", "0.3333333333333333", "0", "1", "4294967296"]  # from the top
-    assert csv_files.text([]) == ""
+    assert csv_text.text([]) == ""

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +69,9 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
         ("stability", ["--structures", ""], "--structures: expected a value, got ''"),
         ("export", ["grid", "--structure", "", "--out", "a.npz"], "--structure: expected a value, got ''"),
         ("inspector", ["grid", "--structures", "kd,tree"], "unknown structure 'tree'"),
+        ("inspector", ["grid", "--structures", "kd,bhv-sah"], "; did you mean bvh-sah?\n"),
+        ("export", ["grid", "--structure", "kdd", "--out", "a.npz"], "; did you mean kd?\n"),
+        ("export", ["grid", "--structure", "kd:max_dept=3", "--out", "a.npz"], "; did you mean max_depth?\n"),
         ("inspector", ["grid", "--structures", "kd,bih:leaf_size=0"], "bih:leaf_size=0: "),
         ("animations", ["--window", ""], "--window: expected a value, got ''"),
         ("render", ["--samples", HUGE], "--samples: expected 1 to "),
@@ -116,12 +122,12 @@ def test_a_folder_is_no_picture(name: str, tmp_path: Path, capsys: pytest.Captur
     ("name", "arguments", "choices"),
     [
         ("bench", [], "grid, showcase or a file ending in .npz .blend"),
-        ("choose", [], "a file ending in .npz"),
+        ("choose", [], "grid, showcase or a file ending in .npz .blend"),
         ("inspector", [], "grid, showcase or a file ending in .npz .blend"),
-        ("compare", [], "a file ending in .blend .npz"),
-        ("overlay_picture", [], "a file ending in .blend .npz"),
-        ("render", [], "a file ending in .blend .npz"),
-        ("stability", ["--structures", "kd", "--scenes"], "grid or a file ending in .npz"),
+        ("compare", [], "grid, showcase or a file ending in .npz .blend"),
+        ("overlay_picture", [], "grid, showcase or a file ending in .npz .blend"),
+        ("render", [], "grid, showcase or a file ending in .npz .blend"),
+        ("stability", ["--structures", "kd", "--scenes"], "grid, showcase or a file ending in .npz .blend"),
     ],
 )
 def test_a_scene_that_is_not_there_is_told_with_all_choices(
@@ -140,6 +146,10 @@ def test_a_scene_that_is_not_there_is_told_with_all_choices(
         assert f"expected {choices}" in said
         assert said.endswith(f"or one of {tmp_path}: attic\n")
 
+
+BENCH = ["--structures", "kd", "--size", "8x8", "--repeats", "1", "--only-rays", "--curve", "none"]
+AGREE = ["--structures", "bih:shadow=none", "--rays", "64", "--scenes"]
+"""The quickest runs of two commands."""
 
 VIEW: dict[str, Any] = {
     "camera_eye": np.full(3, 5.0),
@@ -163,9 +173,9 @@ VIEW: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("bench", ["--structures", "kd", "--size", "8x8", "--repeats", "1", "--only-rays", "--curve", "none"]),
+        ("bench", BENCH),
         ("choose", ["--pixels", "64"]),
-        ("stability", ["--structures", "bih:shadow=none", "--rays", "64", "--scenes"]),
+        ("stability", AGREE),
     ],
 )
 def test_triangles_that_are_left_out_are_told(
@@ -223,6 +233,69 @@ def test_a_journal_that_cannot_be_read_is_one_line(
     assert words in told(COMMANDS[name], [*arguments, "--out", str(tmp_path)], capsys)
     if name == "bench":
         assert words in told(COMMANDS["bench"], [str(tmp_path), "--merge", "--out", str(tmp_path / "new")], capsys)
+
+
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 1
+3 0 1 2
+"""
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".npz"])
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("bench", BENCH),
+        ("choose", ["--pixels", "64"]),
+        ("render", ["--percentage", "1", "--samples", "1", "--out", "OUT/a.png"]),
+        ("stability", [*AGREE[:-1], "--out", "OUT", "--scenes"]),
+        ("export", ["--out", "OUT/a.npz"]),
+    ],
+)
+def test_all_commands_read_the_same_files(
+    name: str, arguments: list[str], suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Without Blender, as where only the package is installed.
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda *_: None)
+    path = tmp_path / f"hut{suffix}"
+    if suffix == ".npz":
+        np.savez(path, vertices=np.eye(3, dtype=np.float32), triangles=np.array([[0, 1, 2]]), **VIEW)
+    else:
+        path.write_text(PLY if suffix == ".ply" else "v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n", encoding="utf-8")
+    assert COMMANDS[name].main([*(word.replace("OUT", str(tmp_path)) for word in arguments), str(path)]) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems allow only names in Unicode")
+@pytest.mark.parametrize(
+    ("name", "arguments", "written"),
+    [
+        ("bench", [*BENCH, "--out", "OUT"], "report.html"),
+        ("stability", [*AGREE[:-1], "--out", "OUT", "--scenes"], "stability.html"),
+        ("inspector", ["--structures", "kd", "--width", "8", "--out", "OUT/page.html"], "page.html"),
+        ("export", ["--out", "OUT/a.npz"], "a.npz"),
+    ],
+)
+def test_a_name_in_no_encoding_reaches_the_report(
+    name: str, arguments: list[str], written: str, tmp_path: Path
+) -> None:
+    path = tmp_path / os.fsdecode(b"\xff=hut.npz")
+    np.savez(path, vertices=np.eye(3, dtype=np.float32), triangles=np.array([[0, 1, 2]]), **VIEW)
+    out = tmp_path / "out"
+    assert COMMANDS[name].main([*(word.replace("OUT", str(out)) for word in arguments), str(path)]) == 0
+    assert (out / written).is_file()
+    if written.endswith(".html"):
+        assert "=hut" in (out / written).read_text(encoding="utf-8")
 
 
 def test_everything_that_ends_a_build_is_told() -> None:
