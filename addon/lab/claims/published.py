@@ -62,8 +62,8 @@ FORMS: Mapping[str, str] = {
     "rbsp-kd": f"{THESIS}|projected,rule=code",
 }
 """Required values of parameters by structure, `|` between those that are allowed; of parameters without an effect
-nothing is required. Claims about intervals, boxes and octrees compare these with each other, all with eight triangles at
-once, where their sources tested one: their forms do not ask for `leaves=scalar`.
+nothing is required. Claims about intervals, boxes and octrees compare these with each other, all with eight triangles
+at once, where their sources tested one: their forms do not ask for `leaves=scalar`.
 """
 
 
