@@ -25,6 +25,7 @@ from .ui import (
     overlay_panels,
     panels,
     pass_panels,
+    sidebar,
     structure,
 )
 
@@ -44,7 +45,7 @@ MODULES: tuple[Any, ...] = (
     *(checking, picking, cost_maps, compare_operators),
     *(browsing, isolating, second, worst, levels, map_cursor, exporting),
     *(structure, panels, data_panels, pass_panels, bake_panels, overlay_panels),
-    *(histogram_icons, inspector_panels, compare_panels, drawing, reading),
+    *(histogram_icons, inspector_panels, compare_panels, drawing, reading, sidebar),
 )
 """Registered modules, in their order: settings before the panels that show them. Each module may have `CLASSES`, and
 functions `register` and `unregister` for everything else.

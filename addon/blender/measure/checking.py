@@ -33,8 +33,8 @@ class HALFSPACE_OT_check(bpy.types.Operator):
     bl_idname = "halfspace.check"
     bl_label = "Measure a Sample"
     bl_description = (
-        "Trace the camera's rays, their shadow rays and bounces through the structure, and compare a sample of the "
-        "answers with brute force, bit for bit. Takes seconds in large scenes"
+        "Trace the camera's rays, their shadow rays and bounces, and rays in the planes of triangles through the "
+        "structure, and compare a sample of the answers with brute force, bit for bit. Takes seconds in large scenes"
     )
 
     @classmethod

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 SIZE = (256, 256)
 """Width and height, in pixels, of the view whose rays are traced."""
 
-SETS = ("primary", "shadow", "diffuse")
+SETS = ("primary", "shadow", "diffuse", "coplanar")
+"""The rays of a picture, and rays in the planes of triangles, where a traversal without error bounds loses hits."""
 
 MOST_CHECKED = 4096
 """Largest number of rays per set that are compared."""

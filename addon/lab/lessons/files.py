@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lessons as .blend files: scene, settings, and two texts, the questions and the answers."""
+"""The lessons as .blend files: scene, settings, two texts, the questions and the answers, and windows."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ import bpy
 
 from ... import register
 from ...blender.settings import presets
+from ...blender.ui import sidebar
 from ..pictures import stage
 from . import pages
 from .lessons import Lesson
 
 SAMPLES, SIZE = 16, (960, 600)
 """Samples per pixel and pixels of a lesson's picture: seconds on a laptop."""
+
+TEXT_SHARE = 0.33
+"""Share of the 3D view's width that the questions take."""
 
 
 def save(lesson: Lesson, folder: Path) -> Path:
@@ -41,13 +45,47 @@ def save(lesson: Lesson, folder: Path) -> Path:
     # Add the questions, which Blender's text editor shows, and the answers, which a teacher may delete.
     asked = [f"{n}. {question}" for n, question in enumerate(lesson.questions, 1)]
     answered = [f"{n}. {answer}\n" for n, answer in enumerate(pages.answers(lesson.name), 1)]
-    _write("Questions", [lesson.title, "", f"Compare: {', '.join(lesson.structures)}", "", *asked])
+    do, see = lesson.first
+    first = [f"Do: {do}", "", f"See: {see}"]
+    compared = f"Compare: {', '.join(lesson.structures)}"
+    questions = _write("Questions", [lesson.title, "", *first, "", compared, "", *("\n\n".join(asked)).split("\n")])
     _write("Answers", [lesson.title, "", *answered])
+    _arrange(questions)
     path = folder / f"{lesson.name}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
     return path
 
 
-def _write(name: str, lines: list[str]) -> None:
-    """Add a text to the file."""
-    bpy.data.texts.new(name).write("\n".join(lines) + "\n")
+def _write(name: str, lines: list[str]) -> Any:
+    """Add a text to the file and return it."""
+    text: Any = bpy.data.texts.new(name)
+    text.write("\n".join(lines) + "\n")
+    text.cursor_set(0)
+    return text
+
+
+def _arrange(questions: Any) -> None:
+    """Open the questions on the left of the 3D view, and in it the camera's view and the sidebar at our tab."""
+    window = bpy.context.window
+    assert window is not None, "Blender as a module has one"
+    screen: Any = window.screen
+    (view,) = (area for area in screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, screen=screen, area=view):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=TEXT_SHARE)
+    view, left = (area for area in screen.areas if area.type == "VIEW_3D")
+    left.ui_type = "TEXT_EDITOR"
+    editor = left.spaces.active
+    editor.text, editor.show_word_wrap, editor.show_line_numbers = questions, True, False
+    # Show what the camera sees, without the helpers of modelling.
+    space = view.spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    space.show_region_ui, space.overlay.show_floor, space.overlay.show_axis_x, space.overlay.show_axis_y = (
+        True,
+        False,
+        False,
+        False,
+    )
+    screen[sidebar.TAB] = True
+    for area in screen.areas:
+        if area.type == "PROPERTIES":
+            area.spaces.active.context = "RENDER"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The five lessons: scene, what the overlay shows at first, questions, and the numbers of the answers.
+"""The lessons: scene, what the overlay shows at first, questions, and the numbers of the answers.
 
 The numbers are counters and sizes, equal on every machine. docs/lessons has a page for each lesson; a test compares its
 numbers with these.
@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.base import rotation
 from ...core.base.arrays import F64
-from ...core.measure import accuracy, counting
+from ...core.measure import accuracy, check, counting
 from ...core.scene import grid, rays
 from ...core.scene.rays import RaySet
 from ...core.scene.workload import View, Workload, framing_view
@@ -37,7 +37,8 @@ Facts = dict[str, str]
 class Lesson:
     """A lesson. name: of its file and its page. structures: what a class compares, the first is set in the file.
 
-    depth: first and last level that the overlay shows. parts: what it shows, of PLANES, CELLS.
+    first: one thing to do and to see in the open file, with its panel. depth: first and last level that the overlay
+    shows. parts: what it shows, of PLANES, CELLS.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Lesson:
     structures: tuple[str, ...]
     questions: tuple[str, ...]
     facts: Callable[[Native], Facts]
+    first: tuple[str, str]
     depth: tuple[int, int] = (0, 6)
     parts: tuple[str, ...] = ("PLANES",)
 
@@ -151,20 +153,113 @@ def touching_boxes() -> Workload:
 
 
 def _rounding_facts(native: Native) -> Facts:
-    workload = touching_boxes()
-    (walls,) = workload.extra
+    workload = replace(touching_boxes(), extra=())
+    found = {}
+    for spec in ("kd", UNBOUNDED):
+        tree = native.build(workload.vertices, workload.triangles, spec, threads=1)
+        (*_, found[spec]) = check.steps(native, tree, workload, threads=1)
     return {
-        "rays": f"{len(walls):,}",
+        "rays": f"{found['kd'].errors.rays:,}",
         # Which of the unguarded comparisons fail may depend on the machine.
-        "without bounds": f"more than {wrong(native, workload, PUBLISHED, walls) // 100 * 100}",
-        "with bounds": f"{wrong(native, workload, 'kd:traversal=ta-b', walls)}",
+        "without bounds": f"more than {found[UNBOUNDED].errors.wrong // 1000 * 1000:,}",
+        "with bounds": f"{found['kd'].errors.wrong}",
     }
 
 
-PUBLISHED = "kd:traversal=ta-b,robust=none"
-"""The traversal as published, without error bounds."""
+UNBOUNDED = "kd:robust=none"
+"""A kd-tree whose traversal compares without error bounds."""
+
+
+def meeting() -> Workload:
+    """A sphere, a pillar and turned bars on a floor: triangles large and small, along the axes and oblique."""
+    places = (-0.6, -0.3, 0.0, 0.3, 0.6)
+    bars = shapes.joined(
+        shapes.box((-1.5, y - 0.05, z - 0.05), (1.5, y + 0.05, z + 0.05)) for y in places for z in places
+    )
+    corners, faces = shapes.turned(bars, rotation.tilt(np.radians(35.0), np.radians(25.0)))
+    raised = np.ascontiguousarray(corners + np.array([0.0, 0.0, 1.6]), np.float32)
+    floor, pillar = shapes.box((-4.0, -3.0, -0.1), (4.0, 3.0, 0.0)), shapes.box((-3.5, -1.0, 0.0), (-2.5, 1.0, 2.0))
+    mesh = shapes.joined([floor, shapes.sphere((2.7, 0.0, 1.0), 1.0, 32), (raised, faces), pillar])
+    return Workload("families", *mesh, framing_view(*mesh))
+
+
+ALONE = {
+    "kd": ":traversal=dir",
+    "bsp-wn-plus-kd": ":traversal=dir",
+    "bvh-sah": ":traversal=ordered",
+    "bih": ":traversal=ordered",
+}
+"""Traversals of rays one by one, by structure; that of `octree-net` is its only one."""
+
+
+def _family_facts(native: Native) -> Facts:
+    workload = meeting()
+    facts: Facts = {}
+    for spec in BY_NAME["0-families"].structures:
+        steps, tests = counted(native, workload, spec + ALONE.get(spec, ""))
+        facts[f"{spec} references"] = f"{_references(native, workload, spec):.2f}"
+        facts[f"{spec} steps"], facts[f"{spec} tests"] = f"{steps:.1f}", f"{tests:.1f}"
+    return facts
+
+
+def _box_facts(native: Native) -> Facts:
+    workload = planks()
+    facts: Facts = {}
+    for spec in ("bvh-sah", *(f"bvh-sah:{more}" for more in ("width=2", "width=4", "quality=fast", "splits=1"))):
+        steps, tests = counted(native, workload, f"{spec}{',' if ':' in spec else ':'}traversal=ordered")
+        facts |= {
+            f"{spec} steps": f"{steps:.1f}",
+            f"{spec} tests": f"{tests:.1f}",
+            f"{spec} references": f"{_references(native, workload, spec):.2f}",
+        }
+    return facts
+
+
+SAMPLES = (1, 4, 16, 64)
+"""Samples per pixel whose errors the lesson on error compares."""
+
+
+def errors(native: Native, workload: Workload) -> F64:
+    """Root mean square error, over the visible points of a view, of the share of the sky that is hidden from them: for
+    each of SAMPLES, (4,).
+
+    The error of a mean is the difference of two independent means, divided by √2, and needs no reference.
+    """
+    tree = native.build(workload.vertices, workload.triangles, "kd", threads=1)
+    hidden = []
+    for seed in range(4 * SAMPLES[-1]):
+        (some,) = rays.make(workload, tree, size=SIZE, seed=seed, names=("diffuse",))
+        hidden.append(tree.closest(some.origins, some.directions, threads=1).triangle >= 0)
+    found = np.stack(hidden).astype(np.float64)
+    means = [found.reshape(-1, count, found.shape[1]).mean(axis=1) for count in SAMPLES]
+    return np.array([np.sqrt(((one[::2] - one[1::2]) ** 2).mean() / 2) for one in means])
+
+
+def _error_facts(native: Native) -> Facts:
+    found = errors(native, meeting())
+    slope = np.polyfit(np.log(SAMPLES), np.log(found), 1)[0]
+    facts = {f"error of {count}": f"{error:.3f}" for count, error in zip(SAMPLES, found, strict=True)}
+    return facts | {"slope": f"{slope:.2f}".replace("-", "−")}
+
 
 LESSONS: tuple[Lesson, ...] = (
+    Lesson(
+        "0-families",
+        "kd-tree, BSP, BVH, BIH, octree",
+        meeting,
+        ("kd", "bsp-wn-plus-kd", "bvh-sah", "bih", "octree-net"),
+        (
+            "Which of the five structures divide space, and which divide the triangles? Where do two cells overlap?",
+            "A plane may cut a triangle. How many references has a triangle in each structure?",
+            "How many nodes does a ray visit, and how many triangles does it test? Which of the two costs more?",
+        ),
+        _family_facts,
+        (
+            "Choose the five structures in turn, in the first menu of Structure, and press Build Structure.",
+            "kd: planes along the axes; bsp: gold ones, too; bvh: boxes; bih: pairs of planes; octree: halved cubes.",
+        ),
+        depth=(0, 3),
+    ),
     Lesson(
         "1-split",
         "Costs of a split",
@@ -176,6 +271,10 @@ LESSONS: tuple[Lesson, ...] = (
             "Which tree has the lower expected cost, and do the steps and tests of rays agree with it?",
         ),
         _split_facts,
+        (
+            "In Overlay set the depth from 0 to 0, then from 0 to 1; choose kd-median in Structure and do it again.",
+            "The first plane of kd is at the sphere, that of kd-median in the middle of the floor.",
+        ),
     ),
     Lesson(
         "2-oblique",
@@ -188,6 +287,10 @@ LESSONS: tuple[Lesson, ...] = (
             "An oblique plane costs a dot product. When is it worth it?",
         ),
         _oblique_facts,
+        (
+            "In Overlay press Oblique under the depth until only oblique planes are shown. Choose kd in Structure.",
+            "Gold planes between the bars; with kd none is left, and its planes cut the bars.",
+        ),
         depth=(0, 5),
     ),
     Lesson(
@@ -201,6 +304,10 @@ LESSONS: tuple[Lesson, ...] = (
             "How many references has a triangle in each tree, and what does that cost in memory?",
         ),
         _interval_facts,
+        (
+            "In Overlay set the depth from 1 to 1, then from 2 to 2.",
+            "Two planes of each node, with a gap or an overlap between them.",
+        ),
         depth=(0, 3),
     ),
     Lesson(
@@ -214,6 +321,10 @@ LESSONS: tuple[Lesson, ...] = (
             "Why does the gain end after the first bounce?",
         ),
         _beam_facts,
+        (
+            "In One Ray press Pick a Ray and point at a sphere; in Overlay press Beam.",
+            "The cells near the camera are the brightest: all 64 rays of the tile visit them.",
+        ),
         depth=(1, 4),
     ),
     Lesson(
@@ -223,11 +334,51 @@ LESSONS: tuple[Lesson, ...] = (
         ("kd", "brute"),
         (
             "A ray runs inside a split plane. What is the quotient that gives its distance to that plane?",
-            "Compare the traversal of the paper, with Robustness set to none, with brute force. Which rays are wrong?",
+            "Set Robustness to As Published and press Measure a Sample. How many answers are wrong, and of which rays?",
             "Why does widening each comparison by an error bound find all hits, and why does it find no false ones?",
         ),
         _rounding_facts,
+        (
+            "Press Measure a Sample in Statistics of the render properties; again with Robustness As Published.",
+            "All answers are those of brute force; without error bounds many are wrong.",
+        ),
         depth=(0, 4),
+    ),
+    Lesson(
+        "6-boxes",
+        "Bounding volume hierarchies",
+        planks,
+        ("bvh-sah", "bvh-hlbvh"),
+        (
+            "Where do the boxes of siblings overlap, and what does a ray cost there?",
+            "Why does the builder weigh the triangles of a box by its surface area?",
+            "Set Width to 2, 4 and 8. What happens to the steps of a ray, and what does a step cost?",
+            "Set Build Quality to fast, then to medium with one Spatial Split per triangle. What changes, and why?",
+        ),
+        _box_facts,
+        (
+            "In Overlay set the depth from 1 to 1, then from 2 to 2. In Structure set Width to 2 and do it again.",
+            "Boxes of siblings reach into each other: no box along the axes fits a turned bar.",
+        ),
+        depth=(0, 2),
+    ),
+    Lesson(
+        "7-error",
+        "Error against run time",
+        meeting,
+        ("bvh-sah", "kd"),
+        (
+            "Render with 1, 4, 16 and 64 samples. By which factor does the noise fall from one to the next?",
+            "Draw the logarithm of the error over that of the samples. Which slope is it, and what does a digit cost?",
+            "A better tree takes longer to build. From how many samples is it worth it?",
+            "Does the error depend on the structure?",
+        ),
+        _error_facts,
+        (
+            "Render properties: Samples 1, Noise Threshold and Denoise off, press F12; again with 16 samples.",
+            "The noise at the edges of the shadows falls to about a quarter.",
+        ),
+        depth=(0, 2),
     ),
 )
 """All lessons, in their order."""

@@ -8,7 +8,9 @@ from typing import Any
 import bpy
 import pytest
 
+from addon.blender.session import trees
 from addon.blender.settings import presets, properties
+from addon.blender.ui import sidebar
 from addon.lab.lessons import files, lessons, pages
 
 LARGEST = 250_000
@@ -29,6 +31,8 @@ def test_a_file_opens_with_what_its_lesson_needs(lesson: lessons.Lesson, tmp_pat
     assert group.overlay.parts == set(lesson.parts)
     written = bpy.data.texts["Questions"].as_string()
     assert all(question in written for question in lesson.questions)
+    assert all(words in written for words in lesson.first)
+    _opens_on_its_lesson()
     answers = bpy.data.texts["Answers"].as_string()
     assert all(f"\n{number}. " in answers for number in range(1, len(lesson.questions) + 1))
     assert not set("`*<[") & set(answers), "marks of Markdown"
@@ -44,10 +48,42 @@ def test_a_file_opens_with_what_its_lesson_needs(lesson: lessons.Lesson, tmp_pat
     bpy.ops.render.render()
 
 
+def _opens_on_its_lesson() -> None:
+    """Questions on the left, the camera's view with an open sidebar next to them, properties of the render."""
+    screen: Any = bpy.context.screen
+    areas = {area.type: area for area in screen.areas}
+    editor, view = areas["TEXT_EDITOR"], areas["VIEW_3D"]
+    assert editor.x < view.x
+    assert 400 < editor.width < view.width
+    assert editor.spaces.active.text == bpy.data.texts["Questions"]
+    assert editor.spaces.active.show_word_wrap
+    assert editor.spaces.active.text.current_line_index == 0
+    assert view.spaces.active.region_3d.view_perspective == "CAMERA"
+    assert view.spaces.active.show_region_ui
+    assert areas["PROPERTIES"].spaces.active.context == "RENDER"
+    assert screen[sidebar.TAB]
+
+
+def test_the_lesson_on_rounding_shows_wrong_answers_in_blender(tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(files.save(lessons.BY_NAME["5-rounding"], tmp_path)))
+    scene: Any = bpy.context.scene
+    wrong = []
+    for robust in ("widen", "none"):
+        scene.halfspace.robust = robust
+        bpy.ops.halfspace.check()
+        tree = trees.last(scene)
+        assert tree is not None
+        assert tree.check is not None
+        assert tree.check.errors.rays == 16_384
+        wrong.append(tree.check.errors.wrong)
+    assert wrong[0] == 0
+    assert wrong[1] > 2_000
+
+
 def test_a_table_of_an_answer_keeps_its_columns() -> None:
     (_, _, third) = pages.answers("1-split")
     assert "| kd-median | 731 | 15.3 | 9.0 |" in third
     assert "---" not in third
     (_, _, third) = pages.answers("5-rounding")
-    assert "See correctness." in third
+    assert "See correctness." in " ".join(third.split())
     assert third.count("this child cannot contain the hit") == 1

@@ -24,6 +24,7 @@ from addon.blender.ui import (
     overlay_panels,
     panels,
     pass_panels,
+    sidebar,
 )
 from addon.core.base import native
 from addon.core.structures import catalogue, specs
@@ -241,3 +242,31 @@ def test_every_panel_that_names_a_section_finds_it(scene: Any) -> None:
         bpy.ops.halfspace.manual(section="no-such")
     assert bpy.ops.halfspace.manual() == {"FINISHED"}, "as a search for operators calls it"
     assert opened.current_line.body == "# Manual"
+
+
+def test_a_marked_screen_opens_its_sidebars_at_the_tab() -> None:
+    """A tab exists once its sidebar was drawn: until then the mark stays."""
+
+    class Undrawn:
+        type = "UI"
+
+        def __setattr__(self, name: str, _value: str) -> None:
+            raise AttributeError(f'bpy_struct: attribute "{name}" from "Region" is read-only')
+
+    drawn = SimpleNamespace(type="UI", active_panel_category="Item")
+    for region, category in ((Undrawn(), None), (drawn, "Halfspace")):
+        screen = _Screen({sidebar.TAB: True})
+        screen.areas = [SimpleNamespace(type="VIEW_3D", regions=[region])]
+        assert sidebar.bring_to_front([screen]) == (category is not None)
+        assert (sidebar.TAB in screen) == (category is None)
+    drawn.active_panel_category = "Item"
+    screen = _Screen()
+    screen.areas = [SimpleNamespace(type="VIEW_3D", regions=[drawn])]
+    assert sidebar.bring_to_front([screen])
+    assert drawn.active_panel_category == "Item", "a screen without the mark"
+
+
+class _Screen(dict[str, bool]):
+    """A screen with custom properties."""
+
+    areas: list[SimpleNamespace]

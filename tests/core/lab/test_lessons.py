@@ -12,7 +12,7 @@ from typing import Any
 import halfspace_native as native
 import pytest
 
-from addon.lab.lessons import lessons
+from addon.lab.lessons import lessons, slides
 from scripts import package_python
 from scripts.dev import environment
 
@@ -49,6 +49,23 @@ def test_lessons_say_what_they_teach() -> None:
     assert facts["3-intervals"]["bih references"] == "1.00"
     assert number("4-beams", "together") < number("4-beams", "alone") / 3
     assert facts["5-rounding"]["with bounds"] == "0"
+    tests = {spec: number("0-families", f"{spec} tests") for spec in lessons.BY_NAME["0-families"].structures}
+    assert min(tests, key=lambda spec: tests[spec]) == "bsp-wn-plus-kd"
+    assert [facts["0-families"][f"{spec} references"] for spec in ("bvh-sah", "bih")] == ["1.00", "1.00"]
+    assert number("6-boxes", "bvh-sah steps") < number("6-boxes", "bvh-sah:width=2 steps") / 2
+    assert number("6-boxes", "bvh-sah:splits=1 tests") < 0.6 * number("6-boxes", "bvh-sah tests")
+    assert facts["7-error"]["slope"] == "−0.50"
+
+
+def test_slides_have_the_pictures_of_the_plan_and_all_questions(tmp_path: Path) -> None:
+    path = tmp_path / "slides.html"
+    pictures = (PAGES / slides.PLAN).read_text(encoding="utf-8").count("![")
+    assert slides.write(path) == pictures + len(lessons.LESSONS)
+    text = path.read_text(encoding="utf-8")
+    assert text.count("<img") == pictures >= 5
+    assert text.count("<li>") == sum(len(lesson.questions) for lesson in lessons.LESSONS)
+    assert 'src="data:image/jpeg;base64,' in text
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text), "needs no network"
 
 
 @pytest.fixture(scope="module")
