@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Acceleration structures for ray tracing: build them, trace rays, compare their answers and times.
 
-`build` and all that traces come from the compiled module `halfspace_native`, which is loaded when one of its names is
-used; that use raises ImportError, in one sentence, if it cannot be loaded. `load`, `measure` and `table` are what the
+`build` takes arrays, lists and tensors on the CPU, and what it returns traces single rays and batches, and can be
+pickled and saved. The compiled module `halfspace_native`, whose structures trace arrays alone, is loaded when it is
+needed; that raises ImportError, in one sentence, if it cannot be loaded. `load`, `measure` and `table` are what the
 command `halfspace bench` does. No Blender is needed; `register` adds the render engine to one that is running.
 """
 
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _compiled
+from ._built import Instances, Monitor, Structure, build, build_instances, load_structure
 from .core.base import native
 from .core.measure import benchmark
 from .core.measure.preparation import Options
@@ -24,14 +26,12 @@ from .lab.bench import mesh_files
 
 if TYPE_CHECKING:
     from halfspace_native import (
+        Cancelled,
         Hits,
-        Instances,
         NonFiniteError,
+        RefitError,
         ShapeError,
         SpecError,
-        Structure,
-        build,
-        build_instances,
         exact_closest,
         free_memory,
         level,
@@ -39,10 +39,13 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "Cancelled",
     "Hits",
     "Instances",
+    "Monitor",
     "NonFiniteError",
     "Options",
+    "RefitError",
     "Row",
     "ShapeError",
     "SpecError",
@@ -58,6 +61,7 @@ __all__ = [
     "free_memory",
     "level",
     "load",
+    "load_structure",
     "measure",
     "register",
     "structures",

@@ -9,8 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import halfspace_native
 import pytest
 
+from addon.core.base import native
 from addon.lab.commands import launcher
 from scripts import package_python
 
@@ -110,8 +112,8 @@ def test_a_command_reports_the_fault_in_one_line(fault: str, staged: Path, tmp_p
 @pytest.mark.parametrize(
     "code",
     [
-        "halfspace.build",
-        "from halfspace import Structure",
+        "halfspace.build([], [])",
+        "from halfspace import Hits",
         "from halfspace import *",
         "halfspace.load('model.ply')",
         "halfspace.measure(None, 'kd')",
@@ -129,18 +131,32 @@ def test_each_use_of_the_module_raises_one_import_error(code: str, staged: Path,
 
 
 def test_the_error_states_the_fault(fault: str, staged: Path, tmp_path: Path) -> None:
-    code = "import halfspace\ntry:\n    halfspace.build\nexcept ImportError as error:\n    print(error.name, error)\n"
+    code = "import halfspace\ntry:\n    halfspace.build([], [])\n"
+    code += "except ImportError as error:\n    print(error.name, error)\n"
     done = python(staged, tmp_path, "-c", code)
     assert done.stdout.startswith(f"halfspace_native {SENTENCES[fault]}"), done.stderr
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], *([name, "--help"] for name in launcher.COMMANDS)])
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in launcher.COMMANDS)])
 def test_help_needs_no_module(words: list[str], staged: Path, tmp_path: Path) -> None:
     (tmp_path / "halfspace_native.py").write_text(DEADLY, encoding="utf-8")
     done = python(staged, tmp_path, "-m", "halfspace", *words)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout
+
+
+@pytest.mark.parametrize(("files", "line"), [("absent", "native module: The native module of Halfspace is"), ("", "")])
+def test_the_version_names_the_module_and_the_licence(files: str, line: str, staged: Path, tmp_path: Path) -> None:
+    for name, text in FILES.get(files, {}).items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    done = python(staged, tmp_path, "-m", "halfspace", "--version")
+    assert (done.returncode, done.stderr) == (0, "")
+    first, module, licence = done.stdout.splitlines()
+    assert (first, licence) == (f"halfspace {native.VERSION}", "licence GPL-3.0-or-later")
+    assert module.startswith(
+        line or f"native module {native.VERSION}: {halfspace_native.level()} in use on this machine"
+    )
 
 
 def test_names_are_listed_without_the_module_and_others_are_unknown(staged: Path, tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_a_mesh_that_has_changed_is_built_again(module: Any) -> None:
 def test_an_intersector_can_be_copied_and_pickled(module: Any) -> None:
     intersector = module.RayMeshIntersector(sheets(2), False, structure="bih")
     intersector.intersects_any(*UP)
-    pickled = pickle.loads(pickle.dumps(intersector))  # noqa: S301 - our own bytes
+    pickled = pickle.loads(pickle.dumps(intersector))
     for other in (copy.copy(intersector), copy.deepcopy(intersector), pickled):
         assert (other.structure, other.scale_to_box) == ("bih", False)
         assert other.intersects_first(*UP).tolist() == [0, -1, -1]
