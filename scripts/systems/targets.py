@@ -67,7 +67,9 @@ TARGETS = {
             "gcc-mingw-w64-x86-64 wine64 wine",
             {"WINEDEBUG": "-all"},
         ),
+        Target("windows-arm64", "aarch64-pc-windows-gnullvm"),
         Target("macos-arm64", "aarch64-apple-darwin"),
+        Target("macos-x64", "x86_64-apple-darwin"),
     )
 }
 """Blender's name of each system with a wheel to the system."""
@@ -133,7 +135,7 @@ def maturin(target: Target, python: Path) -> tuple[list[str], dict[str, str]]:
         name = "manylinux_{}_{}".format(*BLENDER_GLIBC)
         options += ["--zig", "--compatibility", name, "--", f"-Clink-arg={Path(unwinder).resolve()}"]
     elif not target.compiler and not target.is_here:
-        options += ["--zig", "--", f"-Clink-arg=-F{FRAMEWORKS}"]
+        options += ["--zig", *(["--", f"-Clink-arg=-F{FRAMEWORKS}"] if "apple" in target.triple else [])]
     if "--zig" in options:
         # A linker named in the environment would come before zig, which the PATH need not contain.
         found = {"CARGO_ZIGBUILD_PYTHON_PATH": str(python)}

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
 ROUND_TYPES = {"CURVES", "POINTCLOUD"}
+SPLATS = "GAUSSIAN_SPLAT"
 
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """Treatment of a Sky Texture that another Blender process must render first, see `find`."""
@@ -314,6 +315,8 @@ class _Reader:
         if not shown[0]:
             return
         if kind in ROUND_TYPES:
+            if getattr(item.data, "type", "") == SPLATS:
+                self._notes.add("Gaussian splats are rendered as spheres", item.name_full)
             if self._hair or kind != "CURVES":
                 yield from self._place_round(instance, matrix, self.strands.visit, tube=kind == "CURVES")
         elif kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:

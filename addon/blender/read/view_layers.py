@@ -11,7 +11,12 @@ from .value_nodes import outputs
 SETTINGS = {"use_pass_combined", "use_pass_cryptomatte_accurate"}
 """Switches without a pass of their own, or of the pass that is always present."""
 
-OTHERS = {"pass_debug_sample_count", "pass_render_time", "denoising_store_passes"}
+OTHERS = {
+    "pass_debug_sample_count",
+    "pass_render_time",
+    "denoising_store_passes",
+    "denoising_store_motion_passes",
+}
 """Switches of Cycles's passes whose names lack the usual prefix."""
 
 

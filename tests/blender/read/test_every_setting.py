@@ -29,7 +29,8 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "allow_preroll use_preview_range frame_preview_start frame_preview_end show_subframe "
         "show_keys_from_selected_only use_custom_simulation_range simulation_frame_start simulation_frame_end "
         "sync_mode playback_loop_mode grease_pencil annotation gravity use_gravity use_audio use_audio_scrub "
-        "audio_doppler_speed audio_doppler_factor audio_distance_model audio_volume active_clip",
+        "audio_doppler_speed audio_doppler_factor audio_distance_model audio_volume active_clip "
+        "wrap_timeline_navigation",
         "Object": "track_axis up_axis use_camera_lock_parent lock_location lock_rotation lock_rotation_w "
         "lock_rotations_4d lock_scale use_simulation_cache use_mesh_mirror_x use_mesh_mirror_y use_mesh_mirror_z "
         "use_shape_key_edit_mode active_shape_key_index active_material_index active_selection_set "
@@ -90,7 +91,7 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "RenderSettings": "preview_pixel_size use_lock_interface sequencer_gl_preview simplify_subdivision "
         "simplify_child_particles simplify_volumes use_simplify_normals",
         "Cycles of Scene": "preview_pause texture_resolution texture_limit volume_preview_step_rate "
-        "preview_dicing_rate",
+        "preview_dicing_rate preview_denoising_upscale_quality",
         "Curves of Scene": "",
     },
     "after the render: files, stamps, the sequencer and the compositor": {
@@ -102,7 +103,7 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "use_stamp_render_time stamp_note_text use_stamp use_stamp_labels metadata_input use_stamp_memory "
         "use_stamp_hostname stamp_font_size stamp_foreground stamp_background use_sequencer_override_scene_strip "
         "use_single_layer views_format compositor_device compositor_precision compositor_denoise_device "
-        "compositor_denoise_preview_quality compositor_denoise_final_quality",
+        "compositor_denoise_preview_quality compositor_denoise_final_quality use_compositor_frames_cache",
         "ViewLayer": "use_pass_combined",
     },
     "bakes, which have settings of their own": {
@@ -265,6 +266,7 @@ def test_every_owner_is_tested() -> None:
 
 
 NODES_WITHOUT_EFFECT = {
+    "ShaderNodeLightEvaluation": "mode",  # Blender takes links from it in a material for invalid
     "ShaderNodeMixRGB": "use_alpha",  # nor in Cycles
     "ShaderNodeRaycast": "active_index active_item",  # the node's interface
     "ShaderNodeScript": "script filepath mode use_auto_update bytecode bytecode_hash",  # named where it has outputs

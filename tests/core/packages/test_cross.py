@@ -79,7 +79,9 @@ def test_tests_of_another_system_run_in_its_runner(
         ("linux-x64", "--target x86_64-unknown-linux-gnu --zig --compatibility manylinux_2_28 -- UNWINDER", "ZIG"),
         ("linux-arm64", "--target aarch64-unknown-linux-gnu --zig --compatibility manylinux_2_28 -- UNWINDER", "ZIG"),
         ("windows-x64", "--target x86_64-pc-windows-gnu", "CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER"),
+        ("windows-arm64", "--target aarch64-pc-windows-gnullvm --zig", "ZIG"),
         ("macos-arm64", f"--target aarch64-apple-darwin --zig -- -Clink-arg=-F{targets.FRAMEWORKS}", "ZIG"),
+        ("macos-x64", f"--target x86_64-apple-darwin --zig -- -Clink-arg=-F{targets.FRAMEWORKS}", "ZIG"),
     ],
 )
 def test_a_wheel_for_another_system_is_linked_for_it(ran: Ran, name: str, options: str, variables: str) -> None:
@@ -95,7 +97,9 @@ def test_each_stub_of_a_framework_is_found_and_states_where_macos_has_it() -> No
     assert [path.stem for path in stubs] == ["CoreFoundation", "IOKit"]
     for path in stubs:
         place = f"/System/Library/Frameworks/{path.parent.stem}.framework/Versions/A/{path.stem}"
-        assert f"install-name: '{place}'" in path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
+        assert f"install-name: '{place}'" in text
+        assert "targets: [ x86_64-macos, arm64-macos ]" in text
 
 
 LACKS = next((name for name in ("cargo", "qemu-aarch64", "aarch64-linux-gnu-gcc") if shutil.which(name) is None), "")

@@ -231,7 +231,7 @@ def test_each_system_gets_a_zip_of_its_own_next_to_the_one_for_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     tags = {"linux-x64": "manylinux_2_28_x86_64", "linux-arm64": "manylinux_2_28_aarch64", "windows-x64": "win_amd64"}
-    tags["macos-arm64"] = "macosx_11_0_arm64"
+    tags |= {"windows-arm64": "win_arm64", "macos-arm64": "macosx_11_0_arm64", "macos-x64": "macosx_10_12_x86_64"}
     assert set(tags) == set(targets.TARGETS)
     monkeypatch.chdir(tmp_path)
     systems = list(tags) if given[1] in ("all", ".") else given[1::2]
