@@ -26,7 +26,7 @@ def frame(context: Any, tree: trees.Tree, table: Table) -> bool:
     """Turn the 3D view to the selected node. Returns whether there is a view."""
     node = context.scene.halfspace.inspector.node
     bounds = table.bounds[node if node < len(table) else 0].reshape(2, 3)
-    return framing.frame(getattr(context, "screen", None), bounds + tree.origin)
+    return framing.frame(getattr(context, "screen", None), bounds + tree.origin, framing.NODE_MARGIN)
 
 
 class HALFSPACE_OT_go_to_node(bpy.types.Operator):

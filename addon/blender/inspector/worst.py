@@ -191,7 +191,7 @@ def _look_from_the_side(context: Any, tree: trees.Tree) -> None:
         return
     path = ray.path(tree)
     points = np.array([path.origin + t * path.direction for t in cells.ends(path)]) + tree.origin
-    framing.frame(getattr(context, "screen", None), points, path.direction)
+    framing.frame(getattr(context, "screen", None), points, framing.RAY_MARGIN, path.direction)
 
 
 class HALFSPACE_OT_worst_ray(bpy.types.Operator):

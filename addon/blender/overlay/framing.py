@@ -10,18 +10,18 @@ from mathutils import Matrix, Vector
 
 from ...core.base.arrays import F64
 
-MARGIN, LEAST = 1.3, 1e-4
-"""Size of a view in that of what is framed, and the smallest size that is framed."""
+NODE_MARGIN, RAY_MARGIN, LEAST = 2.5, 1.2, 1e-4
+"""Distance of a view in sizes of the node or of the ray that it frames, and the smallest size that is framed."""
 
 ABOVE = 0.35
 """Angle in radians by which a view from the side looks down."""
 
 
-def frame(screen: Any, points: F64, across: F64 | None = None) -> bool:
+def frame(screen: Any, points: F64, margin: float, across: F64 | None = None) -> bool:
     """Turn the largest 3D view of the screen to points (n, 3) in world space. Returns whether there is such a view.
 
-    across: a direction (3,) that lies in the picture, from left to right or from right to left; by default the view
-    looks along the same direction as before.
+    margin: distance of the view in sizes of the points' box. across: a direction (3,) that lies in the picture, from
+    left to right or from right to left; by default the view looks along the same direction as before.
     """
     areas = [area for area in screen.areas if area.type == "VIEW_3D"] if screen is not None else []
     if not areas:
@@ -32,7 +32,7 @@ def frame(screen: Any, points: F64, across: F64 | None = None) -> bool:
         view.view_rotation = sideways(across, np.array(view.view_rotation @ Vector((1.0, 0.0, 0.0))))
     view.view_perspective = "PERSP"
     view.view_location = Vector((low + high) / 2)
-    view.view_distance = MARGIN * max(float(np.linalg.norm(high - low)), LEAST)
+    view.view_distance = margin * max(float(np.linalg.norm(high - low)), LEAST)
     return True
 
 

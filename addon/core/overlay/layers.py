@@ -26,6 +26,9 @@ PLACES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 ASIDE = 0.125
 """Smallest distance of the layer from the viewer, as a share of the grid's extent: within it, it would be fog."""
 
+SLANT = 0.45
+"""Distance of the layer from the viewer, as a share of the grid's extent, below which it is seen from the side."""
+
 LEVEL = 1.5
 """Factor by which a level layer, across Z, is preferred: it lies in the scene like a floor."""
 
@@ -97,8 +100,9 @@ def choose(grid: Grid, eye: F64) -> tuple[int, int]:
             place = min(int(share * (len(walls) - 1)), len(walls) - 2)
             middle = (walls[place] + walls[place + 1]) / 2
             seen = _seen(grid, axis, middle, eye) * (LEVEL if axis == 2 else 1.0) * _varied(grid, (axis, place))
-            far = abs(eye[axis] - middle) >= ASIDE * size[axis]
-            found.append((seen if far else 0.0, axis, place))
+            away = abs(eye[axis] - middle)
+            slant = min(away / max(SLANT * size[axis], np.finfo(np.float64).tiny), 1.0)
+            found.append((seen * slant if away >= ASIDE * size[axis] else 0.0, axis, place))
     _, axis, place = max(found)
     return axis, place
 

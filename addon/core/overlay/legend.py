@@ -56,7 +56,9 @@ def of_planes(shown: Planes, tints: Mapping[str, Sequence[float]]) -> list[Entry
         counts = [Entry(_ramp(), "cells with triangles, brighter with more")] if shown.marked else []
         kinds = [name for number, name in enumerate(planes.KINDS) if (shown.kind[:plain] == number).any()]
         entries = [Entry((tuple(tints[kind]),), LABELS[kind]) for kind in kinds]
-        return [*entries, *counts, Entry((), f"one layer of cells across {planes.KINDS[shown.across]}")]
+        step = planes.left_out(shown)
+        walls = f", one in {step} walls drawn" if step > 1 and entries else ""
+        return [*entries, *counts, Entry((), f"one layer of cells across {planes.KINDS[shown.across]}{walls}")]
     entries = [Entry((tuple(tints[kind]),), labels[kind]) for kind in kinds]
     order = "larger ones fainter" if boxes else "deeper ones fainter"
     several = len(np.unique(shown.depth[:plain])) > 1

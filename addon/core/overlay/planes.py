@@ -39,7 +39,9 @@ merge into one area.
 """
 
 SHEET = 40
-"""Number of walls of a grid's layer from which its lines are thinner, and somewhat fainter."""
+"""Number of walls of a grid's layer from which its lines are thinner and somewhat fainter; most that are drawn along an
+axis.
+"""
 
 WALLS = 0.22
 """Factor on the opacity of the walls of a grid's layer, whose cells with triangles are filled."""
@@ -255,6 +257,7 @@ def panes(planes: Planes, eye: F64 | None = None) -> Panes:
         weight[inside], weight[away] = sight.AROUND, sight.AWAY
     if planes.across >= 0:
         weight[:] = 1.0
+        weight[: len(planes) - planes.marked] = np.arange(len(planes) - planes.marked) % left_out(planes) == 0
     if planes.marked:
         bare[-planes.marked :] = False
         weight[-planes.marked :] = np.maximum(weight[-planes.marked :], 0.6)
@@ -263,6 +266,12 @@ def panes(planes: Planes, eye: F64 | None = None) -> Panes:
     behind = float(angles[~bare].sum()) / directions
     limit = FOG * INSIDE if directions == 4 * np.pi else FOG
     return Panes(bare, _step(min(1.0, limit / behind)) if behind > 0 else 1.0, weight)
+
+
+def left_out(planes: Planes) -> int:
+    """One in so many walls of a grid's layer is drawn: its lines would merge into an area, far away."""
+    walls = np.bincount(planes.kind[: len(planes) - planes.marked], minlength=1)
+    return -(-int(walls.max()) // SHEET) or 1
 
 
 def _step(strength: float) -> float:

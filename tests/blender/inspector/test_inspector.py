@@ -86,7 +86,7 @@ def test_the_view_frames_the_selected_node(seen: Any) -> None:
         view = region(seen)
         assert np.array(view.view_location) == pytest.approx((low + high) / 2 + tree.origin, abs=1e-3)
         sizes.append(view.view_distance / np.linalg.norm(high - low))
-    assert sizes == [pytest.approx(framing.MARGIN)] * 2
+    assert sizes == [pytest.approx(framing.NODE_MARGIN)] * 2
     # The costliest leaf is framed at once.
     view.view_distance = 100.0
     go(to="LEAF")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core.overlay import cuts, depths, layers, planes, turned
+from addon.core.overlay import cuts, depths, layers, legend, planes, turned
 from addon.core.tree import table
 
 native = pytest.importorskip("halfspace_native")
@@ -123,3 +123,16 @@ def test_a_slice_of_a_grid_has_a_square_for_each_cell_with_triangles() -> None:
         assert corners[..., axis] == pytest.approx((low + high) / 2, abs=1e-4)
         both = planes.joined(layers.cut(grid, layer, planes.KINDS), squares, rgb)
         assert np.array_equal(planes.levels(both, COLOURS, 1.0, 2.0)[-1].line_colours[::8, :3], rgb)
+
+
+@pytest.mark.parametrize(("count", "step"), [(planes.SHEET, 1), (planes.SHEET + 1, 2), (4 * planes.SHEET, 4)])
+def test_of_many_walls_of_a_layer_some_are_drawn(count: int, step: int) -> None:
+    walls = np.linspace(0, 1, count)
+    two, none = np.array([0.0, 1.0]), (np.zeros((0, 2, 3), np.float32), np.zeros(0, np.int32))
+    grid = layers.Grid((walls, two, two), (0, 1, 2), np.array([[0, 0, 0], [1, 1, 1.0]]), *none)
+    chosen = layers.cut(grid, (2, 0), ("X",))
+    assert planes.left_out(chosen) == step
+    weight = planes.panes(chosen, np.array([0.5, 0.5, 3.0])).weight
+    assert weight.sum() == -(-count // step) <= planes.SHEET
+    texts = [entry.text for entry in legend.of_planes(chosen, COLOURS)]
+    assert texts[-1] == "one layer of cells across Z" + (f", one in {step} walls drawn" if step > 1 else "")
