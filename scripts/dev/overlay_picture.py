@@ -34,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="overlay_picture", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=f"{scenes.CHOICES} (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="the acceleration structure (default: kd)")
-    made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
+    made.add_argument("--depth", metavar="FIRST-LAST", help="levels of the tree (default: as first shown in Blender)")
     made.add_argument(
         "--show", default="planes", metavar="PART[,...]", help="planes, cells, ray, beam (default: planes)"
     )
@@ -62,7 +62,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     asked = parser().parse_args(arguments)
     if asked.file is not None:
         scenes.find(asked.file)
-    first, _, last = asked.depth.partition("-")
+    first, _, last = (asked.depth or "0").partition("-")
     if not all(specs.is_whole(level) and int(level) <= DEEPEST for level in (first, last or first)):
         raise UsageError(f"--depth: expected FIRST-LAST, whole numbers up to {DEEPEST}, got {asked.depth!r}")
     width, _, height = asked.size.partition("x")
@@ -83,7 +83,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
 
 def run(asked: argparse.Namespace) -> int:
     """Open the scene, build the structure, draw, save. Returns the exit status."""
-    first, _, last = asked.depth.partition("-")
+    first, _, last = (asked.depth or "").partition("-")
     width, _, height = asked.size.partition("x")
     structure = specs.joined(asked.structure, f"traversal={asked.traversal}" if asked.traversal else "")
 
@@ -114,7 +114,9 @@ def run(asked: argparse.Namespace) -> int:
         raise UsageError(f"--structure: {error}") from error
     # Show the chosen parts of the tree, and build it.
     settings.show, settings.style = True, asked.style
-    settings.depth_min, settings.depth_max = int(first), int(last or first)
+    settings.depth_auto = not first
+    if first:
+        settings.depth_min, settings.depth_max = int(first), int(last or first)
     settings.line_width *= SMOOTHING
     parts = {part.strip().upper() for part in asked.show.split(",")}
     settings.parts = parts if parts & {"RAY", "BEAM"} or not asked.ray else parts | {"RAY"}

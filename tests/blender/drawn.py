@@ -13,6 +13,7 @@ from mathutils import Euler, Matrix, Vector
 from addon.blender.overlay import drawing as overlay
 from addon.blender.session import trees
 from addon.core.base import native
+from addon.core.overlay import planes
 from addon.core.structures import catalogue
 from tests.blender.shapes import cube, grid, look, place
 
@@ -139,18 +140,16 @@ def pick_a_box(scene: Any, **settings: Any) -> tuple[Vector, Vector]:
 
 
 def projected(tree: trees.Tree, view: Any, projection: Any, *, depth: int) -> list[tuple[int, np.ndarray[Any, Any]]]:
-    """Kind and corners in pixels of each split polygon down to `depth`."""
-    found = tree.structure.split_polygons(depth, 100_000)
-    assert found["hidden"] == 0
-    world = found["vertices"].astype(np.float64) + tree.origin
+    """Kind and corners in pixels of each split polygon down to `depth`, planes of octants cut to the triangles' box."""
+    found = planes.choose(tree.structure, (0, depth), planes.KINDS, 100_000)
+    assert found.complete
+    found = planes.within(found, tree.vertices, tree.triangles)
+    world = found.vertices.astype(np.float64) + tree.origin
     clip = np.concatenate([world, np.ones((len(world), 1))], axis=1) @ (np.array(projection) @ np.array(view)).T
     assert (clip[:, 3] > 0).all()
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * [WIDTH, HEIGHT]
-    return (
-        list(zip(found["kind"].tolist(), np.split(pixels, found["offsets"][1:-1].astype(int)), strict=True))
-        if (len(found["kind"]))
-        else []
-    )
+    parts = np.split(pixels, found.offsets[1:-1]) if len(found) else []
+    return list(zip(found.kind.tolist(), parts, strict=True))
 
 
 def distances(polygons: list[np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:

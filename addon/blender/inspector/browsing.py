@@ -10,7 +10,7 @@ from bpy.props import EnumProperty, IntProperty
 
 from ...core.base import native
 from ...core.tree.table import Table, TreeError
-from ..overlay import replaying
+from ..overlay import framing, replaying
 from ..session import trees
 
 
@@ -20,6 +20,13 @@ def show(scene: Any, node: int) -> None:
     settings = scene.halfspace.overlay
     settings.show = True
     settings.parts |= {"NODE"}
+
+
+def frame(context: Any, tree: trees.Tree, table: Table) -> bool:
+    """Turn the 3D view to the selected node. Returns whether there is a view."""
+    node = context.scene.halfspace.inspector.node
+    bounds = table.bounds[node if node < len(table) else 0].reshape(2, 3)
+    return framing.frame(getattr(context, "screen", None), bounds + tree.origin, framing.NODE_MARGIN)
 
 
 class HALFSPACE_OT_go_to_node(bpy.types.Operator):
@@ -39,7 +46,7 @@ class HALFSPACE_OT_go_to_node(bpy.types.Operator):
             ("NEXT", "Next", "The next node with the same parent", 3),
             ("PREVIOUS", "Previous", "The previous node with the same parent", 4),
             ("COSTLIEST", "Costliest Child", "The child with the largest expected cost below it", 5),
-            ("LEAF", "Costliest Leaf", "The leaf with the largest expected cost", 6),
+            ("LEAF", "Costliest Leaf", "The leaf with the largest expected cost, which the view frames", 6),
             ("STEP", "Step of the Ray", "The node of the current step of the picked ray", 7),
         ],
         options={"SKIP_SAVE"},
@@ -64,6 +71,8 @@ class HALFSPACE_OT_go_to_node(bpy.types.Operator):
             self.report({"ERROR"}, "There is no such node")
             return {"CANCELLED"}
         show(scene, goal)
+        if self.to == "LEAF":
+            frame(context, tree, table)
         return {"FINISHED"}
 
     def _goal(self, scene: Any, table: Table) -> int | None:
@@ -87,4 +96,29 @@ class HALFSPACE_OT_go_to_node(bpy.types.Operator):
         return goals[self.to]()
 
 
-CLASSES = (HALFSPACE_OT_go_to_node,)
+class HALFSPACE_OT_frame_node(bpy.types.Operator):
+    """Turns the view to the selected node."""
+
+    bl_idname = "halfspace.frame_node"
+    bl_label = "Frame"
+    bl_description = "Move the 3D view to the selected node, which may be small"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None and trees.last(context.scene) is not None
+
+    def execute(self, context: Any) -> set[str]:
+        tree = trees.last(context.scene)
+        assert tree is not None, "see poll"
+        try:
+            found = frame(context, tree, tree.table())
+        except TreeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if not found:
+            self.report({"ERROR"}, "There is no 3D view")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+CLASSES = (HALFSPACE_OT_go_to_node, HALFSPACE_OT_frame_node)

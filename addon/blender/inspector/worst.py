@@ -21,9 +21,10 @@ from ...core.inspector.csv_files import Times
 from ...core.inspector.ray_costs import RayCosts
 from ...core.measure import costmap
 from ...core.measure.reference import Reference, affordable
+from ...core.overlay import cells
 from ...core.scene.workload import Workload
 from ..measure import workloads
-from ..overlay import picking
+from ..overlay import framing, picking
 from ..session import failures, trees
 from ..state import Slot
 from . import second
@@ -183,6 +184,16 @@ def _draw_ray(overlay: Any) -> None:
     overlay.show = True
 
 
+def _look_from_the_side(context: Any, tree: trees.Tree) -> None:
+    """Turn the 3D view to the picked ray, which is a dot in the camera's view."""
+    ray = picking.last(context.scene)
+    if ray is None:
+        return
+    path = ray.path(tree)
+    points = np.array([path.origin + t * path.direction for t in cells.ends(path)]) + tree.origin
+    framing.frame(getattr(context, "screen", None), points, framing.RAY_MARGIN, path.direction)
+
+
 class HALFSPACE_OT_worst_ray(bpy.types.Operator):
     """Shows one of the worst rays."""
 
@@ -217,6 +228,8 @@ class HALFSPACE_OT_worst_ray(bpy.types.Operator):
             found = find(scene, tree)
             is_shown = found.shown == (settings.rays, settings.order)
             show(scene, tree, found, found.place + self.move if self.move and is_shown else 0)
+            if settings.from_side:
+                _look_from_the_side(context, tree)
         except BaseException as error:
             return failures.reported(self, error, "find the worst rays")
         return {"FINISHED"}

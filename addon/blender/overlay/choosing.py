@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from ...core.base.arrays import F64
 from ...core.inspector import node_view, replay_view
-from ...core.overlay import beams, cells, layers, legend, planes
+from ...core.overlay import beams, cells, layers, legend, planes, turned
 from ...core.overlay.depths import First
 from ...core.overlay.legend import Entry
 from ...core.tree.table import TreeError
@@ -32,7 +33,16 @@ def parts(scene: Any) -> list[str]:
 
 def first(settings: Any, tree: trees.Tree, eye: F64) -> First:
     """The levels of planes that are shown to a viewer at `eye`, (3,) in the tree's frame."""
-    return tree.survey().first(eye) if settings.depth_auto else First(settings.depth_min, settings.depth_max)
+    if not settings.depth_auto:
+        return First(settings.depth_min, settings.depth_max)
+    survey = tree.survey()
+    found = survey.first(eye)
+    if found.layer is None or survey.grid is None or settings.slice_axis == "AUTO":
+        return found
+    # Take the layer of a grid that was chosen by hand.
+    axis = "XYZ".index(settings.slice_axis)
+    last = len(survey.grid.walls[axis]) - 2
+    return replace(found, layer=(axis, round(settings.slice_place * last)))
 
 
 def chosen_by(scene: Any, tree: trees.Tree, part: str, eye: F64) -> tuple[Any, ...]:
@@ -47,7 +57,7 @@ def chosen_by(scene: Any, tree: trees.Tree, part: str, eye: F64) -> tuple[Any, .
     if part == "BEAM":
         return picking.last(scene), settings.beam_spacing
     kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
-    return (first(settings, tree, eye), kinds, settings.max_count)
+    return (first(settings, tree, eye), kinds, settings.max_count, settings.cuts)
 
 
 def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
@@ -65,11 +75,28 @@ def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
     if part == "BEAM":
         ray, spacing = by
         return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
-    shown, kinds, most = by
-    grid = tree.survey().grid if shown.layer is not None else None
-    if grid is not None:
-        return layers.cut(grid, shown.layer, kinds)
-    return planes.choose(tree.structure, (shown.low, shown.high), kinds, most)
+    shown, kinds, most, are_cut = by
+    found = _planes(tree, shown, kinds, most)
+    return planes.cut(found, tree.vertices, tree.triangles) if are_cut else found
+
+
+def _planes(tree: trees.Tree, shown: First, kinds: tuple[str, ...], most: int) -> planes.Planes:
+    """The polygons of a view."""
+    survey = tree.survey()
+    if shown.layer is not None and survey.grid is not None:
+        walls = layers.cut(survey.grid, shown.layer, kinds)
+        return planes.joined(walls, *layers.squares(survey.grid, shown.layer))
+    marked, other = shown.marked and "OBLIQUE" in kinds, tuple(kind for kind in kinds if kind != "OBLIQUE")
+    found = planes.choose(tree.structure, (shown.low, shown.high), other if marked else kinds, most)
+    found = planes.within(found, tree.vertices, tree.triangles)
+    if marked and survey.turned:
+        try:
+            return planes.joined(found, turned.outermost(tree.table()))
+        except TreeError:
+            return found
+    if marked and survey.oblique is not None:
+        return planes.joined(found, survey.oblique)
+    return found
 
 
 def levels(
@@ -96,21 +123,14 @@ def levels(
     return planes.levels(chosen, tints, opacity, width, seen)
 
 
-def legend_of_planes(shown: planes.Planes, tints: Any) -> list[Entry]:
-    """The kinds and levels of the planes that are shown."""
-    kinds = [name for number, name in enumerate(planes.KINDS) if (shown.kind == number).any()]
-    ends = (shown.levels.start, shown.levels.stop - 1) if len(shown) else (0, 0)
-    return legend.of_planes(kinds, ends, tints, shown.across)
-
-
 def legend_entries(part: str, shown: Any, tints: Any) -> list[Entry]:
     """The legend of one part's data."""
     if part == "PLANES":
-        return legend_of_planes(shown, tints)
+        return legend.of_planes(shown, tints)
     if part == "CELLS":
         return legend.of_cells(int(shown.count.min()), int(shown.count.max())) if len(shown) else []
     if part == "NODE":
-        return legend.of_node(node_view.NODE_RGB)
+        return legend.of_node(node_view.NODE_RGB, len(shown.children), len(shown.corners))
     return legend.of_ray() if part == "RAY" else legend.of_beam()
 
 

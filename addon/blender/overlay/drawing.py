@@ -11,6 +11,7 @@ import gpu
 import numpy as np
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
 
 from ...core.base.arrays import F64
 from ...core.overlay import planes, sight
@@ -37,6 +38,7 @@ class _Batches:
 
     width: float
     lines: Any
+    edging: Any
     fill: Any
 
 
@@ -55,6 +57,14 @@ class _Drawing:
     seen: planes.Panes | None
     passes: tuple[tuple[str, list[_Batches]], ...]
 
+
+FORWARD = 0.002
+"""Share of the distance to the viewer by which the overlay lies before surfaces."""
+
+EDGING, EDGING_WIDTH = 0.5, 1.5
+"""Opacity of the dark edging of lines relative to that of the lines, and its width on both sides together in pixels:
+light lines are seen on light walls.
+"""
 
 MOST_VIEWS = 8
 """Number of 3D views whose batches are kept."""
@@ -91,6 +101,7 @@ def paint(scene: Any, size: tuple[int, int], view: int = 0) -> None:
     drawings = [_drawing(scene, tree, part, view) for part in choosing.parts(scene)]
     with gpu.matrix.push_pop():
         # The matrix contains the world position, so that vertices keep their precision far from the world's origin.
+        _forward(tree)
         gpu.matrix.translate(tree.origin.tolist())
         gpu.state.blend_set("ALPHA")
         gpu.state.depth_mask_set(False)
@@ -104,6 +115,17 @@ def paint(scene: Any, size: tuple[int, int], view: int = 0) -> None:
             gpu.state.blend_set("NONE")
 
 
+def _forward(tree: trees.Tree) -> None:
+    """Move what is drawn towards the viewer by a little, on its line of sight: lines on surfaces stay before them."""
+    view = gpu.matrix.get_model_view_matrix()
+    if gpu.matrix.get_projection_matrix()[3][3] != 0:
+        box = tree.survey().box
+        nearer = Matrix.Translation((0.0, 0.0, FORWARD * float(np.linalg.norm(box[1] - box[0]))))
+    else:
+        nearer = Matrix.Diagonal((1.0 - FORWARD,) * 3).to_4x4()
+    gpu.matrix.load_matrix(nearer @ view)
+
+
 def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
     """Draw all surfaces before all lines, so that lines stay crisp."""
     surface = gpu.shader.from_builtin("SMOOTH_COLOR")
@@ -115,6 +137,8 @@ def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
     line.uniform_float("viewportSize", size)
     for level in levels:
         if level.lines is not None:
+            line.uniform_float("lineWidth", level.width + EDGING_WIDTH)
+            level.edging.draw(line)
             line.uniform_float("lineWidth", level.width)
             level.lines.draw(line)
 
@@ -182,12 +206,14 @@ def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
 
 def _batches(level: planes.Level, style: str) -> _Batches:
     line, surface = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR"), gpu.shader.from_builtin("SMOOTH_COLOR")
-    lines = fill = None
+    lines = edging = fill = None
     if style != "FILL" and len(level.lines):
         lines = batch_for_shader(line, "LINES", {"pos": level.lines, "color": level.line_colours})
+        dark = level.line_colours * np.array([0.0, 0.0, 0.0, EDGING], np.float32)
+        edging = batch_for_shader(line, "LINES", {"pos": level.lines, "color": dark})
     if style != "OUTLINE" and len(level.triangles):
         fill = batch_for_shader(surface, "TRIS", {"pos": level.triangles, "color": level.fill_colours})
-    return _Batches(level.width, lines, fill)
+    return _Batches(level.width, lines, edging, fill)
 
 
 def _draw_view() -> None:

@@ -86,6 +86,11 @@ class HalfspaceInspectorSettings(bpy.types.PropertyGroup):
         default=False,
         update=_isolation_changed,
     )
+    from_side: BoolProperty(  # type: ignore[valid-type]
+        name="From the Side",
+        description="Turn the 3D view to the side of the worst ray, which is a dot in the camera's view",
+        default=True,
+    )
     replaying: BoolProperty(  # type: ignore[valid-type]
         name="Step by Step",
         description="Show the picked ray up to one step of its traversal",

@@ -110,8 +110,36 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     depth_auto: BoolProperty(  # type: ignore[valid-type]
         name="Depth Automatic",
         description="Show the levels from the root on that a line of sight from the view's place can pass: four or "
-        "five surfaces behind each other; of a grid one layer of cells. Moving an end of the depth turns this off",
+        "five surfaces behind each other; the highest oblique planes or turned boxes besides; of a grid one layer of "
+        "cells. Moving an end of the depth turns this off",
         default=True,
+        update=_redraw,
+    )
+    cuts: BoolProperty(  # type: ignore[valid-type]
+        name="Cuts",
+        description="Draw bold lines on the scene where planes cut it, of the shallowest and the oblique planes first",
+        default=True,
+        update=_redraw,
+    )
+    slice_axis: EnumProperty(  # type: ignore[valid-type]
+        name="Slice",
+        description="Of a grid: the axis across which the layer of cells lies that is shown",
+        items=[
+            ("AUTO", "Automatic", "The layer that is seen best from the view's place", 0),
+            ("X", "X", "A layer across X", 1),
+            ("Y", "Y", "A layer across Y", 2),
+            ("Z", "Z", "A layer across Z", 3),
+        ],
+        default="AUTO",
+        update=_redraw,
+    )
+    slice_place: FloatProperty(  # type: ignore[valid-type]
+        name="Place",
+        description="Of a grid: place of the layer along its axis, from the first to the last one",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
         update=_redraw,
     )
     legend: BoolProperty(  # type: ignore[valid-type]

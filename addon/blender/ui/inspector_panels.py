@@ -63,6 +63,7 @@ class HALFSPACE_PT_view_tree(_InspectorPanel, bpy.types.Panel):
         row.operator("halfspace.go_to_node", text="Costliest Leaf", icon="TRIA_DOWN_BAR").to = "LEAF"
         row = layout.row(align=True)
         row.prop(settings, "node")
+        row.operator("halfspace.frame_node", text="", icon="VIEWZOOM")
         row.prop(settings, "alone", text="", icon="HIDE_ON" if settings.alone else "HIDE_OFF")
         layout.prop(settings, "isolated")
         if tree.known_table is not None:
@@ -115,6 +116,7 @@ class HALFSPACE_PT_view_worst(_InspectorPanel, bpy.types.Panel):
         row.operator("halfspace.worst_ray", text="Worst", icon="VIEWZOOM").move = 0
         row.operator("halfspace.worst_ray", text="", icon="TRIA_LEFT").move = -1
         row.operator("halfspace.worst_ray", text="", icon="TRIA_RIGHT").move = 1
+        layout.prop(settings, "from_side")
         layout.prop(scene.halfspace, "second")
         found = worst.known(scene)
         for line in found.lines if found is not None else ():

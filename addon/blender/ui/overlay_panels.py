@@ -132,6 +132,7 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
         column.prop(settings, "behind")
         if settings.style != "FILL":
             column.prop(settings, "line_width")
+        column.prop(settings, "cuts")
         column.prop(settings, "legend")
         column.prop(settings, "auto_update")
 
@@ -149,6 +150,10 @@ def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None, shown:
     row.use_property_split = False
     row.prop(settings, "depth_min", text="From", slider=True)
     row.prop(settings, "depth_max", text="To", slider=True)
+    if settings.depth_auto and survey is not None and survey.grid is not None:
+        column.prop(settings, "slice_axis")
+        if settings.slice_axis != "AUTO":
+            column.prop(settings, "slice_place", slider=True)
     flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
     flow.use_property_split = False
     for kind in planes.KINDS if survey is None else survey.kinds:
@@ -159,7 +164,8 @@ def _chosen(shown: planes.Planes, deepest: int) -> str:
     """The automatic choice for a structure with levels 0 to `deepest`."""
     if shown.across >= 0:
         return f"One layer of cells across {planes.KINDS[shown.across]}"
-    return f"Levels up to {max(shown.levels.stop - 1, 0)} of {max(deepest, 0)}"
+    plain = shown.depth[: len(shown) - shown.marked]
+    return f"Levels up to {int(plain.max(initial=0))} of {max(deepest, 0)}"
 
 
 def _planes(layout: Any, shown: Any) -> None:

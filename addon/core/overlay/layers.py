@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One layer of the cells of a grid, because the walls of all its cells hide each other and the scene."""
+"""One layer of the cells of a grid, because the walls of all its cells hide each other and the scene: its walls as
+lines, and its cells with triangles as squares, like a plan of one storey.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base.arrays import F32, F64
+from ..base import colours
+from ..base.arrays import F32, F64, I32
 from . import planes, sight
 from .planes import Planes
 
-PLACES = (0.25, 0.5, 0.75)
+if TYPE_CHECKING:
+    from ..base.interface import Structure
+
+PLACES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Shares of the grid's extent at which a layer may lie."""
 
 ASIDE = 0.125
 """Smallest distance of the layer from the viewer, as a share of the grid's extent: within it, it would be fog."""
 
-LEVEL = 2.0
+SLANT = 0.45
+"""Distance of the layer from the viewer, as a share of the grid's extent, below which it is seen from the side."""
+
+LEVEL = 1.5
 """Factor by which a level layer, across Z, is preferred: it lies in the scene like a floor."""
 
 
@@ -27,12 +37,19 @@ LEVEL = 2.0
 class Grid:
     """Walls of a grid. walls: ascending positions along each axis, the ends of the box included, scene frame.
 
-    depths: of the levels that divide along each axis. box: (2, 3), lower and upper corner.
+    depths: of the levels that divide along each axis. box: (2, 3), lower and upper corner. cells: (c, 2, 3) float32,
+    corners of the cells with triangles. count: (c,), their triangles.
     """
 
     walls: tuple[F64, F64, F64]
     depths: tuple[int, int, int]
     box: F64
+    cells: F32
+    count: I32
+
+
+MOST_CELLS = 400_000
+"""Largest number of cells with triangles that are read."""
 
 
 def find(found: Any) -> Grid | None:
@@ -55,11 +72,26 @@ def find(found: Any) -> Grid | None:
     # In a grid each axis has a level of its own; other trees of planes divide cells of one level along several axes.
     if len(used) != sum(len(own) > 2 for own in walls) or not used:
         return None
-    return Grid((walls[0], walls[1], walls[2]), (levels[0], levels[1], levels[2]), box)
+    return Grid((walls[0], walls[1], walls[2]), (levels[0], levels[1], levels[2]), box, *_NO_CELLS)
+
+
+_NO_CELLS = np.zeros((0, 2, 3), np.float32), np.zeros(0, np.int32)
+
+
+def with_cells(grid: Grid, structure: Structure) -> Grid:
+    """The same grid with the cells that hold triangles."""
+    found = structure.leaf_cells(1, MOST_CELLS)
+    starts = found["offsets"].astype(np.int64)[found["cells"].astype(np.int64)]
+    if len(starts) < 2:
+        return grid
+    low, high = (reduce.reduceat(found["vertices"], starts[:-1], axis=0) for reduce in (np.minimum, np.maximum))
+    return replace(grid, cells=np.stack([low, high], axis=1), count=found["count"].astype(np.int32))
 
 
 def choose(grid: Grid, eye: F64) -> tuple[int, int]:
-    """The axis across which the layer lies that a viewer at `eye` (3,) sees best, and its place along that axis."""
+    """The axis across which the layer lies that a viewer at `eye` (3,) sees best, and its place along that axis: it
+    covers many directions, and neither all nor none of its cells hold triangles.
+    """
     found: list[tuple[float, int, int]] = []
     size = grid.box[1] - grid.box[0]
     for axis in range(3):
@@ -67,11 +99,26 @@ def choose(grid: Grid, eye: F64) -> tuple[int, int]:
         for share in PLACES:
             place = min(int(share * (len(walls) - 1)), len(walls) - 2)
             middle = (walls[place] + walls[place + 1]) / 2
-            seen = _seen(grid, axis, middle, eye) * (LEVEL if axis == 2 else 1.0)
-            far = abs(eye[axis] - middle) >= ASIDE * size[axis]
-            found.append((seen if far else 0.0, axis, place))
+            seen = _seen(grid, axis, middle, eye) * (LEVEL if axis == 2 else 1.0) * _varied(grid, (axis, place))
+            away = abs(eye[axis] - middle)
+            slant = min(away / max(SLANT * size[axis], np.finfo(np.float64).tiny), 1.0)
+            found.append((seen * slant if away >= ASIDE * size[axis] else 0.0, axis, place))
     _, axis, place = max(found)
     return axis, place
+
+
+def within(grid: Grid, layer: tuple[int, int]) -> NDArray[np.int64]:
+    """Rows of the cells with triangles that lie in a layer."""
+    axis, place = layer
+    middle = grid.walls[axis][place : place + 2].mean()
+    return np.flatnonzero((grid.cells[:, 0, axis] <= middle) & (middle < grid.cells[:, 1, axis]))
+
+
+def _varied(grid: Grid, layer: tuple[int, int]) -> float:
+    """1 for a layer of which half of the cells hold triangles, less for one that is fuller or emptier."""
+    others = [len(walls) - 1 for axis, walls in enumerate(grid.walls) if axis != layer[0]]
+    share = min(len(within(grid, layer)) / max(others[0] * others[1], 1), 1.0)
+    return 0.05 + 0.95 * 2.0 * float(np.sqrt(share * (1.0 - share)))
 
 
 def _seen(grid: Grid, axis: int, middle: float, eye: F64) -> float:
@@ -104,3 +151,19 @@ def cut(grid: Grid, layer: tuple[int, int], kinds: Sequence[str]) -> Planes:
     depth = np.array(grid.depths, np.int32)[kind] if len(kind) else np.zeros(0, np.int32)
     offsets = np.arange(0, 4 * len(corners) + 1, 4, dtype=np.int32)
     return Planes(corners.reshape(-1, 3), offsets, depth, kind, hidden=0, complete=True, across=across)
+
+
+def squares(grid: Grid, layer: tuple[int, int]) -> tuple[Planes, F32]:
+    """The cells of a layer that hold triangles as squares at half of its height, and the colour of each, (p, 3)."""
+    axis, _ = layer
+    rows = within(grid, layer)
+    cells, count = grid.cells[rows], grid.count[rows]
+    rings = np.repeat(cells[:, :1], 4, axis=1)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rings[:, 1:3, first], rings[:, 2:, second] = cells[:, 1:, first], cells[:, 1:, second]
+    rings[:, :, axis] = cells[:, :, axis].mean(axis=1, keepdims=True)
+    kind = np.full(len(rows), axis, np.int32)
+    offsets = np.arange(0, 4 * len(rows) + 1, 4, dtype=np.int32)
+    depth = np.full(len(rows), max(grid.depths), np.int32)
+    made = Planes(rings.reshape(-1, 3), offsets, depth, kind, hidden=0, complete=True, across=axis)
+    return made, colours.of_counts(count)

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base import colours
+from ..base.arrays import I32
 from . import cells, planes
+from .planes import Planes
 
 LABELS = {
     "X": "plane across X",
@@ -36,17 +38,42 @@ class Entry:
     text: str
 
 
-def of_planes(
-    kinds: Sequence[str], depths: tuple[int, int], tints: Mapping[str, Sequence[float]], across: int = -1
-) -> list[Entry]:
-    """The kinds that are shown, and the levels, or the axis across which one layer of cells is shown."""
-    entries = [Entry((tuple(tints[kind]),), LABELS[kind]) for kind in kinds]
-    levels = (
-        f"level {depths[0]}" if depths[0] == depths[1] else f"levels {depths[0]} to {depths[1]}, deeper ones fainter"
-    )
-    if across >= 0:
-        levels = f"one layer of cells across {planes.KINDS[across]}"
-    return [*entries, Entry((), levels)] if entries else []
+def of_planes(shown: Planes, tints: Mapping[str, Sequence[float]]) -> list[Entry]:
+    """The kinds that are shown, the levels, or the axis across which one layer of cells is shown, and what is marked.
+
+    tints: red, green and blue of each kind.
+    """
+    if not len(shown):
+        return []
+    plain = len(shown) - shown.marked
+    labels, boxes = dict(LABELS), shown.body is not None
+    if boxes:
+        labels["OBLIQUE"] = f"turned boxes{_levels(shown.depth[plain:])}" if shown.marked else labels["OBLIQUE"]
+    elif shown.marked and shown.across < 0:
+        labels["OBLIQUE"] = f"highest oblique planes{_levels(shown.depth[plain:])}"
+    kinds = [name for number, name in enumerate(planes.KINDS) if (shown.kind == number).any()]
+    if shown.across >= 0:
+        counts = [Entry(_ramp(), "cells with triangles, brighter with more")] if shown.marked else []
+        kinds = [name for number, name in enumerate(planes.KINDS) if (shown.kind[:plain] == number).any()]
+        entries = [Entry((tuple(tints[kind]),), LABELS[kind]) for kind in kinds]
+        step = planes.left_out(shown)
+        walls = f", one in {step} walls drawn" if step > 1 and entries else ""
+        return [*entries, *counts, Entry((), f"one layer of cells across {planes.KINDS[shown.across]}{walls}")]
+    entries = [Entry((tuple(tints[kind]),), labels[kind]) for kind in kinds]
+    order = "larger ones fainter" if boxes else "deeper ones fainter"
+    several = len(np.unique(shown.depth[:plain])) > 1
+    text = _levels(shown.depth[:plain]).removeprefix(", ")
+    lines = [Entry((), f"{text}, {order}" if several else text)] if plain else []
+    return [*entries, *lines, *([Entry((), CUTS)] if shown.cuts is not None else [])]
+
+
+CUTS = "bold where a plane cuts the scene"
+
+
+def _levels(depths: I32) -> str:
+    """Their range in words, after a comma."""
+    low, high = int(depths.min(initial=10**6)), int(depths.max(initial=0))
+    return f", level {high}" if low >= high else f", levels {low} to {high}"
 
 
 def of_cells(least: int, most: int) -> list[Entry]:
@@ -70,9 +97,15 @@ def of_step(rgb: Sequence[float]) -> list[Entry]:
     return [Entry((tuple(rgb),), "node of this step")]
 
 
-def of_node(rgb: Sequence[float]) -> list[Entry]:
-    """A node and its children."""
-    return [Entry((tuple(rgb),), "node"), Entry(_ramp(), "its children, brighter where they cost more")]
+def of_node(rgb: Sequence[float], children: int, triangles: int) -> list[Entry]:
+    """A node with these numbers of children and of drawn triangles; a leaf has no children."""
+    entries = [Entry((tuple(rgb),), "node" if children else "leaf")]
+    if children:
+        entries.append(Entry(_ramp(), "its children, brighter where they cost more"))
+    if triangles:
+        number = f"its {triangles:,} triangles" if triangles > 1 else "its triangle"
+        entries.append(Entry((cells.TESTED_RGB,), number))
+    return entries
 
 
 def of_beam() -> list[Entry]:

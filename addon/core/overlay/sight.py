@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F64
+from ..base.arrays import F32, F64
 from ..tree.regions import box_faces
 
 STEP = 64
@@ -21,6 +21,18 @@ FAR = 1000.0
 
 NEAR = np.pi / 2
 """Solid angle in steradians, an eighth of all directions, from which a polygon is drawn without its surface."""
+
+
+SLANTED, EDGE_ON = 0.35, 0.12
+"""Sine of the angle between a polygon and the line of sight below which it is fainter, and the smallest such factor."""
+
+LEAST_SHARE = 0.5
+"""Factor on the opacity of polygons that hardly any ray meets."""
+
+AWAY, AROUND, LEAST_FACE = 0.12, 0.25, 0.4
+"""Factors on the opacity of faces of boxes that are turned away from the viewer, and of boxes around the viewer; the
+smallest of other faces.
+"""
 
 
 def rounded(eye: F64, box: F64) -> tuple[float, ...]:
@@ -74,19 +86,53 @@ def whole(box: F64, eye: F64) -> float:
     return max(float(solid_angles(corners, np.arange(0, 25, 4), eye).sum()) / 2, 1e-12)
 
 
-def around(vertices: NDArray[Any], offsets: NDArray[Any], boxes: NDArray[np.bool_], eye: F64) -> NDArray[np.bool_]:
-    """(p,), whether each polygon is a face of a box around the viewer. boxes: (p,), faces of boxes, six after another.
+def weights(vertices: NDArray[Any], offsets: NDArray[Any], eye: F64) -> F32:
+    """(p,), factors on the opacity of polygons for a viewer at `eye` (3,), in sixteenths.
 
-    Of a box that the end of the list cuts off, all faces are False.
+    A polygon is fainter if few random rays meet it (the root of its share of the largest area), if it is seen from the
+    side (its edges would add up to a glaring line), and the farther away it is.
     """
-    found = np.zeros(len(boxes), bool)
-    faces = np.flatnonzero(boxes)
-    rows = faces[: len(faces) - len(faces) % 6].reshape(-1, 6)
-    if not len(rows):
-        return found
-    # The first two faces of a box hold all of its corners.
-    first = np.asarray(offsets, np.int64)[rows[:, :2]]
-    corners = vertices[(first[:, :, None] + np.arange(4)).reshape(len(rows), 8)].astype(np.float64)
-    inside = ((eye >= corners.min(axis=1)) & (eye <= corners.max(axis=1))).all(axis=1)
-    found[rows[inside]] = True
-    return found
+    centre, normal = _poses(vertices, offsets)
+    area = np.linalg.norm(normal, axis=1)
+    towards = centre - eye
+    distance = np.maximum(np.linalg.norm(towards, axis=1), np.finfo(np.float64).tiny)
+    slant = np.abs((normal * towards).sum(axis=1)) / np.maximum(area * distance, np.finfo(np.float64).tiny)
+    box = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
+    reach = 0.5 * float(np.linalg.norm(box[1] - box[0])) or 1.0
+    share = np.sqrt(area / max(float(area.max(initial=0.0)), np.finfo(np.float64).tiny))
+    near = (float(distance.min(initial=np.inf)) + reach) / (distance + reach) if len(distance) else distance
+    found = np.maximum(share, LEAST_SHARE) * np.clip(slant / SLANTED, EDGE_ON, 1.0) * near
+    rounded_up: F32 = (np.ceil(16 * found) / 16).astype(np.float32)
+    return rounded_up
+
+
+def turned_away(
+    vertices: NDArray[Any], offsets: NDArray[Any], body: NDArray[Any], eye: F64
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Two (p,): whether each polygon is a face of a convex body around the viewer; whether it is a face of another body
+    and turned away from the viewer. body: (p,), the body of each polygon, or -1.
+    """
+    of_body = body >= 0
+    centre, normal = _poses(vertices, offsets)
+    index = np.where(of_body, body, 0)
+    counts = np.maximum(np.bincount(index, of_body), 1.0)
+    middle = np.stack([np.bincount(index, np.where(of_body, centre[:, axis], 0.0)) for axis in range(3)], axis=1)
+    outwards = np.sign((normal * (centre - (middle / counts[:, None])[index])).sum(axis=1))
+    behind = of_body & (outwards * (normal * (eye - centre)).sum(axis=1) < 0)
+    around = np.bincount(index, behind) == counts
+    inside: NDArray[np.bool_] = of_body & around[index]
+    return inside, behind & ~inside
+
+
+def _poses(vertices: NDArray[Any], offsets: NDArray[Any]) -> tuple[F64, F64]:
+    """(p, 3) middle of the vertices of each polygon, and its normal, as long as twice its area."""
+    points, starts = vertices.astype(np.float64), np.asarray(offsets, np.int64)
+    sizes = np.diff(starts)
+    if not len(sizes):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    centre: F64 = np.add.reduceat(points, starts[:-1], axis=0) / sizes[:, None]
+    following = np.arange(1, len(points) + 1)
+    following[starts[1:] - 1] = starts[:-1]
+    spokes = points - np.repeat(centre, sizes, axis=0)
+    normal: F64 = np.add.reduceat(np.cross(spokes, spokes[following]), starts[:-1], axis=0)
+    return centre, normal

@@ -14,7 +14,7 @@ from mathutils import Matrix
 
 from addon.blender.inspector import levels, map_cursor, worst
 from addon.blender.measure import cost_maps, map_pictures, pictures
-from addon.blender.overlay import choosing, drawing, legend, picking, replaying
+from addon.blender.overlay import choosing, drawing, framing, legend, picking, replaying
 from addon.blender.session import trees
 from addon.blender.settings import signals
 from addon.blender.ui import inspector_panels, overlay_panels
@@ -69,6 +69,40 @@ def test_the_browser_goes_to_parents_children_and_siblings(seen: Any, structure:
     assert settings.node == table.children_of(0)[0]
 
 
+def region(scene: Any) -> Any:
+    """The first 3D view."""
+    areas = [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
+    return max(areas, key=lambda area: area.width * area.height).spaces.active.region_3d
+
+
+def test_the_view_frames_the_selected_node(seen: Any) -> None:
+    tree = build(seen, "kd")
+    go, settings = bpy.ops.halfspace.go_to_node, seen.halfspace.inspector
+    table, sizes = tree.table(), []
+    for select in (lambda: go(to="ROOT"), lambda: go(to="LEAF")):
+        select()
+        assert bpy.ops.halfspace.frame_node() == {"FINISHED"}
+        low, high = table.bounds[settings.node].reshape(2, 3)
+        view = region(seen)
+        assert np.array(view.view_location) == pytest.approx((low + high) / 2 + tree.origin, abs=1e-3)
+        sizes.append(view.view_distance / np.linalg.norm(high - low))
+    assert sizes == [pytest.approx(framing.NODE_MARGIN)] * 2
+    # The costliest leaf is framed at once.
+    view.view_distance = 100.0
+    go(to="LEAF")
+    assert view.view_distance < 100.0
+
+
+@pytest.mark.parametrize("across", [(1, 0, 0), (0, 0, -1), (-3, 2, 1), (0, 1, 1e-6)])
+def test_a_direction_seen_from_the_side_is_level_and_seen_from_above(across: tuple[float, ...]) -> None:
+    turn = np.array(framing.sideways(np.array(across, float), np.array([1.0, 0.0, 0.0])).to_matrix())
+    assert turn.T @ turn == pytest.approx(np.eye(3), abs=1e-6)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    assert abs(turn[:, 0] @ across) == pytest.approx(np.linalg.norm(across))
+    assert turn[0, 0] >= -1e-6
+    assert turn[2, 2] >= -1e-6
+
+
 def test_a_selected_node_is_drawn_and_can_be_alone(seen: Any, canvas: Any) -> None:
     tree = build(seen, "kd")
     bpy.ops.halfspace.go_to_node(to="COSTLIEST")
@@ -83,7 +117,12 @@ def test_a_selected_node_is_drawn_and_can_be_alone(seen: Any, canvas: Any) -> No
     assert "plane across X" in texts
     seen.halfspace.inspector.alone = True
     assert choosing.parts(seen) == ["NODE"]
-    assert next(entry.text for entry in drawing.legend_of(seen)) == "node"
+    texts = [entry.text for entry in drawing.legend_of(seen)]
+    assert texts[0] == "node"
+    assert texts[-1] == f"its {len(view.corners):,} triangles"
+    bpy.ops.halfspace.go_to_node(to="LEAF")
+    paint(canvas, seen)
+    assert next(entry.text for entry in drawing.legend_of(seen)) == "leaf"
     seen.halfspace.overlay.legend = False
     assert drawing.legend_of(seen) == []
 
@@ -131,6 +170,12 @@ def test_the_worst_ray_is_picked_and_explained(seen: Any, name: str, key: str) -
     else:
         assert any("0 of " in line and "answers wrong" in line for line in found.lines)
     assert found.lines[0].startswith("1 of ")
+    # The view looks at the ray from the side, unless that is switched off.
+    view, way = region(seen), np.array(ray.direction) / np.linalg.norm(ray.direction)
+    assert abs(np.array(view.view_rotation.to_matrix())[:, 2] @ way) < 1e-3
+    settings.from_side, view.view_distance = False, 123.0
+    bpy.ops.halfspace.worst_ray()
+    assert view.view_distance == pytest.approx(123.0)
     bpy.ops.halfspace.worst_ray(move=1)
     assert found.lines[0].startswith("2 of ")
     assert picking.last(seen) != ray

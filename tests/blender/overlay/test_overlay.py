@@ -27,6 +27,7 @@ from tests.blender.drawn import (
     projected,
     show,
 )
+from tests.blender.shapes import cube
 
 
 @everywhere
@@ -34,7 +35,7 @@ def test_lines_are_where_the_planes_end_and_in_their_colours(
     scene: Any, add: Any, canvas: Any, make: Any, structure: str
 ) -> None:
     make(add)
-    look = {"style": "OUTLINE", "depth_max": 3, "opacity": 1.0, "line_width": 2.0}
+    look = {"style": "OUTLINE", "depth_max": 3, "opacity": 1.0, "line_width": 2.0, "cuts": False}
     tree, drawn, *view = show(canvas, scene, structure, **look)
     polygons = projected(tree, *view, depth=3)
     every = distances([polygon for _, polygon in polygons])
@@ -48,9 +49,10 @@ def test_lines_are_where_the_planes_end_and_in_their_colours(
     assert lit[every < 0.3].mean() > 0.99
     assert 0.005 < lit.mean() < 0.6
     tints = overlay.colours()
+    tinted = drawn[..., :3].max(axis=2) > 0.05  # the dark edging of lines has no colour
     for kind in {kind for kind, _ in polygons}:
         others = distances([polygon for other, polygon in polygons if other != kind])
-        alone = (distances([polygon for other, polygon in polygons if other == kind]) < 0.3) & (others > 4) & lit
+        alone = (distances([polygon for other, polygon in polygons if other == kind]) < 0.3) & (others > 4) & tinted
         if alone.sum() >= 10:
             pure = drawn[alone][:, :3] / drawn[alone][:, :3].max(axis=1, keepdims=True)
             tint = np.array(tints[planes.KINDS[kind]])
@@ -80,13 +82,39 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
     assert set(chosen.kind.tolist()) == {0}
     assert chosen.depth.min() >= 1
     red = np.array(overlay.colours()["X"])
-    bright = drawn[drawn[..., 3] > 0.5][:, :3]
+    bright = drawn[drawn[..., :3].max(axis=2) > 0.3][:, :3]
     assert len(bright)
     assert np.abs(bright / bright.max(axis=1, keepdims=True) - red / red.max()).max() < 0.02
     scene.halfspace.overlay.max_count = 1
     picture(canvas, scene, *view)
     limited = overlay.shown(scene)
     assert (len(limited), limited.hidden) == (1, len(chosen) - 1)
+
+
+def test_cuts_are_drawn_on_the_scene_if_wished(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    _, drawn, *view = show(canvas, scene, "kd", style="OUTLINE", depth_max=3)
+    assert len(overlay.shown(scene).cuts.owner)
+    assert "bold where a plane cuts the scene" in [entry.text for entry in overlay.legend_of(scene)]
+    scene.halfspace.overlay.cuts = False
+    without = picture(canvas, scene, *view)
+    assert overlay.shown(scene).cuts is None
+    assert (drawn[..., 3] > 0.5).sum() > (without[..., 3] > 0.5).sum() > 0
+
+
+def test_the_layer_of_a_grid_is_chosen_by_hand(scene: Any, add: Any, canvas: Any) -> None:
+    for number, spot in enumerate((4 * np.random.default_rng(1).random((200, 3)) - 2).tolist()):
+        add(f"Box {number}", cube(size=0.2), location=spot)
+    _, _, *view = show(canvas, scene, "grid")
+    settings, places = scene.halfspace.overlay, []
+    for axis, share in (("X", 0.0), ("X", 1.0), ("Y", 0.5)):
+        settings.slice_axis, settings.slice_place = axis, share
+        picture(canvas, scene, *view)
+        chosen = overlay.shown(scene)
+        assert chosen.across == "XYZ".index(axis)
+        assert chosen.marked == len(chosen.rgb)
+        places.append(float(chosen.vertices[:, chosen.across].mean()))
+    assert places[0] < places[1] - 3
 
 
 def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:

@@ -182,8 +182,46 @@ def test_boxes_around_the_viewer_have_no_surface() -> None:
     levels = planes.levels(chosen, COLOURS, 1.0, 2.0, seen)
     assert sum(len(level.lines) for level in levels) == 2 * 4 * len(chosen)
     assert sum(len(level.triangles) for level in levels) == 3 * 4 * int((~seen.bare).sum())
-    outside = planes.panes(chosen, np.array(EYES["outside"]))
-    assert not outside.bare.any()
+    # Of a box beside the viewer the faces towards the viewer have a surface, and the others faint edges.
+    eye = np.array(EYES["outside"])
+    outside = planes.panes(chosen, eye)
+    faces = chosen.vertices.reshape(-1, 6, 4, 3).astype(float)
+    middle, centre = boxes.mean(axis=1).astype(float)[:, None], faces.mean(axis=2)
+    axis = (np.arange(6) // 2)[None, :, None]
+    out, to = (np.take_along_axis(way, axis, axis=2)[..., 0] for way in (centre - middle, eye - centre))
+    solid = (np.ptp(boxes, axis=1) > 0).all(axis=1)
+    assert solid.any()
+    for found in (outside.bare, outside.weight < sight.LEAST_FACE):
+        assert np.array_equal(found.reshape(-1, 6)[solid], (out * to < 0)[solid])
+
+
+def test_small_slanted_and_distant_planes_are_fainter() -> None:
+    def square(side: float, x: float, turn: float) -> Any:
+        way = np.array([np.sin(turn), np.cos(turn), 0.0])
+        corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+        return np.array([[x, 0, 0] + side / 2 * (u * way + v * np.array([0, 0, 1.0])) for u, v in corners])
+
+    cases = [square(2, 4, 0), square(0.2, 4, 0), square(2, 12, 0), square(2, 4, np.pi / 2)]
+    vertices = np.concatenate(cases).astype(np.float32)
+    near, small, far, edge = sight.weights(vertices, np.arange(0, 17, 4), np.zeros(3))
+    assert near == 1.0
+    assert max(small, far) < near
+    assert edge <= sight.EDGE_ON + 1 / 16
+
+
+def test_the_first_view_of_a_tree_of_both_kinds_has_the_highest_oblique_planes() -> None:
+    survey = depths.survey(built("bsp-wn-plus-kd"))
+    first = survey.first(np.array(EYES["in the middle"]))
+    every = built("bsp-wn-plus-kd").split_polygons(60, 10**6)
+    oblique = every["depth"][every["kind"] == 3]
+    if not len(oblique):
+        assert not first.marked
+        assert survey.oblique is None
+        return
+    assert first.marked
+    assert survey.oblique is not None
+    assert set(survey.oblique.kind.tolist()) == {3}
+    assert survey.oblique.depth.max() <= np.sort(oblique)[: depths.HIGHEST].max()
 
 
 def test_solid_angles_are_shares_of_random_directions() -> None:
