@@ -88,7 +88,7 @@ def packed(sets: Mapping[str, Mapping[str, Any]], origin: F64) -> bytes:
     written = io.BytesIO()
     arrays: dict[str, Any] = {f"{name}/{key}": value for name, one in sets.items() for key, value in one.items()}
     arrays[ORIGIN] = origin
-    np.savez_compressed(written, allow_pickle=False, **arrays)
+    np.savez_compressed(written, **arrays)
     return written.getvalue()
 
 

@@ -39,5 +39,7 @@ def arrays(structure: Structure, name: str, vertices: F32, triangles: I32) -> di
 def packed(found: Mapping[str, NDArray[Any]]) -> bytes:
     """The archive; the same arrays make the same bytes."""
     written = io.BytesIO()
-    np.savez_compressed(written, allow_pickle=False, **dict(found))
+    # NumPy 1.26 would write the option allow_pickle as one more array.
+    content: dict[str, Any] = dict(found)
+    np.savez_compressed(written, **content)
     return written.getvalue()

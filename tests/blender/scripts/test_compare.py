@@ -162,7 +162,7 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
     for arguments, words in (
         ([str(tmp_path / "none.blend")], "none.blend: cannot be read: No such file"),
         ([str(tmp_path / "broken.npz")], "cannot be read as .npz"),
-        ([str(tmp_path / "scene.txt")], "expected a file ending in .blend .npz"),
+        ([str(tmp_path / "scene.txt")], "expected grid, showcase or a file ending in .npz .blend"),
         (["--size", "4x4"], "--size"),
         (["--runs", "1"], "--runs: expected 2 to "),
         (["--structure", "oak"], "unknown structure 'oak'"),

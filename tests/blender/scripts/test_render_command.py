@@ -248,3 +248,32 @@ def test_an_interrupted_render_is_no_success(
     assert render.main([str(file), "--out", str(out)]) == 130
     assert capsys.readouterr().err == "render: stopped\n" * 2
     assert out.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".usdc"])
+def test_what_blender_imports_is_seen_and_lit(suffix: str, scene: Any, add: Any, tmp_path: Path) -> None:
+    mesh = cube()
+    mesh.materials.append(bpy.data.materials.new("Skin"))
+    add("Cube", mesh)
+    path = tmp_path / f"cube{suffix}"
+    if suffix == ".glb":
+        bpy.ops.export_scene.gltf(filepath=str(path))
+    else:
+        bpy.ops.wm.usd_export(filepath=str(path), convert_world_material=False)
+    out = tmp_path / "out.png"
+    assert render.main([str(path), *QUICK, "--percentage", "3", "--structure", "kd", "--out", str(out)]) == 0
+    assert {item.type for item in bpy.context.scene.objects} >= {"MESH", "CAMERA", "LIGHT"}
+    assert pictures.load(out)[..., :3].std() > 0.01
+
+
+def test_scripts_of_a_file_are_not_run(file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    text = bpy.data.texts.new("register.py")
+    text.write(f"import pathlib\npathlib.Path({str(tmp_path / 'ran')!r}).touch()\n")
+    text.use_module = True
+    bpy.ops.wm.save_mainfile()
+    assert render.main([str(file), *QUICK, "--out", str(tmp_path / "out.png")]) == 0
+    assert not (tmp_path / "ran").exists()
+    # The check can fail: Blender runs it where it is asked to.
+    bpy.ops.wm.open_mainfile(filepath=str(file), use_scripts=True)
+    assert (tmp_path / "ran").exists()

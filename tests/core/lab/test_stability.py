@@ -183,7 +183,7 @@ def test_a_broken_structure_that_answers_well_sets_the_status(
 ) -> None:
     monkeypatch.setattr(command.native, "load", BrokenNative)
     small = grid.workload(boxes=2, rays=64)
-    monkeypatch.setattr(command.grid, "workload", lambda: small)
+    monkeypatch.setattr(grid, "workload", lambda: small)
     assert command.main(["--structures", "bih:shadow=none", "--rays", "64", "--scenes", "grid"]) == 1
     assert "bih:shadow=none is broken: node 3 lies outside of its parent" in capsys.readouterr().out
 
@@ -432,3 +432,14 @@ def test_a_hole_is_a_leak() -> None:
     assert sorted(map(tuple, directed.tolist())) == sorted(map(tuple, directed[:, ::-1].tolist()))
     surface = ("closed", closed_points, closed, np.zeros(3), 0.3)
     assert not leaks.count_leaks(halfspace_native, ["kd"], [surface], 4000)["kd"]
+
+
+def test_a_screen_begins_with_what_must_not_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stability, "SCREEN", 2)
+    rows = trials.trial(halfspace_native, ["kd:shadow=none", "bih:shadow=none", "bvh-sah:shadow=none"], 3, 0)
+    rows[2]["false_miss"] = 5
+    head, _, first, *_, last = stability.screen(rows).splitlines()
+    assert head.split()[:2] == ["case", "structure"]
+    assert first.split()[:2] == ["all", rows[2]["spec"]]
+    assert last == "and 1 more, 0 of which differ"
+    assert stability.screen([]) == ""
