@@ -31,9 +31,9 @@ def find(polygons: NDArray[Any], vertices: F32, offsets: NDArray[Any], mesh: tup
 
     polygons: their numbers. vertices, offsets: as in Planes. mesh: (n, 3) corners and (m, 3) triangles.
     """
-    corners, triangles = mesh[0].astype(np.float64), mesh[1]
-    most = min(MOST_POLYGONS, MOST_PAIRS // max(len(triangles), 1))
+    most = min(MOST_POLYGONS, MOST_PAIRS // max(len(mesh[1]), 1))
     made, owners = [np.zeros((0, 2, 3))], [np.zeros(0, np.int32)]
+    corners, triangles = mesh[0].astype(np.float64) if most else made[0], mesh[1]
     for number in polygons[:most].tolist():
         ring = vertices[offsets[number] : offsets[number + 1]].astype(np.float64)
         segments = clipped(crossed(corners, triangles, ring), ring)

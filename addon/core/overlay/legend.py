@@ -64,7 +64,7 @@ def of_planes(shown: Planes, tints: Mapping[str, Sequence[float]]) -> list[Entry
     several = len(np.unique(shown.depth[:plain])) > 1
     text = _levels(shown.depth[:plain]).removeprefix(", ")
     lines = [Entry((), f"{text}, {order}" if several else text)] if plain else []
-    return [*entries, *lines, *([Entry((), CUTS)] if shown.cuts is not None else [])]
+    return [*entries, *lines, *([Entry((), CUTS)] if shown.cuts is not None and len(shown.cuts.owner) else [])]
 
 
 CUTS = "bold where a plane cuts the scene"

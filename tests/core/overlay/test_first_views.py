@@ -64,6 +64,14 @@ def test_cuts_of_a_square_are_as_long_as_the_square_allows() -> None:
     assert few.owner.tolist() == [0]
 
 
+def test_too_many_triangles_are_not_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cuts, "MOST_PAIRS", len(MESH[1]) - 1)
+    chosen = planes.cut(planes.choose(native.build(*MESH, "kd"), (0, 3), planes.KINDS, 100), *MESH)
+    assert chosen.cuts is not None
+    assert not len(chosen.cuts.owner)
+    assert legend.CUTS not in [entry.text for entry in legend.of_planes(chosen, COLOURS)]
+
+
 def test_the_first_view_of_split_planes_and_oblique_planes_has_both() -> None:
     structure = native.build(*MESH, "bsp-wn-plus-kd")
     survey = depths.survey(structure)
@@ -116,6 +124,7 @@ def test_a_slice_of_a_grid_has_a_square_for_each_cell_with_triangles() -> None:
     assert len(grid.count) == structure.statistics["leaves"] - structure.statistics["leaves_empty"]
     for axis in range(3):
         layer = (axis, (len(grid.walls[axis]) - 1) // 2)
+        assert grid.filled[axis][layer[1]] == len(layers.within(grid, layer))
         squares, rgb = layers.squares(grid, layer)
         assert len(squares) == len(layers.within(grid, layer)) == len(rgb) > 0
         corners = squares.vertices.reshape(-1, 4, 3)
