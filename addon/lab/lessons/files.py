@@ -21,6 +21,9 @@ SAMPLES, SIZE = 16, (960, 600)
 TEXT_SHARE = 0.33
 """Share of the 3D view's width that the questions take."""
 
+CAMERA_ZOOM = 12.0
+"""Zoom of the camera's view: its frame takes most of the 3D view."""
+
 
 def save(lesson: Lesson, folder: Path) -> Path:
     """Write `NAME.blend` of a lesson into a folder, replacing an older one. Returns its path.
@@ -79,12 +82,10 @@ def _arrange(questions: Any) -> None:
     # Show what the camera sees, without the helpers of modelling.
     space = view.spaces.active
     space.region_3d.view_perspective = "CAMERA"
-    space.show_region_ui, space.overlay.show_floor, space.overlay.show_axis_x, space.overlay.show_axis_y = (
-        True,
-        False,
-        False,
-        False,
-    )
+    space.region_3d.view_camera_zoom = CAMERA_ZOOM
+    space.show_region_ui = True
+    for helper in ("show_floor", "show_axis_x", "show_axis_y"):
+        setattr(space.overlay, helper, False)
     screen[sidebar.TAB] = True
     for area in screen.areas:
         if area.type == "PROPERTIES":

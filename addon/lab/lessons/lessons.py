@@ -255,8 +255,8 @@ LESSONS: tuple[Lesson, ...] = (
         ),
         _family_facts,
         (
-            "Choose the five structures in turn, in the first menu of Structure, and press Build Structure.",
-            "kd: planes along the axes; bsp: gold ones, too; bvh: boxes; bih: pairs of planes; octree: halved cubes.",
+            "Choose the five in turn, in the first menu of Structure; for bsp also set the depth from 5 to 8.",
+            "kd: axis planes; bsp: gold ones at the bars; bvh: boxes; bih: pairs of planes; octree: halved cubes.",
         ),
         depth=(0, 3),
     ),
@@ -288,8 +288,8 @@ LESSONS: tuple[Lesson, ...] = (
         ),
         _oblique_facts,
         (
-            "In Overlay press Oblique under the depth until only oblique planes are shown. Choose kd in Structure.",
-            "Gold planes between the bars; with kd none is left, and its planes cut the bars.",
+            "In Overlay press Oblique below the depth. Then press X, Y and Z with Shift, and choose kd in Structure.",
+            "Gold planes pass between the bars; the planes of kd cut them.",
         ),
         depth=(0, 5),
     ),
@@ -376,7 +376,7 @@ LESSONS: tuple[Lesson, ...] = (
         _error_facts,
         (
             "Render properties: Samples 1, Noise Threshold and Denoise off, press F12; again with 16 samples.",
-            "The noise at the edges of the shadows falls to about a quarter.",
+            "The noise falls to about a quarter.",
         ),
         depth=(0, 2),
     ),
