@@ -83,7 +83,7 @@ def test_spelled_configurations_are_measured_as_they_are_and_refused_ones_are_li
 
     known = catalogue.Catalogue((PLANES, BOXES, ALONE))
     left: list[str] = []
-    native: Any = SimpleNamespace(build=build)
+    native: Any = SimpleNamespace(build=build, structures=list)
     asked = ["kd", "kd:traversal=sung", "kd:traversal=dir", "octree-net"]
     chosen, trees = ways.compared(native, known, asked, left)
     assert chosen == ["kd:traversal=dir", "kd", "kd:nodes=boxes", "kd:traversal=sung", "octree-net"]
