@@ -154,42 +154,44 @@ fn lens(keys: &Keys<'_, '_>) -> Result<LensParams> {
     })
 }
 
+/// The keys of the settings of a render.
+const SETTINGS: [&str; 31] = [
+    "width",
+    "height",
+    "border",
+    "samples",
+    "integrator",
+    "ambient_distance",
+    "max_bounces",
+    "diffuse_bounces",
+    "glossy_bounces",
+    "transmission_bounces",
+    "volume_bounces",
+    "transparent_bounces",
+    "clamp_indirect",
+    "clamp_direct",
+    "filter_glossy",
+    "caustics_reflective",
+    "caustics_refractive",
+    "secondary_beams",
+    "seed",
+    "film_transparent",
+    "transparent_glass",
+    "passes",
+    "noise_threshold",
+    "min_samples",
+    "time_limit",
+    "mist",
+    "step_samples",
+    "filter",
+    "filter_width",
+    "exposure",
+    "record_rays",
+];
+
 /// Reads the settings of a render.
 pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
-    let known = [
-        "width",
-        "height",
-        "border",
-        "samples",
-        "integrator",
-        "ambient_distance",
-        "max_bounces",
-        "diffuse_bounces",
-        "glossy_bounces",
-        "transmission_bounces",
-        "volume_bounces",
-        "transparent_bounces",
-        "clamp_indirect",
-        "clamp_direct",
-        "filter_glossy",
-        "caustics_reflective",
-        "caustics_refractive",
-        "secondary_beams",
-        "seed",
-        "film_transparent",
-        "transparent_glass",
-        "passes",
-        "noise_threshold",
-        "min_samples",
-        "time_limit",
-        "mist",
-        "step_samples",
-        "filter",
-        "filter_width",
-        "exposure",
-        "record_rays",
-    ];
-    let keys = Keys::new(dict, "settings".into(), &known)?;
+    let keys = Keys::new(dict, "settings".into(), &SETTINGS)?;
     let default = Settings::default();
     let passes = passes(&keys)?.unwrap_or(default.passes);
     // Names of choices.
