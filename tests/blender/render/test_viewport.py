@@ -209,8 +209,9 @@ def test_samples_go_on_while_the_structure_changes(context: Any) -> None:
     view, engine, group = Viewport(), Engine(), context.scene.halfspace
     depsgraph = bpy.context.evaluated_depsgraph_get()
     view.update(engine, context, depsgraph)
+    settle(view)
     preview = view._preview
-    preview.look(views.seen(context, view._origin))
+    preview.look(views.seen(context))
     view._engine = weakref.ref(engine)
     seen: list[int] = []
     structures = ["bvh-sah", "grid", "bih"]
@@ -222,6 +223,7 @@ def test_samples_go_on_while_the_structure_changes(context: Any) -> None:
             if structures and seen[-1] and preview.preparing is None:
                 group.structure = structures.pop(0)
                 view.update(engine, context, depsgraph)
+                settle(view)
                 assert preview._job is job
         time.sleep(0.002)
     assert not structures, "the picture was done before"

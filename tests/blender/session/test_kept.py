@@ -161,13 +161,13 @@ def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch
         assert "answers not compared" not in drawn
         assert " ".join(drawn).count("brute force") == 1
     (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=seen) if "Built in" in line)
-    assert built.endswith("12,288 answers right")
+    assert built.endswith("16,384 answers right")
     # Another structure than the picture's: what is known of it says nothing about the picture.
     seen.halfspace.structure = "bvh-sah"
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     drawn = draw(panels.HALFSPACE_PT_statistics, scene=seen)
     assert "The picture: answers not compared" in drawn
-    assert "12,288 answers of Bounding volume hierarchy" in " ".join(drawn)
+    assert "16,384 answers of Bounding volume hierarchy" in " ".join(drawn)
 
 
 def test_the_panel_tells_an_edit_that_nobody_has_seen(seen: Any) -> None:
