@@ -64,7 +64,14 @@ fn same_tree(eager: &Structure, lazy: &Structure, about: &str) {
     assert!(cost <= 1e-4 * eager.shape.sah_cost, "{about}: cost");
     let nodes = |shape: &Shape| (shape.nodes_axis, shape.nodes_oblique, shape.leaves);
     assert_eq!(nodes(&eager.shape), nodes(&lazy.shape), "{about}: nodes");
-    assert_eq!(eager.left_out, lazy.left_out, "{about}");
+    // A tree that rays build does not know when it is complete, so it says nothing about cut triangles.
+    let certain = |line: &&String| !line.starts_with("cut triangles");
+    assert!(
+        (eager.left_out.iter().filter(certain)).eq(lazy.left_out.iter().filter(certain)),
+        "{about}: {:?}, {:?}",
+        eager.left_out,
+        lazy.left_out
+    );
     assert_eq!(eager.shape.references, lazy.shape.references, "{about}");
     assert_eq!(eager.shape.depth_max, lazy.shape.depth_max, "{about}");
 }
