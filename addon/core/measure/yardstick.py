@@ -30,6 +30,9 @@ PEER = "peer-"
 MODES = {SPEC: True, "embree:robust=none": False}
 """Whether each configuration uses Embree's robust mode; Embree's own default is False."""
 
+UNSAFE: dict[str, str] = {}
+"""Foreign tracers that end the program on the grid of touching boxes, and how."""
+
 FAR = np.float32(1e30)
 """Substitute for infinite t_max, which Embree does not accept."""
 

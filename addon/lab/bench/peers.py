@@ -44,6 +44,9 @@ GROUPS = ("tinybvh", "obvhs", "bvh", "parry", "embree")
 
 MODULE = "halfspace_peers"
 
+UNSAFE = {"tinybvh-bvh8": "tinybvh 1.6.8 reads outside of its nodes there"}
+"""Beginnings of the names of tracers that crash on the grid of touching boxes, and how."""
+
 
 class PeerError(ValueError):
     """A tracer refuses a scene, or what it returns is not an answer. The message gives the reason."""
@@ -138,6 +141,8 @@ def register(names: str, say: Callable[[str], None]) -> dict[str, str]:
         for spec in found:
             name = spec.removeprefix(yardstick.PEER)
             yardstick.MAKERS[spec] = lambda v, t, name=name: Peer(module, name, v, t)  # type: ignore[misc]
+            for start in filter(name.startswith, UNSAFE):
+                yardstick.UNSAFE[spec] = UNSAFE[start]
     for name in files:
         own, spec = _own(Path(name)), yardstick.PEER + Path(name).stem.replace(":", "-")
         if spec in found:

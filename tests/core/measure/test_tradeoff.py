@@ -76,3 +76,13 @@ def test_embree_is_measured_in_both_modes(scenes: Tradeoff) -> None:
     found = [point for part in scenes.points(Candidate("embree", structure, [0.0])) for point in part]
     walls = {point["bounds"]: point["wrong"] for point in found if point["place"] == "grid"}
     assert walls[False] > walls[True]
+
+
+def test_a_tracer_that_crashes_on_the_grid_is_left_out_there(scenes: Tradeoff, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec, structure = "peer-frail", halfspace_native.build(SCENE.vertices, SCENE.triangles, "kd")
+    monkeypatch.setitem(yardstick.MAKERS, spec, lambda v, t: halfspace_native.build(v, t, "kd"))
+    monkeypatch.setitem(yardstick.UNSAFE, spec, "it ends the program")
+    steps = scenes.points(Candidate(spec, structure, [0.0]))
+    assert [next(steps)[0]["place"] for _ in range(2)] == ["here", "far"]
+    with pytest.raises(ValueError, match="the grid of touching boxes: it ends the program"):
+        next(steps)

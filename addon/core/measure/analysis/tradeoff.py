@@ -136,6 +136,8 @@ class Tradeoff:
         if spec in yardstick.MODES:
             return yardstick.EmbreeStructure(place.vertices, place.triangles, robust=yardstick.MODES[spec])
         if yardstick.is_foreign(spec):
+            if place.name == GRID and spec in yardstick.UNSAFE:
+                raise ValueError(f"the grid of touching boxes: {yardstick.UNSAFE[spec]}")
             return yardstick.MAKERS[spec](place.vertices, place.triangles)
         limits = self._limits
         return self._native.build(
