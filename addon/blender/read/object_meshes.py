@@ -73,7 +73,7 @@ class ObjectMeshes:
         mesh = instance.item.to_mesh()
         if mesh is None:
             return None
-        # Without a pause: whoever makes this object's mesh next frees this one.
+        # Do not pause here: Blender frees this mesh when it makes the object's mesh again.
         found = completed(self._read(instance, mesh))
         instance.item.to_mesh_clear()
         yield

@@ -18,7 +18,7 @@ UNEVEN_POSES = 33
 """The same with a shutter whose curve is not flat: the time between two poses is even."""
 
 CURVE_POINTS = 257
-"""Points at which the curve of the shutter is read, as many as in Cycles and one more."""
+"""Number of points at which the curve of the shutter is read: one more than in Cycles."""
 
 OPENS = {"START": 0.0, "CENTER": -0.5, "END": -1.0}
 """When the shutter opens, relative to the frame, in lengths of its opening."""

@@ -27,7 +27,7 @@ class Cuts:
 
 
 def find(polygons: NDArray[Any], vertices: F32, offsets: NDArray[Any], mesh: tuple[F32, I32]) -> Cuts:
-    """The segments of the first of these convex polygons, as many as the limits allow.
+    """The segments of these convex polygons, in their order, up to the limits.
 
     polygons: their numbers. vertices, offsets: as in Planes. mesh: (n, 3) corners and (m, 3) triangles.
     """

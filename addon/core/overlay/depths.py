@@ -25,7 +25,7 @@ marked ones.
 """
 
 MOST_OBLIQUE, HIGHEST = 16, 128
-"""Number of oblique planes that are marked: the largest of so many highest ones."""
+"""Number of oblique planes that are marked, the largest, and number of highest ones that they are chosen from."""
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ rim.
 """
 
 CUT_FADE, CUT_WIDTH, BESIDE_CUTS = 0.92, 1.3, 0.6
-"""Of the lines where planes cut the scene: the factor on their opacity from each level to the next, their width
-relative to that of edges, and the factor on the opacity of edges beside them.
+"""Lines where planes cut the scene: ratio of the opacities of successive levels, ratio of their width to that of edges,
+and factor on the opacity of edges where such lines are drawn.
 """
 
 CLEAR, FOG = 4.5, 0.7
@@ -269,7 +269,7 @@ def panes(planes: Planes, eye: F64 | None = None) -> Panes:
 
 
 def left_out(planes: Planes) -> int:
-    """One in so many walls of a grid's layer is drawn: its lines would merge into an area, far away."""
+    """The interval of the walls of a grid's layer that are drawn: lines of all walls would merge into an area."""
     walls = np.bincount(planes.kind[: len(planes) - planes.marked], minlength=1)
     return -(-int(walls.max()) // SHEET) or 1
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 NO_BLENDER = "needs Blender: the module bpy is not installed; the extra `blender` installs it"
-"""What a command says that cannot do without."""
+"""Message of a command that needs Blender, where there is none."""
 
 
 class UsageError(ValueError):

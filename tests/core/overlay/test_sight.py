@@ -182,7 +182,7 @@ def test_boxes_around_the_viewer_have_no_surface() -> None:
     levels = planes.levels(chosen, COLOURS, 1.0, 2.0, seen)
     assert sum(len(level.lines) for level in levels) == 2 * 4 * len(chosen)
     assert sum(len(level.triangles) for level in levels) == 3 * 4 * int((~seen.bare).sum())
-    # Of a box beside the viewer the faces towards the viewer have a surface, and the others faint edges.
+    # Faces of a box that are turned to the viewer have a surface, the others faint edges.
     eye = np.array(EYES["outside"])
     outside = planes.panes(chosen, eye)
     faces = chosen.vertices.reshape(-1, 6, 4, 3).astype(float)
