@@ -144,11 +144,12 @@ def run_tool(*arguments: str) -> None:
         raise PackageError(f"blender_ext {arguments[0]}: {(done.stdout + done.stderr).strip()}")
 
 
-def portable_wheel(name: str | None = None) -> Path:
+def portable_wheel(name: str | None = None, interpreter: str | None = None) -> Path:
     """A wheel for all machines of one system on which Blender runs; None: of this machine's.
 
-    On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same. Raises
-    PackageError, targets.TargetError or environment.SetupError.
+    On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same. interpreter: the
+    name of a Python without a global lock, such as python3.14t, for which the stable interface does not exist; another
+    system's need not be here. Raises PackageError, targets.TargetError or environment.SetupError.
     """
     if name is None and sys.platform != "linux":
         return environment.build_wheel(Path(sys.executable))[0]
@@ -158,8 +159,11 @@ def portable_wheel(name: str | None = None) -> Path:
     with environment.alone():
         environment.prepare(environment.PORTABLE)
         environment.say(f"native module for {target.name}: looking for changes (a build takes minutes)")
-        options = targets.maturin(target, environment.PORTABLE.python)
-        return environment.build_wheel(environment.PORTABLE.python, f"wheel-{target.name}", *options)[0]
+        words, variables = targets.maturin(target, environment.PORTABLE.python)
+        if interpreter:
+            words = ["--interpreter", interpreter, *words]
+        folder = "-".join(filter(None, ("wheel", target.name, interpreter)))
+        return environment.build_wheel(environment.PORTABLE.python, folder, words, variables)[0]
 
 
 def files(wheels: Sequence[Path]) -> list[Path]:

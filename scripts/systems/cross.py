@@ -2,10 +2,11 @@
 """The crates for another system, on this one: `python -m scripts.systems.cross COMMAND ...`.
 
 `prepare SYSTEM` installs what the others need, from Debian's packages and with rustup. `wheel SYSTEM` builds the wheel
-into the folder after --out. `test SYSTEM` runs the tests of all crates, or those after --crate, under Wine or QEMU.
-`answers SYSTEM` runs `native/examples/answers.rs` for that system and for this one, and compares what the two print.
-`agree FILE FILE ...` compares outputs of `answers.py` from several systems. Instruction sets may differ; rays, hits,
-bytes of the tree and the hash of all bits of all answers must not.
+into the folder after --out; with `--interpreter python3.14t` that for a Python without a global lock. `test SYSTEM`
+runs the tests of all crates, or those after --crate, under Wine or QEMU. `answers SYSTEM` runs
+`native/examples/answers.rs` for that system and for this one, and compares what the two print. `agree FILE FILE ...`
+compares outputs of `answers.py` from several systems. Instruction sets may differ; rays, hits, bytes of the tree and
+the hash of all bits of all answers must not.
 """
 
 from __future__ import annotations
@@ -148,6 +149,7 @@ def main(arguments: Sequence[str]) -> int:
         one.add_argument("system", choices=list(TARGETS))
         if name == "wheel":
             one.add_argument("--out", type=output, default=ROOT / "build" / "wheels", help="default: build/wheels")
+            one.add_argument("--interpreter", metavar="PYTHON", help="a free-threaded Python, such as python3.14t")
         if name == "test":
             one.add_argument("filters", nargs="*", help="run only tests whose names contain one of these")
             one.add_argument("--crate", action="append", default=[], help="only this crate; may be repeated")
@@ -169,7 +171,7 @@ def chosen(asked: argparse.Namespace) -> int:
         prepare(target)
     elif asked.command == "wheel":
         asked.out.mkdir(parents=True, exist_ok=True)
-        print(shutil.copy2(package.portable_wheel(target.name), asked.out))
+        print(shutil.copy2(package.portable_wheel(target.name, asked.interpreter), asked.out))
     elif asked.command == "test":
         test(target, asked.filters, asked.crate)
     else:

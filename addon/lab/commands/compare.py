@@ -8,19 +8,19 @@ NAME-cycles.png and NAME-compared.png (both, and their difference × 8), prints 
 left out.
 
 `--scene NAME` or `--scene all` instead of FILE: both engines render one or all of nine scenes: seven that cover the
-renderer's features, and two composed ones. The verdict is Welch's test of each square of 16 × 16 pixels and of the
-means, with a false alarm in 1 % of all cases, beyond 1 % of a mean and what is known of the models; the histogram of p
-and the ratio of the times to equal error are printed with it. With `--slope` too, Halfspace alone renders them, and the
-slopes of the error over the number of samples are printed, for independent samples and for samples as they are
-rendered.
+renderer's features, and two composed ones; or one of production size: woods (instances with images), meadow and fur
+(hair), foliage (cut-outs), patina (Ambient Occlusion, Bevel), wax (subsurface), sand (points). The verdict is Welch's
+test of each square of 16 × 16 pixels and of the means, with a false alarm in 1 % of all cases, beyond 1 % of a mean and
+what is known of the models; the histogram of p and the ratio of the times to equal error are printed with it. With
+`--slope` too, Halfspace alone renders them, and the slopes of the error over the number of samples are printed, for
+independent samples and for samples as they are rendered.
 
 `--whole`: the time and the memory of a whole render of FILE, from the call of the render operator (F12) to the picture,
 including reading the scene and the build. Default: one sample of 1920 × 1080 pixels, direct light without bounces, and
 for an .npz only a lamp without size, so that each pixel takes a camera ray and a shadow ray. The engines alternate;
 medians and their ratio are printed with the errors of the pictures and of the rays. With `--most R` a larger ratio is a
 failure. The time to unit variance, the inverse of the efficiency 1/(variance × time), is printed with its 95 % interval
-for both. Instead of FILE `--scene` names one of the scenes above, or one of production size: woods (instances with
-images), meadow and fur (hair), foliage (cut-outs), patina (Ambient Occlusion, Bevel), wax (subsurface).
+for both. Instead of FILE `--scene` names one of the scenes above.
 
 `--equal-error`: the time to equal error of FILE or of the scenes of `--scene`, with the defaults of Cycles (filter
 glossy 1, clamp indirect 10, light tree; adaptive sampling and denoising off) in both engines. Each engine renders a
@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--scene",
         metavar="NAME",
-        help="judge a scene of addon/lab/pictures/proving.py, or all; with --whole also of large.py",
+        help="judge a scene of addon/lab/pictures/proving.py or large.py; all: those of proving.py",
     )
     made.add_argument(
         "--plant",
@@ -284,9 +284,9 @@ def time_whole(asked: argparse.Namespace) -> bool:
     from ..pictures import comparison
 
     bpy = _start(asked)
-    from ..pictures import large, whole
+    from ..pictures import whole
 
-    name = _open(asked, whole.LIGHTS) if asked.scene is None else next(_built(bpy, asked.scene, large.SCENES))
+    name = _open(asked, whole.LIGHTS) if asked.scene is None else next(_built(bpy, asked.scene))
     scene: Any = bpy.context.scene
     _prepare(scene, asked, name)
     times = whole.measure(scene, asked.runs)
@@ -429,12 +429,12 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
     return all(right)
 
 
-def _built(bpy: Any, asked: str, more: Collection[str] = ()) -> Iterator[str]:
-    """Build one scene after the other, of `proving` or those `more` of `large`. Raises UsageError."""
+def _built(bpy: Any, asked: str) -> Iterator[str]:
+    """Build a scene of `proving` or `large`, or all of `proving` one after the other. Raises UsageError."""
     from ..pictures import large, proving
 
-    if asked != "all" and asked not in (known := [*proving.SCENES, *more]):
-        raise UsageError(f"--scene: expected {'' if more else 'all or '}one of {', '.join(known)}, got {asked!r}")
+    if asked != "all" and asked not in (known := [*proving.SCENES, *large.SCENES]):
+        raise UsageError(f"--scene: expected all or one of {', '.join(known)}, got {asked!r}")
     for name in list(proving.SCENES) if asked == "all" else [asked]:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         (proving if name in proving.SCENES else large).build(name, bpy.context.scene)

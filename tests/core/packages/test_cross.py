@@ -92,6 +92,20 @@ def test_a_wheel_for_another_system_is_linked_for_it(ran: Ran, name: str, option
     assert [*environment] == [variables.replace("ZIG", "CARGO_ZIGBUILD_PYTHON_PATH")]
 
 
+@pytest.mark.parametrize(("words", "folder"), [([], ""), (["--interpreter", "python3.14t"], "-python3.14t")])
+def test_a_wheel_without_a_global_lock_is_one_beside(
+    ran: Ran, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str], folder: str
+) -> None:
+    built = []
+    (made := tmp_path / "x.whl").touch()
+    monkeypatch.setattr(package.environment, "prepare", lambda environment: None)
+    monkeypatch.setattr(package.environment, "build_wheel", lambda *seen: built.append(seen) or (made, True))
+    assert cross.main(["wheel", "macos-x64", *words, "--out", str(tmp_path / "out")]) == 0
+    ((_, name, options, _),) = built
+    assert name == f"wheel-macos-x64{folder}"
+    assert options[: len(words) + 1] == [*words, "--target"]
+
+
 def test_each_stub_of_a_framework_is_found_and_states_where_macos_has_it() -> None:
     stubs = sorted(targets.FRAMEWORKS.glob("*.framework/*.tbd"))
     assert [path.stem for path in stubs] == ["CoreFoundation", "IOKit"]
