@@ -68,7 +68,9 @@ BUILD_SECONDS = 60
 
 @dataclass(frozen=True)
 class Chart:
-    """Data of a plot: lines of (x, y) points by name. level: height and label of a dashed line."""
+    """Data of a plot: lines of (x, y) points by name. level: height and label of a dashed line. ticks: names of the
+    places 0, 1, 2 and so on of bars; empty for their numbers.
+    """
 
     title: str
     x: str
@@ -76,6 +78,7 @@ class Chart:
     lines: Mapping[str, Sequence[tuple[float, float]]]
     bars: bool = False
     level: tuple[float, str] | None = None
+    ticks: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 from ...core.scene.workload import Workload
 from . import kd, paper_scenes
-from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome, verdict
+from .claims import FAILS, HOLDS, UNTESTED, Chart, Claim, Lab, Outcome, verdict
 
 PAPER = (
     "Vitsas, Evangelou, Papaioannou and Gkaravelis, Parallel transformation of bounding volume hierarchies into "
@@ -85,6 +85,59 @@ def kinds(lab: Lab) -> Iterator[Outcome]:
             )
 
 
+WAYS = {
+    "one by one": ("bsp-wn-plus-kd:traversal=dir", TURNED, ALONG),
+    "as fast as they go": ("bsp-wn-plus-kd", "obb", "bvh-sah"),
+}
+"""Oblique planes, oriented boxes and boxes along the axes: each ray through its own nodes, and rays together."""
+
+REAL = ("sponza-dabrovic", "conference", "country-kitchen", "stanford-dragon", "stanford-bunny", "sanmiguel-court")
+
+
+def against_planes(lab: Lab) -> Iterator[Outcome]:
+    """Oriented boxes against oblique planes, both relative to boxes along the axes, scene by scene."""
+    made = [paper_scenes.needles(), paper_scenes.hair(), *filter(None, map(lab.shared, REAL))]
+    ratios: dict[str, dict[str, list[tuple[float, float]]]] = {way: {} for way in WAYS}
+    for place, workload in enumerate(made):
+        for way, (planes, boxes, along) in WAYS.items():
+            found = kd.times(lab, workload, [planes, boxes, along], alone=False)
+            named = {"oblique planes": planes, "oriented boxes": boxes}
+            shares = {name: found[spec].share(found[along]).value for name, spec in named.items()}
+            for name, share in shares.items():
+                ratios[way].setdefault(name, []).append((float(place), share))
+            # Compare what the two cost besides, once for each scene.
+            memory = {spec: lab.statistics(workload, spec)["bytes"] for spec in found}
+            builds = lab.build_seconds(workload, [planes, boxes, along]) if way == "one by one" else None
+            cost = {
+                name: (memory[spec] / memory[along], builds.share(spec, along).value if builds else 0.0)
+                for name, spec in named.items()
+            }
+            work = (
+                f"{spec} {one.counters['steps']:.1f} nodes, {one.counters['tests']:.1f} tests"
+                for spec, one in found.items()
+            )
+            last = workload is made[-1]
+            yield Outcome(
+                "best",
+                found[boxes].share(found[planes]).below(),
+                f"{workload.name}, {way}: oblique planes take {shares['oblique planes']:.2f} of the time of {along}, "
+                f"oriented boxes {shares['oriented boxes']:.2f}",
+                f"per ray: {'; '.join(work)}; memory "
+                + ", ".join(f"{name} × {much:.1f}" for name, (much, _) in cost.items())
+                + (
+                    f"; build {', '.join(f'{name} × {long:.1f}' for name, (_, long) in cost.items())}" if builds else ""
+                ),
+                lab.error(workload, [planes, boxes, along]),
+                shares,
+                (_chart(way, [one.name for one in made], ratios[way]),) if last else (),
+            )
+
+
+def _chart(way: str, names: list[str], lines: dict[str, list[tuple[float, float]]]) -> Chart:
+    """Bars of times relative to boxes along the axes, scene by scene."""
+    return Chart(way, "scene", "time of a ray", lines, bars=True, level=(1.0, "boxes along the axes"), ticks=names)
+
+
 CLAIMS = (
     Claim(
         "oriented-boxes-fit",
@@ -98,5 +151,12 @@ CLAIMS = (
         PAPER,
         "Rotated boxes pay on a CPU where geometry is thin and not parallel to the axes.",
         kinds,
+    ),
+    Claim(
+        "oriented-boxes-planes",
+        PAPER,
+        "Oriented boxes answer rays quicker than oblique split planes, on a CPU.",
+        against_planes,
+        REAL,
     ),
 )

@@ -94,21 +94,31 @@ def _claim(result: Result) -> str:
             f'<td>{html.escape(outcome.measured)}<div class="why">{html.escape(outcome.why)}</div></td>'
             f"{_errors(outcome.checked)}</tr>"
         )
-    charts = [
-        chart
-        if chart.title.startswith(outcome.configuration)
-        else replace(chart, title=f"{outcome.configuration}: {chart.title}")
-        for outcome in result.outcomes
-        for chart in outcome.charts
-    ]
     place = f" <em>Measured on</em> {html.escape(result.machine)}." if result.machine else ""
     return (
         f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
         f"<p><em>Published:</em> {html.escape(result.claim.statement)}{place}</p>"
         f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th><th>wrong triangle</th>"
         f"<th>false hit or miss</th><th>last bits only</th><th>of</th></tr>{''.join(rows)}</table>"
-        f"{''.join(map(draw, charts))}"
+        f"{''.join(map(draw, _charts(result)))}"
     )
+
+
+def pictures(results: Iterable[Result]) -> dict[str, str]:
+    """The plots as SVG by file name, numbered where a claim has several; none without matplotlib."""
+    drawn = ((result.claim.id, number, draw(one)) for result in results for number, one in enumerate(_charts(result)))
+    return {f"{name}{f'-{number + 1}' if number else ''}.svg": svg for name, number, svg in drawn if svg}
+
+
+def _charts(result: Result) -> list[Chart]:
+    """The plots of all configurations, whose titles name them."""
+    return [
+        chart
+        if chart.title.startswith(outcome.configuration)
+        else replace(chart, title=f"{outcome.configuration}: {chart.title}")
+        for outcome in result.outcomes
+        for chart in outcome.charts
+    ]
 
 
 def _errors(checked: Checked) -> str:
@@ -141,7 +151,10 @@ def _lines(axes: Any, chart: Chart) -> None:
             axes.plot(x, y, marker + "-", color=colour, label=name)
     if chart.bars:
         places = sorted({place for points in chart.lines.values() for place, _ in points})
-        axes.set_xticks([place + 0.4 - 0.4 / len(chart.lines) for place in places], [f"{place:g}" for place in places])
+        middles = [place + 0.4 - 0.4 / len(chart.lines) for place in places]
+        axes.set_xticks(middles, [chart.ticks[int(place)] if chart.ticks else f"{place:g}" for place in places])
+        if chart.ticks:
+            axes.tick_params(axis="x", labelrotation=20)
     if chart.level is not None:
         axes.axhline(chart.level[0], linestyle=":", color="#555555", label=chart.level[1])
     axes.set_ylim(bottom=0)

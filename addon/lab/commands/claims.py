@@ -136,8 +136,9 @@ def save(
     page = claims_report.as_html(found, document["machines"], quick=quick)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     with results.writing(folder):
-        results.write_all({folder / "claims.json": text, folder / "claims.html": page})
-    say(f"wrote {folder / 'claims.html'} and claims.json")
+        drawn = {folder / name: svg for name, svg in claims_report.pictures(found).items()}
+        results.write_all({folder / "claims.json": text, folder / "claims.html": page, **drawn})
+    say(f"wrote {folder / 'claims.html'}, claims.json and {len(drawn)} plots (.svg)")
 
 
 def say(text: str) -> None:
