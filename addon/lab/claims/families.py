@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Planes against boxes: whether kd-trees or hierarchies of boxes answer rays sooner, and in which scenes.
 
-Both studies compare textbook trees with two children a node: the faithful configuration, in which rays go one by one.
-The best one lets each family go as fast as it can. Depth complexity is measured: the number of triangles that a camera
-ray meets if none stops it.
+Both studies compare textbook trees with two children a node: the faithful configuration, in which rays go one by one
+and test one triangle at a time. The best one lets each family go as fast as it can. Depth complexity is measured: the
+number of triangles that a camera ray meets if none stops it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ VINKLER = (
     "tracing (2016)"
 )
 
-PAIRS = {"faithful": ("kd:traversal=dir", "bvh-sah:traversal=ordered,width=2"), "best": ("kd", "bvh-sah")}
+PAIRS = {
+    "faithful": ("kd-sah:traversal=dir,leaves=scalar", "bvh-sah:traversal=ordered,width=2,leaves=scalar"),
+    "best": ("kd", "bvh-sah"),
+}
 """A tree of planes and one of boxes for each configuration."""
 
 SCENES = ("stanford-bunny", "sponza-dabrovic", "conference", "country-kitchen", "sanmiguel-leaves")

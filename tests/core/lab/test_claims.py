@@ -191,7 +191,15 @@ def test_every_configuration_of_a_claim_exists(claim: Claim, monkeypatch: pytest
     [
         ("bbox-gs", "fanout=limited, where any is published"),
         ("bbox-gs:fanout=any,leaf_size=2", "leaf_size=2, where 1 is published"),
-        ("bbox-gs:fanout=any,leaf_size=1", ""),
+        ("bbox-gs:fanout=any,leaf_size=1", "leaves=indices, where scalar is published"),
+        ("bbox-gs:fanout=any,leaf_size=1,leaves=scalar", ""),
+        ("octree-net:leaf_size=2", "leaves=blocks, where scalar is published"),
+        ("octree-net:leaf_size=2,leaves=scalar", ""),
+        ("bih:traversal=ordered", "leaves=indices, where scalar is published"),
+        ("bih:traversal=ordered,leaves=scalar", ""),
+        ("bih:traversal=ordered,robust=none", ""),
+        ("bih:traversal=packet", ""),
+        ("bvh-sah:width=2,traversal=ordered", "leaves="),
         ("octree-beam", "traversal=beam, where polygon is published"),
         ("octree-beam:traversal=polygon,leaf_size=8", "leaf_size=8"),
         ("octree-beam:traversal=polygon,beam_min=64", ""),
@@ -210,7 +218,8 @@ def test_configurations_in_published_form(spec: str, told: str) -> None:
 
 def test_every_published_form_exists() -> None:
     made = claims_scenes.concentrated()
-    for name, form in published.FORMS.items():
+    every = ((name, form) for name, forms in published.FORMS.items() for form in forms.split(" or "))
+    for name, form in every:
         first = (f"{key}={value.partition('|')[0]}" for key, value in specs.pairs(f"{name}:{form}"))
         halfspace_native.build(made.vertices, made.triangles, specs.joined(name, *first))
 
