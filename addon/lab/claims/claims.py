@@ -35,7 +35,7 @@ UNCLEAR = "within the noise"
 UNTESTED = "cannot be tested here"
 VERDICTS = (HOLDS, FAILS, UNCLEAR, UNTESTED)
 
-VERSION = 4
+VERSION = 5
 """Version of the measurements: increment when a claim measures or counts anything else; older results are then not
 reused.
 """
@@ -51,8 +51,10 @@ REPEATS = {True: 6, False: 9}
 BUILDS = {True: 3, False: 7}
 """Number of timed builds."""
 
-LEAST_PASSES, PASS_SECONDS = 3, 10
-"""Number of timed passes, and processor seconds, after which no further round of passes begins."""
+LEAST_PASSES, PASS_SECONDS = 3, {True: 4, False: 10}
+"""Number of timed passes, and processor seconds in a quick run (True) and a full one, after which no further round of
+passes begins.
+"""
 
 MARGIN = 0.03
 """Least half-width of the interval of a ratio of times (chosen): separate runs of the same pair differ by as much,
@@ -62,7 +64,7 @@ which the passes of one run do not show.
 COUNTED = 1 << 22
 """Rays that are counted at once: eight times what any kernel takes at once, so that they are cut as those timed."""
 
-BUILD_SECONDS = 60
+BUILD_SECONDS = {True: 20, False: 60}
 """Processor seconds after which no further round of builds begins: the slowest build takes minutes."""
 
 
@@ -245,8 +247,8 @@ class Builds:
         return "one build each" if self.count == 1 else f"medians of {self.count} builds"
 
 
-ROOM = 1 << 30
-"""Bytes of structures kept for the next claim; beyond that the oldest are dropped and rebuilt when needed."""
+ROOM = 3 << 30
+"""Bytes of structures kept for the next measurement; beyond that the oldest are dropped and rebuilt when needed."""
 
 
 class Lab:
@@ -341,18 +343,19 @@ class Lab:
         for spec in wanted:
             self.check(workload, spec, rays)
         self._used.update((workload.name, spec, rays.name) for spec in specs)
-        # Time the structures in turns; the first round only warms up.
+        # Time the structures in turns; the first round only warms up. All are held, whatever the cache drops.
+        held = {spec: self.build(workload, spec) for spec in wanted}
         taken: dict[str, list[float]] = {spec: [] for spec in wanted}
         begun = time.process_time()
         for repeat in range(self.repeats + 1):
-            for spec in wanted:
-                seconds = self._ask(self.build(workload, spec), rays)
+            for spec, structure in held.items():
+                seconds = self._ask(structure, rays)
                 if repeat:
                     taken[spec].append(seconds)
-            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS:
+            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS[self.quick]:
                 break
-        for spec in wanted:
-            counters = self._count(self.build(workload, spec), rays)
+        for spec, structure in held.items():
+            counters = self._count(structure, rays)
             key = (workload.name, spec, rays.name)
             self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters, tuple(taken[spec]))
         return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
@@ -382,9 +385,12 @@ class Lab:
             structure = self.build(workload, spec)
             recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
             passes[spec] = [recordings[spec].replay()]
-        for _ in range(self.repeats):
+        begun = time.process_time()
+        for repeat in range(self.repeats):
             for spec in wanted:
                 passes[spec].append(recordings[spec].replay())
+            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS[self.quick]:
+                break
         self._used.update((workload.name, spec, rays.name) for spec in specs)
         for spec in wanted:
             counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}
@@ -402,7 +408,7 @@ class Lab:
             self.say(f"{workload.name}: builds: {', '.join(specs)}")
             taken: dict[str, list[float]] = {spec: [] for spec in specs}
             begun, rounds = time.process_time(), 0
-            while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS):
+            while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS[self.quick]):
                 for spec in specs:
                     taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
                 rounds += 1

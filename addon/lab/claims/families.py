@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Planes against boxes: whether kd-trees or hierarchies of boxes answer rays sooner, and in which scenes.
 
-Both studies compare textbook trees with two children a node: the faithful configuration, in which rays go one by one.
-The best one lets each family go as fast as it can. Depth complexity is measured: the number of triangles that a camera
-ray meets if none stops it.
+Both studies compare textbook trees with two children a node: the faithful configuration, in which rays go one by one
+and test one triangle at a time. The best one lets each family go as fast as it can. Depth complexity is measured: the
+number of triangles that a camera ray meets if none stops it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ VINKLER = (
     "tracing (2016)"
 )
 
-PAIRS = {"faithful": ("kd:traversal=dir", "bvh-sah:traversal=ordered,width=2"), "best": ("kd", "bvh-sah")}
+PAIRS = {
+    "faithful": ("kd-sah:traversal=dir,leaves=scalar", "bvh-sah:traversal=ordered,width=2,leaves=scalar"),
+    "best": ("kd", "bvh-sah"),
+}
 """A tree of planes and one of boxes for each configuration."""
 
 SCENES = ("stanford-bunny", "sponza-dabrovic", "conference", "country-kitchen", "sanmiguel-leaves")
@@ -91,6 +94,7 @@ def planes_ahead(lab: Lab) -> Iterator[Outcome]:
             for configuration, pair in PAIRS.items():
                 share = one.share(configuration)
                 planes, boxes = (one.found[spec].nanoseconds for spec in pair)
+                tests = [one.found[spec].counters["tests"] for spec in pair]
                 yield Outcome(
                     configuration,
                     share.below(),
@@ -98,7 +102,12 @@ def planes_ahead(lab: Lab) -> Iterator[Outcome]:
                     f"({planes:.0f} and {boxes:.0f} ns a ray)",
                     one.why(configuration),
                     lab.error(one.workload, pair),
-                    {"ratio": share.value, "depth": one.depth},
+                    {
+                        "ratio": share.value,
+                        "depth": one.depth,
+                        "tests": tests[0] / max(tests[1], 1e-9),
+                        "memory": one.bytes[pair[0]] / one.bytes[pair[1]],
+                    },
                 )
 
 

@@ -23,10 +23,12 @@ from .claims import HOLDS, Chart, Claim, Lab, Outcome, Share, Timing, slope, ver
 if TYPE_CHECKING:
     from ...core.base.interface import Structure
 
-POLYGON, NET, SAMET = (beams.octree(name, "faithful") for name in (beams.BEAM, beams.NET, beams.SAMET))
-TILES = beams.octree(beams.BEAM, "best")
-BEAMS = {"faithful": POLYGON, "best": TILES}
+POLYGON, NET = (beams.octree(name, "faithful") for name in (beams.BEAM, beams.NET))
+BEAMS = {name: beams.octree(beams.BEAM, name) for name in beams.CONFIGURATIONS}
 """The paper's beams, and ours of 64 rays."""
+
+NETS, SAMETS = ({name: beams.octree(tree, name) for name in beams.CONFIGURATIONS} for tree in (beams.NET, beams.SAMET))
+"""Single rays through the octree by links, and by common ancestors."""
 
 SCENES = ("sponza-dabrovic", "conference")
 """The real scenes, where their files are present."""
@@ -111,14 +113,16 @@ def further_ray(lab: Lab, camera: Callable[[Workload, tuple[int, int], int], Ray
     """Cost of a further ray of a camera from 1 to 16 samples per pixel, at the largest picture or, in a quick run, a
     small one.
     """
-    specs, size = (POLYGON, TILES, NET), paper_scenes.RESOLUTIONS[1] if lab.quick else LARGEST
+    size = paper_scenes.RESOLUTIONS[1] if lab.quick else LARGEST
+    specs = (*BEAMS.values(), *NETS.values())
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
         one = lab.seconds(workload, specs, camera(workload, size, 1))
         all_of_them = lab.seconds(workload, specs, camera(workload, size, SIDE))
         cost = {spec: further(one[spec], all_of_them[spec]) for spec in specs}
         for configuration, spec in BEAMS.items():
-            nodes, time = (cost[spec][i] / cost[NET][i] for i in (0, 1))
-            text = "; ".join(f"{each} {cost[each][0]:.4f} nodes, {cost[each][1]:.1f} ns" for each in (spec, NET))
+            net = NETS[configuration]
+            nodes, time = (cost[spec][i] / cost[net][i] for i in (0, 1))
+            text = "; ".join(f"{each} {cost[each][0]:.4f} nodes, {cost[each][1]:.1f} ns" for each in (spec, net))
             yield Outcome(
                 configuration,
                 verdict(holds=nodes <= QUARTER),
@@ -126,8 +130,8 @@ def further_ray(lab: Lab, camera: Callable[[Workload, tuple[int, int], int], Ray
                 f"against single rays: {nodes:.4f} of the nodes (limit: {QUARTER}), {time:.2f} of the time "
                 f"({Share.of(time).below(QUARTER)})",
                 counted(all_of_them[spec]),
-                lab.error(workload, (spec, NET)),
-                {"nodes": nodes, "time": time, "beam_ns": cost[spec][1], "net_ns": cost[NET][1]},
+                lab.error(workload, (spec, net)),
+                {"nodes": nodes, "time": time, "beam_ns": cost[spec][1], "net_ns": cost[net][1]},
             )
 
 
@@ -140,23 +144,23 @@ def counted(timing: Timing) -> str:
 
 def resolutions(lab: Lab) -> Iterator[Outcome]:
     """Time against the number of rays, for pictures of all sizes."""
-    singles = [NET, SAMET]
+    chosen = {name: [spec, NETS[name], SAMETS[name]] for name, spec in BEAMS.items()}
     if not lab.lacks(beams.BOX):
-        singles.append(beams.BOXES["faithful"])
+        chosen = {name: [*own, beams.BOXES[name]] for name, own in chosen.items()}
     for workload in workloads(lab):
-        times = beams.sweep(lab, workload, [*BEAMS.values(), *singles])
+        times = beams.sweep(lab, workload, list(itertools.chain(*chosen.values())))
         slopes = {spec: slope((t.rays, t.seconds) for t in own) * 1e9 for spec, own in times.items()}
         nodes = {spec: further(own[0], own[-1])[0] for spec, own in times.items()}
-        for configuration, spec in BEAMS.items():
-            own = [spec, *singles]
+        for configuration, own in chosen.items():
+            spec, net, *_ = own
             text = ", ".join(f"{each} {slopes[each]:.0f} ns and {nodes[each]:.3f} nodes" for each in own)
             yield Outcome(
                 configuration,
-                beams.steepness(times[spec], times[NET]).below(beams.FLAT),
+                beams.steepness(times[spec], times[net]).below(beams.FLAT),
                 f"{workload.name}: each further ray from 320×200 to 1280×1024: {text}",
                 counted(times[spec][-1]),
                 lab.error(workload, own),
-                {f"slope {each}": slopes[each] for each in own},
+                {f"slope {each}": slopes[each] for each in own} | {f"nodes {each}": nodes[each] for each in own},
                 (chart(workload, {each: times[each] for each in own}),),
             )
 
