@@ -62,7 +62,7 @@ NAVIGATION: dict[str, list[Any]] = {
     "Use": ["manual.md", "rendering.md", "pictures.md", "nodes.md", "benchmark.md", "trees.md", "platforms.md"],
     "Structures": ["structures.md", "structures/index.md"],
     "Lessons": [],
-    "Read": ["results.md", "papers.md", "correctness.md"],
+    "Read": ["results.md", "planes-or-boxes.md", "papers.md", "correctness.md"],
     "Develop": ["architecture.md", "from-a-paper.md", "reference.md"],
 }
 """Parts of the site to their pages; lessons and pages of structures are added."""

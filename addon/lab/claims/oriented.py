@@ -108,31 +108,26 @@ def against_planes(lab: Lab) -> Iterator[Outcome]:
             shares = {name: found[spec].share(found[along]).value for name, spec in named.items()}
             for name, share in shares.items():
                 ratios[way].setdefault(name, []).append((float(place), share))
-            # Compare what the two cost besides, once for each scene.
-            memory = {spec: lab.statistics(workload, spec)["bytes"] for spec in found}
-            builds = lab.build_seconds(workload, [planes, boxes, along]) if way == "one by one" else None
-            cost = {
-                name: (memory[spec] / memory[along], builds.share(spec, along).value if builds else 0.0)
-                for name, spec in named.items()
-            }
+            # State once what the two cost besides.
+            cost = {}
+            if way == "one by one":
+                builds = lab.build_seconds(workload, [planes, boxes, along])
+                memory = {spec: lab.statistics(workload, spec)["bytes"] for spec in found}
+                cost = {f"build, {name}": builds.share(spec, along).value for name, spec in named.items()}
+                cost |= {f"memory, {name}": memory[spec] / memory[along] for name, spec in named.items()}
             work = (
                 f"{spec} {one.counters['steps']:.1f} nodes, {one.counters['tests']:.1f} tests"
                 for spec, one in found.items()
             )
-            last = workload is made[-1]
             yield Outcome(
                 "best",
                 found[boxes].share(found[planes]).below(),
-                f"{workload.name}, {way}: oblique planes take {shares['oblique planes']:.2f} of the time of {along}, "
+                f"{workload.name}: {way}, oblique planes take {shares['oblique planes']:.2f} of the time of {along}, "
                 f"oriented boxes {shares['oriented boxes']:.2f}",
-                f"per ray: {'; '.join(work)}; memory "
-                + ", ".join(f"{name} × {much:.1f}" for name, (much, _) in cost.items())
-                + (
-                    f"; build {', '.join(f'{name} × {long:.1f}' for name, (_, long) in cost.items())}" if builds else ""
-                ),
+                f"per ray: {'; '.join(work)}{''.join(f'; {name} × {much:.1f}' for name, much in cost.items())}",
                 lab.error(workload, [planes, boxes, along]),
-                shares,
-                (_chart(way, [one.name for one in made], ratios[way]),) if last else (),
+                shares | cost,
+                (_chart(way, [one.name for one in made], ratios[way]),) if workload is made[-1] else (),
             )
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +31,8 @@ from ..claims import table as claims_table
 if TYPE_CHECKING:
     from ...core.base.interface import Native
 
-PAGE = Path(__file__).parents[3] / "docs" / "papers.md"
+DOCUMENTS = Path(__file__).parents[3] / "docs"
+PAGES = tuple(DOCUMENTS / name for name in ("papers.md", "planes-or-boxes.md"))
 """The document whose tables `table --write` replaces."""
 
 
@@ -47,7 +49,11 @@ def parser() -> argparse.ArgumentParser:
     )
     levels.add_option(made)
     add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
-    add("--write", action="store_true", help="with `table`: replace the tables of docs/papers.md")
+    add(
+        "--write",
+        action="store_true",
+        help="with `table`: replace tables and plots of docs/papers.md and docs/planes-or-boxes.md",
+    )
     return made
 
 
@@ -63,7 +69,7 @@ def run(asked: argparse.Namespace) -> int:
         print("\n".join(f"{claim.id}: {claim.statement}" for claim in known.values()))
         return 0
     if asked.claims == ["table"]:
-        return write_table(asked.out, PAGE if asked.write else None)
+        return write_table(asked.out, PAGES if asked.write else ())
     unknown = [name for name in asked.claims if name not in known]
     if unknown:
         raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
@@ -99,10 +105,10 @@ def run(asked: argparse.Namespace) -> int:
     return 1 if any(result.wrong for result in found) else 0
 
 
-def write_table(folder: Path | None, page: Path | None = None) -> int:
-    """Write the statements of the sources with the verdicts of the folder's claims, and the tables of a page.
+def write_table(folder: Path | None, pages: Sequence[Path] = ()) -> int:
+    """Write the statements of the sources with the verdicts of the folder's claims, and the tables and plots of pages.
 
-    Raises UsageError, FolderError, and ValueError for marks of the page.
+    Raises UsageError, FolderError, and ValueError for marks of a page.
     """
     if folder is None:
         raise UsageError("table: --out names the folder of the measured claims")
@@ -110,12 +116,16 @@ def write_table(folder: Path | None, page: Path | None = None) -> int:
     latest = {row["outcomes"][0]["claim"]: row["outcomes"] for row in kept_rows if row["outcomes"]}
     rows = [outcome for outcomes in latest.values() for outcome in outcomes]
     files = {folder / "statements.md": statements.table(rows)}
-    if page is not None:
+    for page in pages:
         files[page] = document.written(page.read_text(encoding="utf-8"), rows)
+        # Take the plots that the page shows from the folder.
+        for name in re.findall(r"\(\.\./\.pictures/([\w-]+\.svg)\)", files[page]):
+            if (folder / name).is_file():
+                files[page.parents[1] / ".pictures" / name] = (folder / name).read_text(encoding="utf-8")
     results.write_all(files)
     for path in files:
         say(f"wrote {path}")
-    if page is not None:
+    for page in pages:
         for sentence in document.doubtful(files[page], rows):
             say(f"not among the numbers measured: {sentence}")
     return 0

@@ -302,12 +302,12 @@ def test_the_tables_of_the_document_name_claims_that_exist(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     known = {claim.id for claim in claims_table.CLAIMS}
-    text = command.PAGE.read_text(encoding="utf-8")
+    text = "".join(page.read_text(encoding="utf-8") for page in command.PAGES)
     named = {name for found in document.BLOCK.findall(text) for name in found[0].partition(";")[0].split()}
     assert named - {document.STATEMENTS} <= known
     page = tmp_path / "papers.md"
     page.write_text("It is so.\n\n<!-- claims: links-gain -->\nstale\n<!-- claims: end -->\nIt is 12345.\n", "utf-8")
-    monkeypatch.setattr(command, "PAGE", page)
+    monkeypatch.setattr(command, "PAGES", (page,))
     out = tmp_path / "out"
     assert command.main(["links-gain", "--quick", "--out", str(out)]) == 0
     assert command.main(["table", "--write", "--out", str(out)]) == 0
