@@ -48,10 +48,12 @@ def octree(name: str, configuration: str) -> str:
     return joined(name, CONFIGURATIONS[configuration])
 
 
-def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:
-    """Each structure's times, from the paper's smallest picture to its largest."""
+def sweep(
+    lab: Lab, workload: Workload, specs: Sequence[str], sizes: Sequence[tuple[int, int]] = ()
+) -> dict[str, list[Timing]]:
+    """Each structure's times, from the paper's smallest picture to its largest. sizes: pictures (default: all)."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
-    for size in paper_scenes.RESOLUTIONS:
+    for size in sizes or paper_scenes.RESOLUTIONS:
         make = partial(paper_scenes.camera_rays, workload, size)
         rays = lab.rays(workload, "{}x{}".format(*size), make)
         for spec, timing in lab.seconds(workload, specs, rays).items():
@@ -168,15 +170,18 @@ def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octre
         # Compare at every resolution, in the claimed direction.
         specs = [octree(tree, configuration) for tree in methods] + [BOXES[configuration]]
         times = sweep(lab, workload, specs)
-        shares = [
-            own.share(box) if octrees_win else box.share(own)
+        shares = {
+            (spec, size): own.share(box) if octrees_win else box.share(own)
             for spec in specs[:-1]
-            for own, box in zip(times[spec], times[specs[-1]], strict=True)
-        ]
+            for size, own, box in zip(paper_scenes.RESOLUTIONS, times[spec], times[specs[-1]], strict=True)
+        }
+        (spec, size), worst = max(shares.items(), key=lambda item: item[1].low)
+        pair = (spec, BOX) if octrees_win else (BOX, spec)
         yield Outcome(
             configuration,
-            verdict(*(share.below() for share in shares)),
-            f"{workload.name}: ns per ray at 1280×1024: {per_ray(times)}",
+            verdict(*(share.below() for share in shares.values())),
+            f"{workload.name}: ns per ray at 1280×1024: {per_ray(times)}; least ahead at {size[0]}×{size[1]}, where "
+            f"{structure_of(pair[0])} takes {worst.value:.2f} of the time of {structure_of(pair[1])}",
             counters(times, specs),
             lab.error(workload, specs),
             {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()},
