@@ -133,7 +133,7 @@ def against_planes(lab: Lab) -> Iterator[Outcome]:
 
 def _chart(way: str, names: list[str], lines: dict[str, list[tuple[float, float]]]) -> Chart:
     """Bars of times relative to boxes along the axes, scene by scene."""
-    return Chart(way, "scene", "time of a ray", lines, bars=True, level=(1.0, "boxes along the axes"), ticks=names)
+    return Chart(way, "scene", "time, relative", lines, bars=True, level=(1.0, "boxes along the axes"), ticks=names)
 
 
 CLAIMS = (
