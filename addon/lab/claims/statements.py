@@ -112,7 +112,7 @@ STATEMENTS: tuple[Statement, ...] = (
         ("6n, 2kn and 10n planes a level; all others repeat theirs", "- tables of the command `thesis`"),
         ("Random directions: O(log n) planes a triangle", "- tables of the command `thesis`"),
         ("Dividing pays down to one triangle a leaf (equations 3.2 to 3.6)", "medians-one-triangle"),
-        ("The criterion by β as a rule for leaves", "- no builder has it"),
+        ("The criterion by β as a rule for leaves", "sweep-trees-beta"),
         ("Axes are often better than random directions", "without-axes"),
         ("K = 3 with cheap axis nodes is the kd-tree", "three-directions-are-kd"),
         ("wn+^Kd, cn+^Kd and random+^Kd take 67 to 87 % of the time", "sweep-trees-time"),
@@ -124,6 +124,7 @@ STATEMENTS: tuple[Statement, ...] = (
         ("Upper levels axis nodes, lower ones oblique", "sweep-trees-levels"),
         ("The expected cost drops by 40 %", "sweep-trees-cost"),
         ("Builds take a hundred times as long as a kd-tree's", "long-builds"),
+        ("Numbers of nodes of the leg's trees", "sweep-trees-nodes"),
         ("Times of the museum", "- the model was not published"),
     ),
 )

@@ -28,7 +28,7 @@ pub fn with(spec: &str, pair: &str) -> String {
 }
 
 /// Forms of trees that other values than the defaults select.
-const FORMS: [&str; 20] = [
+const FORMS: [&str; 25] = [
     "bvh-sah:quality=fast",
     "bvh-sah:quality=high",
     "bvh-sah:splits=1",
@@ -49,6 +49,11 @@ const FORMS: [&str; 20] = [
     "bih-n:n=2,leaves=scalar",
     "bbox-gs:slabs=7,leaves=scalar",
     "octree-beam:traversal=net,leaves=scalar",
+    "kd:stop=beta",
+    "kd-sah:stop=beta,beta=0.5",
+    "rbsp:costs=thesis,stop=beta",
+    "bsp-wn-plus-kd:stop=beta,traversal=tile",
+    "bsp-ize-kd:costs=thesis,stop=beta,beta=1",
 ];
 
 /// Returns every structure with each of its ways.

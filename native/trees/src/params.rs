@@ -2,6 +2,7 @@
 //! Parameters that several structures share, and what their values in a configuration mean.
 
 use halfspace_builders::binned::SurfaceArea;
+use halfspace_builders::space::Stop;
 use halfspace_leaf::keep::Keep;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::plane_tree;
@@ -208,6 +209,48 @@ pub const AREA_STOP: ParamSpec = ParamSpec {
     group: Group::Costs,
     needs: &[],
 };
+
+/// Rule by which a node becomes a leaf.
+pub const STOP: ParamSpec = ParamSpec {
+    name: "stop",
+    label: "Stopping Rule",
+    doc: "When a node becomes a leaf; a plane is the cheapest in either case. cost: when no plane costs less than the \
+          leaf, with the thesis's costs by pbrt's rule. beta: when a step costs more than beta n / 2 triangle tests at \
+          n triangles, so that an even split would not pay (Hoobergs 2019, equations 3.2 to 3.6)",
+    unit: "",
+    kind: Kind::Choice(&[named("cost", "By Cost"), named("beta", "By Beta")]),
+    default: Value::Choice("cost"),
+    group: Group::Costs,
+    needs: &[],
+};
+
+/// Share of visits that go on to one child only.
+pub const BETA: ParamSpec = ParamSpec {
+    name: "beta",
+    label: "Beta",
+    doc: "Share of the visits to a node that go on to one child only. 0 computes it at each plane, as 1 less twice its \
+          section with the cell over the cell's surface: the share of uniform lines. More gives smaller leaves",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Value::Float(0.0),
+    group: Group::Costs,
+    needs: &[Need {
+        key: "stop",
+        only: Only::Options(&["beta"]),
+    }],
+};
+
+/// The stopping rule from `stop` and `beta`; `by_cost` is the one that compares costs.
+///
+/// # Panics
+/// When the structure's row lacks these parameters.
+pub fn stop(config: &Config, by_cost: Stop) -> Stop {
+    if config.choice(STOP.name) == "cost" {
+        return by_cost;
+    }
+    let beta = config.float(BETA.name);
+    Stop::Even((beta > 0.0).then_some(beta))
+}
 
 /// Prices for leaves of blocks, from `step_cost`, `leaf_cost`, `triangle_cost` and `empty_factor`. A tree whose steps all
 /// have another cost has no `step_cost`.

@@ -2,7 +2,10 @@
 //! Chooses the split of a node: the cheapest of all planes, if it is cheap enough.
 
 use crate::piece::Piece;
-use crate::space::{Builder, Choice, ObliqueStep, OpenNode, PlanePolicy, Round, Stop, Task};
+use crate::space::{
+    Builder, Choice, ObliqueStep, OpenNode, PlanePolicy, Round, Stop, Task, even_split_pays,
+    one_child_only,
+};
 use crate::sweep::{Best, Candidates, Pricing, Scratch, Ties, sweep};
 use halfspace_geom::cell::{Cell, Direction, Plane};
 use halfspace_geom::profile::Profile;
@@ -185,6 +188,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
                     return None;
                 }
                 bad
+            }
+            Stop::Even(beta) => {
+                let beta = beta.unwrap_or_else(|| one_child_only(best.shares));
+                let step = match (plane.direction, params.oblique) {
+                    (Direction::Axis(_), _) => costs.step,
+                    (_, ObliqueStep::Fixed(step) | ObliqueStep::Linear { fixed: step, .. }) => step,
+                };
+                let divides = best.counts[0].min(best.counts[1]) < n as f32;
+                if !divides || !even_split_pays(n as f32, beta, step, costs.triangle) {
+                    return None;
+                }
+                0
             }
         };
         Some(Choice { plane, best, bad })

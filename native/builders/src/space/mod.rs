@@ -16,7 +16,7 @@ mod worth;
 
 use crate::groups::Groups;
 use crate::piece::Piece;
-pub use crate::space::params::{ObliqueStep, Params, Stop};
+pub use crate::space::params::{ObliqueStep, Params, Stop, even_split_pays, one_child_only};
 pub use crate::space::policy::{Node, PlanePolicy};
 use crate::sweep::{Best, Scratch};
 use halfspace_base::error::Result;

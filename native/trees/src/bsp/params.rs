@@ -3,7 +3,8 @@
 
 use crate::list::List;
 use crate::params::{
-    AREA_STOP, LAZY, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
+    AREA_STOP, BETA, LAZY, MAX_DEPTH, ROBUST, STOP, empty_factor, leaf_cost, step_cost,
+    triangle_cost,
 };
 use crate::planes::rows::ANY_TRAVERSAL as TRAVERSAL;
 use crate::planes::scalar::ANY_LEAVES as LEAVES;
@@ -234,6 +235,8 @@ pub const fn usual(k: ParamSpec) -> List<ParamSpec> {
         SEED,
         K_SMALL.needing(FITTED),
         COSTS,
+        STOP,
+        BETA,
         TIES,
         SLAB,
         CLIP,
@@ -269,7 +272,7 @@ pub const fn kd(k: ParamSpec) -> List<ParamSpec> {
 /// Returns the parameters of a tree that sweeps only the axes.
 pub const fn single(own: ParamSpec) -> List<ParamSpec> {
     List::of(&[
-        own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, LEAVES, MAX_DEPTH,
+        own, NODES, TRAVERSAL, COSTS, STOP, BETA, TIES, SLAB, CLIP, ROBUST, LEAVES, MAX_DEPTH,
     ])
     .and(&PRICES)
 }

@@ -40,6 +40,7 @@ pub struct Settings {
     early: bool,
     enough: f32,
     area_stop: f32,
+    stop: Stop,
     /// Depth limit; 0 chooses by the number of triangles.
     max_depth: usize,
     /// Whether a fixed set has more directions than the axes, which come first and may suffice. The thesis tries all.
@@ -88,6 +89,14 @@ impl Settings {
             early: has("early") && config.on("early"),
             enough: fitted("enough", 0.0),
             area_stop: fitted("area_stop", 0.0),
+            stop: crate::params::stop(
+                config,
+                if thesis {
+                    Stop::Tolerant(3)
+                } else {
+                    Stop::Cheapest
+                },
+            ),
             max_depth: integer("max_depth"),
             axes_first: !thesis
                 && config.find("set") == Some(&Value::Choice("cube"))
@@ -136,11 +145,7 @@ impl Settings {
                 0 => default_depth(triangles),
                 depth => depth,
             },
-            stop: if self.thesis {
-                Stop::Tolerant(3)
-            } else {
-                Stop::Cheapest
-            },
+            stop: self.stop,
             sorted: false,
             early: self.early,
             enough: self.enough,
