@@ -7,6 +7,7 @@ SUPPORTED, DIFFERS, NOT = "supported", "differs", "not"
 
 ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("Object", "Mesh, displaced mesh", SUPPORTED, ("test_passes_are_those_of_cycles", "test_displaced_surfaces")),
+    ("Object", "Adaptive subdivision", DIFFERS, ("test_diced_surfaces",)),
     ("Object", "Hair curves", DIFFERS, ("test_coverage_of_hair", "test_brightness_of_hair")),
     ("Object", "Particle hair", DIFFERS, ("test_particle_hair_with_children",)),
     ("Object", "Point cloud", SUPPORTED, ("test_brightness_of_points",)),
@@ -29,11 +30,12 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("Light", "Soft falloff", SUPPORTED, ("test_falloff_of_lights_with_a_radius",)),
     ("Light", "Light and shadow linking", SUPPORTED, ("test_linked_lights",)),
     ("Light", "Max bounces", SUPPORTED, ("test_light_samples_see_a_light_up_to_its_bounces",)),
-    ("Light", "Linking of glowing meshes", NOT, ("test_linked_glowing_objects_are_listed",)),
+    ("Light", "Linking of glowing meshes", SUPPORTED, ("test_linked_glowing_objects",)),
     ("Camera", "Perspective, depth of field", SUPPORTED, ("test_objects_out_of_focus_are_blurred_as_in_cycles",)),
     ("Camera", "Panoramic, all kinds", SUPPORTED, ("test_panoramas_are_those_of_cycles",)),
     ("Camera", "Stereo", SUPPORTED, ("test_both_eyes_see_what_they_see_in_cycles",)),
     ("Camera", "Motion", SUPPORTED, ("test_a_moving_and_turning_camera",)),
+    ("Camera", "Rolling shutter", SUPPORTED, ("test_a_rolling_shutter",)),
     (
         "Film",
         "Transparent bounces",

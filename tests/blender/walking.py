@@ -125,6 +125,8 @@ def _settings(scene: Any) -> None:
     render.use_motion_blur = render.use_simplify = cycles.use_camera_cull = cycles.use_distance_cull = True
     scene.halfspace.use_denoising = cycles.film_transparent_glass = True
     scene.halfspace.motion_steps = 2
+    cycles.dicing_rate = cycles.preview_dicing_rate = 0.1  # dices also what few pixels show
+    cycles.rolling_shutter_type = "TOP"
     if "feature_set" in cycles.bl_rna.properties:  # before Blender 5.0, for adaptive subdivision
         cycles.feature_set = "EXPERIMENTAL"
     scene.view_layers[0].lightgroups.add(name="Other")

@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...core.base.arrays import F64
+from ...core.base.notes import Notes
 from ...core.scene.scene import Camera
-
-if TYPE_CHECKING:
-    from ...core.base.notes import Notes
 
 HIGHEST = 1e9
 """Largest height on a cylinder of radius 1 around a camera; beyond, all directions are vertical."""
@@ -96,6 +94,16 @@ def of_view(item: Any, scene: Any, view: str) -> Any:
         if suffix and item.name.endswith(suffix):
             return scene.objects.get(item.name.removesuffix(suffix) + wanted, item)
     return item
+
+
+def seen_by(item: Any, depsgraph: Any) -> Camera:
+    """An evaluated camera object in world space, for a final picture of the scene."""
+    render = depsgraph.scene_eval.render
+    share = render.resolution_percentage / 100
+    size = max(int(render.resolution_x * share), 1), max(int(render.resolution_y * share), 1)
+    aspect = render.pixel_aspect_x, render.pixel_aspect_y
+    matrix = item.matrix_world.normalized()
+    return read_camera(item, depsgraph, matrix, np.zeros(3), Notes(), size=size, pixel_aspect=aspect)
 
 
 def _panorama(

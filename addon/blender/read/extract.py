@@ -23,6 +23,7 @@ from ...core.scene.instances import TOPS, AnyGeometry, InstancedGeometry, Layout
 from ...core.scene.mattes import Mattes
 from ...core.scene.scene import Geometry, Numbers, Scene
 from . import lights, materials, meshes, remarks, view_layers, world
+from .dicing import Dicer, Rate
 from .displacement.applying import Displacer
 from .identities import Identities
 from .images import Gallery
@@ -281,6 +282,8 @@ class _Reader:
         self.volumes = grids.Volumes(notes)
         self._meshes = ObjectMeshes(notes, self.palette.layers, self._standing, self._remembered, uvs=uvs)
         self._displacer = Displacer(self.palette, notes)
+        self._dicer = Dicer(depsgraph, notes)
+        self._rates: dict[int, Rate | None] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], meshes.Placement] = {}
         self._repeated: dict[tuple[int, int, int], _Repeated] = {}
         self._given: set[int] = set()
@@ -361,6 +364,8 @@ class _Reader:
         for (mesh, _), group in sorted(self._groups.items(), key=lambda item: item[1].keys[0]):
             if mesh[0] == "object" and mesh[1] in self._given:
                 continue  # otherwise every triangle would occur twice
+            if (rate := self._rates.get(id(group))) is not None:
+                group.mesh = self._dicer.mesh(group.mesh, rate, group.transforms[0], group.names[0])
             if mesh[0] != "volume":
                 group.mesh = self._displacer.mesh(group)
             found.append(group)
@@ -369,7 +374,6 @@ class _Reader:
     def note(self) -> None:
         """Note what is known once all instances were read."""
         self._meshes.note_layers(self.palette.readers(), self.strands.found)
-        self._linking.note_glowing()
         if any(material.catcher for material in self.palette.materials()):
             self.lamps.note_catchers()
 
@@ -382,19 +386,13 @@ class _Reader:
         """The materials of an instance's surface. tube: whether that is of tubes around hairs."""
         return self.palette.indices(instance.item, instance.item.data, *self._visibility.of(instance), tube=tube)
 
-    def _see(self, item: Any, used: tuple[int, ...]) -> None:
-        """Check the links of an object whose surface has these materials."""
-        self._linking.see(item, lambda: any(self.palette.materials()[i].glows for i in used))
-
     def _place_round(
         self, instance: Instance, matrix: F64, visit: Callable[..., Steps[None]], *, tube: bool
     ) -> Steps[None]:
         """Give `visit` one instance of a point cloud, of hair curves, or of the object's particle hair."""
         sheet = self._regular(instance.item, matrix)
         if sheet is not None:
-            used = self._used(instance, tube=tube)
-            self._see(instance.item, used)
-            yield from visit(instance, sheet, used)
+            yield from visit(instance, sheet, self._used(instance, tube=tube))
 
     def _place(self, instance: Instance, matrix: F64) -> Steps[None]:
         """Add one instance of the object's mesh, unless its transform is unusable."""
@@ -406,9 +404,10 @@ class _Reader:
             return
         used = self._used(instance)
         if len(mesh.triangles):
-            self._see(instance.item, used)
             group = self._add(key, used, mesh, instance, sheet)
             item, parent = instance.item, instance.parent
+            if id(group) not in self._rates:
+                self._rates[id(group)] = self._dicer.rate(item)
             if parent is not None and not len(item.particle_systems):
                 self._repeated[_repetition(item, parent)] = _Repeated(group, item.name_full, moves(item, parent))
 

@@ -13,7 +13,7 @@ from ...core.base.steps import Steps
 from ...core.scene.scene import TERMINATOR, Closure, Hidden, Image, Material
 from .displacement import programs
 from .images import Gallery
-from .linking import ALL, Sets
+from .linking import PLAIN, Sets
 from .media.volumes import Volume
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
@@ -83,7 +83,7 @@ class Palette:
         self.gallery = gallery or Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[tuple[int, Hidden, Sets, Mask, bool], int] = {(0, (), (ALL, ALL), SEEN, False): 0}
+        self._numbers: dict[tuple[int, Hidden, Sets, Mask, bool], int] = {(0, (), PLAIN, SEEN, False): 0}
         self._pass_indices = [0.0]
         self._displacements: list[programs.Displacement | None] = [None]
         self._read: dict[int, _Read] = {}
@@ -109,7 +109,7 @@ class Palette:
         item: Any,
         data: Any,
         hidden: Hidden = (),
-        sets: Sets = (ALL, ALL),
+        sets: Sets = PLAIN,
         mask: Mask = SEEN,
         *,
         tube: bool = False,
@@ -176,8 +176,8 @@ class Palette:
             self._names.append(NAMELESS if material is None else material.name)
             found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
             hole, catcher, terminator = mask
-            own = {"hidden_from": hidden, "receives": sets[0], "blocks": sets[1], "hole": hole, "catcher": catcher}
-            own |= {"terminator": terminator, "tube": tube}
+            own = {"hidden_from": hidden, "hole": hole, "catcher": catcher, "terminator": terminator, "tube": tube}
+            own |= dict(zip(("receives", "blocks", "receivers", "blockers"), sets, strict=True))
             self._materials.append(replace(found.material, **own))
             self._displacements.append(found.displacement)
             self._images |= found.images

@@ -48,22 +48,12 @@ def _simplified(scene: Any, _block: Any) -> bool:
     return bool(scene.render.use_simplify)
 
 
-def _moving(scene: Any, _block: Any) -> bool:
-    return bool(scene.render.use_motion_blur)
-
-
-def _experimental(scene: Any, _block: Any) -> bool:
-    return bool(found(scene, "cycles.feature_set") == "EXPERIMENTAL")
-
-
 CAUSTICS = "Shadow caustics are not supported"
 TEXTURES = "The resolution of textures is not supported, only the limit of their size"
-SUBDIVISION = "Adaptive subdivision is not supported, rendered with the levels of the modifier"
 
 SETTINGS: dict[type, tuple[Setting, ...]] = {
     bpy.types.Scene: (
         Setting("cycles.use_fast_gi", False, "Fast GI is not supported, all bounces are rendered"),
-        Setting("cycles.rolling_shutter_type", "NONE", "A rolling shutter is not supported", _moving),
         Setting("cycles.texture_resolution_render", 1.0, TEXTURES, _simplified),
     ),
     bpy.types.World: (Setting("cycles.is_caustics_light", False, CAUSTICS),),
@@ -76,7 +66,6 @@ SETTINGS: dict[type, tuple[Setting, ...]] = {
         Setting("shadow_terminator_shading_offset", 0.0, "The shading offset of shadow terminators is not supported"),
         Setting("cycles.is_caustics_caster", False, CAUSTICS),
         Setting("cycles.is_caustics_receiver", False, CAUSTICS),
-        Setting("cycles.use_adaptive_subdivision", False, SUBDIVISION, _experimental),
     ),
 }
 """The settings by the type of the data block that they are of, or belong to."""
@@ -101,6 +90,4 @@ def unread(depsgraph: Any, notes: Notes) -> Steps[None]:
         for setting in SETTINGS.get(kind, ()):
             if setting.is_missed(scene, block):
                 notes.add(setting.text, block.name_full)
-        if kind is bpy.types.Object and any(getattr(one, "use_adaptive_subdivision", False) for one in block.modifiers):
-            notes.add(SUBDIVISION, block.name_full)
         yield

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.base.arrays import F64
-from ...core.base.notes import Notes
-from .camera import read_camera
+from .camera import seen_by
 
 
 def texture_limit(depsgraph: Any) -> int | None:
@@ -40,11 +39,7 @@ class Culling:
         self._by_view, self._by_distance = cycles.use_camera_cull, cycles.use_distance_cull and self._distance > 0
         if not (self._by_view or self._by_distance):
             return
-        share = render.resolution_percentage / 100
-        size = max(int(render.resolution_x * share), 1), max(int(render.resolution_y * share), 1)
-        aspect = render.pixel_aspect_x, render.pixel_aspect_y
-        matrix = item.matrix_world.normalized()
-        self._view = read_camera(item, depsgraph, matrix, np.zeros(3), Notes(), size=size, pixel_aspect=aspect)
+        self._view = seen_by(item, depsgraph)
 
     def leaves_out(self, item: Any, matrix: F64) -> bool:
         """Whether an object at this place, (4, 4) to the world, is left out."""

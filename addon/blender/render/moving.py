@@ -40,7 +40,7 @@ class Moving:
 
     times: number of times that samples take in turn; 0 if nothing but cameras moves. keys: the scene at equal
     intervals from the first to the last moment, if only places differ and lie between those of the keys. uneven: see
-    `shutter.curve`.
+    `shutter.curve`. rolling: see `shutter.rolling`; times are even then, and cameras carry the curve.
     """
 
     span: tuple[float, float] | None = None
@@ -49,10 +49,16 @@ class Moving:
     uneven: F64 | None = None
     frame: Found | None = None
     """The scene at the frame, whose meshes other times share."""
+    rolling: float | None = None
+
+    @property
+    def spread(self) -> F64 | None:
+        """The curve by which scenes and poses are spread over the time; None if evenly."""
+        return self.uneven if self.rolling is None else None
 
     def between(self) -> Iterator[Found]:
         """The scenes at the middles of `times` equal parts of the light."""
-        for moment in shutter.middles((0.0, len(self.keys) - 1.0), self.times, self.uneven):
+        for moment in shutter.middles((0.0, len(self.keys) - 1.0), self.times, self.spread):
             first = min(int(moment), len(self.keys) - 2)
             yield between.interpolated(self.keys[first], self.keys[first + 1], moment - first)
 
@@ -82,7 +88,7 @@ class Times:
             return Moving()
         frame, steps = depsgraph.scene_eval.frame_float, depsgraph.scene_eval.halfspace.motion_steps
         self._cameras[frame] = self._read_cameras()
-        uneven = shutter.curve(depsgraph.scene_eval)
+        uneven, rolling = shutter.curve(depsgraph.scene_eval), shutter.rolling(depsgraph.scene_eval)
 
         def at(moment: float) -> Found:
             if moment == frame:
@@ -92,8 +98,8 @@ class Times:
         try:
             keys = [at(moment) for moment in span]
             if all(_stands(found, key) for key in keys):
-                return Moving(span, uneven=uneven)
-            return Moving(span, steps, self._keys(keys, span, steps, at), uneven, found)
+                return Moving(span, uneven=uneven, rolling=rolling)
+            return Moving(span, steps, self._keys(keys, span, steps, at), uneven, found, rolling)
         finally:
             shutter.at(self._engine, frame, lambda: None)
 
@@ -128,18 +134,22 @@ class Times:
         frame = self._depsgraph.scene_eval.frame_float
         try:
             assert moving.frame is not None, "something moves"
-            middles = shutter.middles(moving.span, moving.times, moving.uneven)
+            middles = shutter.middles(moving.span, moving.times, moving.spread)
             return tuple(place(between.sharing(moving.frame, self._at(moment, find))) for moment in middles)
         finally:
             shutter.at(self._engine, frame, lambda: None)
 
     def posed(self, moving: Moving, cameras: Cameras, origin: F64) -> Cameras:
         """The cameras of the frame, in the scene frame with this origin, with their poses while the shutter is open."""
+        if moving.span is not None and moving.rolling is not None:
+            curve = () if moving.uneven is None else tuple(moving.uneven.tolist())
+            own = {"rolling_shutter": moving.rolling, "shutter_curve": curve}
+            cameras = {name: replace(one, **own) for name, one in cameras.items()}
         camera = self._depsgraph.scene_eval.camera
         if moving.span is None or (camera is not None and not moves(camera)):
             return cameras
-        poses = shutter.POSES if moving.uneven is None else shutter.UNEVEN_POSES
-        moments = shutter.moments(moving.span, poses, moving.uneven)
+        poses = shutter.POSES if moving.spread is None else shutter.UNEVEN_POSES
+        moments = shutter.moments(moving.span, poses, moving.spread)
         frame, unread = self._depsgraph.scene_eval.frame_float, [one for one in moments if one not in self._cameras]
         try:
             for moment in unread:

@@ -49,6 +49,14 @@ def curve(scene: Any) -> F64 | None:
     return np.interp(times, passed / passed[-1], times)
 
 
+def rolling(scene: Any) -> float | None:
+    """The share of the opening for which a row is exposed, one after the other; None if all are exposed together."""
+    cycles = getattr(scene, "cycles", None)  # missing while that extension is disabled
+    if getattr(cycles, "rolling_shutter_type", "NONE") != "TOP":
+        return None
+    return min(max(float(cycles.rolling_shutter_duration), 0.0), 1.0)
+
+
 def moments(span: tuple[float, float], count: int, uneven: F64 | None = None) -> list[float]:
     """`count` frames from the first to the last of `span`. uneven: as from `curve`."""
     return _spread(span, [i / (count - 1) for i in range(count)], uneven)

@@ -42,6 +42,13 @@ SHARED = (
     "transparent_max_bounces",
     "film_transparent_glass",
     "film_transparent_roughness",
+    "rolling_shutter_type",
+    "rolling_shutter_duration",
+    "dicing_rate",
+    "preview_dicing_rate",
+    "max_subdivisions",
+    "dicing_camera",
+    "offscreen_dicing_scale",
     "use_camera_cull",
     "camera_cull_margin",
     "use_distance_cull",
@@ -76,7 +83,6 @@ WITHOUT: dict[str, tuple[tuple[Any, ...], str]] = {
     "use_fast_gi": ((False,), "all bounces are rendered"),
     "use_pixel_jitter": ((False,), "the samples of a pixel are always spread by its filter"),
     "volume_biased": ((False,), "volumes are never marched through in steps"),
-    "rolling_shutter_type": (("NONE",), "all rows of the picture are exposed together"),
     "texture_resolution_render": ((1.0,), "only the size limit of textures is supported"),
 }
 """Properties of `scene.cycles` without a counterpart: the values at which nothing is missing, and what holds here."""

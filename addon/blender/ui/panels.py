@@ -357,6 +357,23 @@ class HALFSPACE_PT_simplify_textures(SimplifyPanel, bpy.types.Panel):
         column.prop(context.scene.cycles, "texture_limit_render", text="Render")
 
 
+class HALFSPACE_PT_subdivision(EnginePanel, bpy.types.Panel):
+    """How finely adaptive subdivision dices."""
+
+    bl_label = "Subdivision"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.scene, "cycles")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        labels = {"dicing_rate": "Dicing Rate Render", "preview_dicing_rate": "Viewport"}
+        cycles = context.scene.cycles
+        rows(column, cycles, "max_subdivisions", "dicing_camera", **labels, offscreen_dicing_scale="Offscreen Scale")
+
+
 class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
     """The time in which the shutter is open."""
 
@@ -373,6 +390,11 @@ class HALFSPACE_PT_motion_blur(EnginePanel, bpy.types.Panel):
         column.active = render.use_motion_blur
         rows(column, render, motion_blur_position="Position", motion_blur_shutter="Shutter")
         column.prop(context.scene.halfspace, "motion_steps")
+        if (cycles := getattr(context.scene, "cycles", None)) is not None:
+            column.prop(cycles, "rolling_shutter_type", text="Rolling Shutter")
+            duration = column.column()
+            duration.active = cycles.rolling_shutter_type != "NONE"
+            duration.prop(cycles, "rolling_shutter_duration")
 
 
 class HALFSPACE_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):

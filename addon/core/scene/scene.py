@@ -191,6 +191,8 @@ class Camera:
     radians. aperture_ratio: height by width. focus_distance: along -Z, or along the rays of a panorama. panorama: keys
     that a panoramic kind needs, as the native module takes them; its window is (0, 1, 0, 1). motion: the cameras of the
     frames before and after. poses: transforms like `to_world` at equal intervals of an open shutter, or fewer than two.
+    rolling_shutter: share of the opening for which a row is exposed, from the top one to the bottom one; None: all rows
+    together. shutter_curve: the times, 0 to 1, at which equal shares of its light have passed; none: they are even.
     """
 
     kind: str
@@ -206,6 +208,8 @@ class Camera:
     panorama: Mapping[str, Any] = field(default_factory=dict)
     motion: tuple[Camera, Camera] | None = None
     poses: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    rolling_shutter: float | None = None
+    shutter_curve: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
@@ -218,6 +222,8 @@ class Camera:
         """The camera as the native module takes it."""
         own = shallow(self)
         panorama, motion = own.pop("panorama"), own.pop("motion")
+        if self.rolling_shutter is None:  # the native module may be older than the settings
+            del own["rolling_shutter"], own["shutter_curve"]
         moved = {} if motion is None else {"motion": tuple(side.as_dict() for side in motion)}
         return own | dict(panorama) | moved
 
@@ -303,9 +309,10 @@ class Material:
     """A surface: closures whose inputs are computed per point by a program.
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength. receives,
-    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. hole: whether camera
-    rays see a hole; catcher: whether they see only shadows of others. opaque_shadow: whether shadow rays do not pass.
-    terminator: cosine towards the light below which shadow rays start on the curved surface of the corner normals.
+    blocks: a bit for each set of linked lights that shine on its objects, and that these shade. receivers, blockers:
+    the sets that its own emission belongs to, as those of a `Light`. hole: whether camera rays see a hole; catcher:
+    whether they see only shadows of others. opaque_shadow: whether shadow rays do not pass. terminator: cosine towards
+    the light below which shadow rays start on the curved surface of the corner normals.
     outputs: numbers of passes "Output" and values. portals: colour, position, direction. strands: the layer that is 1
     on tubes of hairs, whose inside rays do not see. tube: whether all its surfaces are such tubes, of any material:
     their few sides are shaded as round hairs.
@@ -326,6 +333,8 @@ class Material:
     hidden_from: Hidden = ()
     receives: int = 0xFFFFFFFF
     blocks: int = 0xFFFFFFFF
+    receivers: int = 0
+    blockers: int = 0
     hole: bool = False
     catcher: bool = False
     opaque_shadow: bool = False
@@ -343,6 +352,8 @@ class Material:
     def as_dict(self) -> dict[str, Any]:
         """The material as the native module takes it."""
         own = shallow(self)
+        if not (self.receivers or self.blockers):  # the native module may be older than the keys
+            del own["receivers"], own["blockers"]
         return own | {"closures": [closure.as_dict() for closure in self.closures], "program": list(self.program)}
 
 

@@ -944,65 +944,66 @@ class RenderScene:
     surface's), "sheen_weight",     "sheen_roughness", "sheen_tint", "smooth" (a toon lobe's edge), "extinction" (a
     conductor's, whose "color" is     the index), "film_thickness" (nm), "film_ior", "subsurface_weight",
     "subsurface_radius" (a colour),     "subsurface_scale", "subsurface_ior", "subsurface_anisotropy",
-    "radial_roughness", "offset", "melanin",     "redness", "absorption" (those of hair), each an argument as in a
-    program, and "normal",     "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley), "method" (of
-    subsurface scattering:     random_walk, random_walk_skin, random_walk_legacy). At most 8 closures, 4 of them
-    principled.     "hidden_from" names the kinds of rays     that pass through its surfaces: camera, shadow, diffuse,
-    glossy, transmission, volume (scattered in one).     "receives" and "blocks" have a bit for each set of linked
-    lights that shine on it and that it shades (all).     "hole" (False): camera rays see a hole in the picture, except
-    where it is transparent. "catcher" (False): camera     rays see only what the other objects take from the light of
-    its surfaces, as alpha or in a pass.     "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1):
-    cosine towards the light below which     shadow rays start on the curved surface that corner normals describe, 0 =
-    never.     "strands": the number of a layer that is 1 on tubes around hairs, whose inside rays do not see if the
-    material     has a closure of hair. "tube" (False): all its surfaces are such tubes, with the normals of their
-    corners at right     angles to the hair; their sides are shaded as round hair.     "outputs" pairs of a number below
-    64 and an argument, the values of the passes "Output" and that number.     "volume" fills the objects whose surfaces
-    have the material: {"closures", "program"}, closures     with "scattering", "absorption" and "emission",
-    coefficients per scene unit, and "anisotropy"     (-1 to 1; Henyey and Greenstein's phase function), each an
-    argument as in a program, 0 by     default; they add up, and what is constant is traversed in closed form. Path
-    tracing only. corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;     None =
-    flat. surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
-    {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
-    "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
-    where each instance's slots begin; slots beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,
-    the inverse transpose that transforms normals to the scene, row by row; "keeps_length" (k,) bool, whether it
-    preserves unit length. lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
-    (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"     ("SQUARE", "RECTANGLE",
-    "DISK", "ELLIPSE"), "size", "size_y", "spread" (π), "sphere" (False: points and     spots are discs that face the
-    receiver); "casts_shadow" (True). "receivers" and "blockers", 0 to 31, are the     sets of objects that the light
-    shines on and that shade it (0: all).     A light shines along its -Z. Angles are full angles in radians. Brightness
-    is that of     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area     light the
-    radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those     in
-    "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter     such rays.
-    Negative power darkens. Lights without power are left out.     "group" (0): the light group, from 1 to 64, 0 = none.
-    "max_bounces" (no limit): largest number of times that a     path has scattered before its light samples see the
-    light. With "program" and "radiance", an argument as in a     material, the power is multiplied by the result;
-    "frame" is a list of one object, the light's own space. world: {"color": (3,)}, radiance of the background; None =
-    black. With "program" and "radiance",     an argument as in a material, the radiance of each direction.
-    "hidden_from" and "volume", which must not     vary, as for materials. "group", "max_bounces" and "casts_shadow" as
-    for lights. images: dictionaries of "name", "pixels", (h, w, 1 to 4) uint8, uint16, float16 or float32, rows from
-    the bottom,     and "srgb", whether colours are decoded after interpolation. An image without pixels is missing:
-    pink. Arrays     that view a `bytes` object are not copied. With "tiles", such dictionaries with a "number" each
-    (UDIM), the     image consists of these. layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for
-    programs, or None for a missing one. For     Instances, m counts the triangles of all meshes, mesh after mesh; the
-    same holds for "uvs" of indices. objects: dictionaries of "to_object", (3, 4), scene to object space, and
-    "generated",     (2, 3), offset and then factor that map object space to 0..1 in the object's box, and "values",
-    rows of four floats that the steps "object_value" read by "column" (none). For Instances, one of each. object_index:
-    (m,) uint32, the object of each triangle; None = the first for all. Not for Instances. origin: (3,), the world
-    position of the scene's origin. grids: dictionaries of "values", (x, y, z, 1 or 3) float32, voxels that the step
-    "voxels" reads by their number     in this list, counted from 1, at a position in object space, and "to_index", (3,
-    4), object space to the     array's indices, where the voxels lie at whole numbers. indices: object and material
-    indices for the passes of that name; None = all 0. "first" (n,) int32,     the first triangle of each run of
-    triangles of one object, ascending from 0; "object" (n,) float32, the     index of each run's object; "material"
-    float32, the index of each material; "uvs" (m, 3, 2) float32, NaN     for triangles without, or None, for the UV
-    pass.     For mattes "identities" (n, 2) uint32, of each run's object and of that with its children, and
-    "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).     "groups" (n,) uint8, the light group
-    of each run's object, counted from 1 (None: none).     "motion", two (m, 3, 3) float32, the corners of all triangles
-    in the picture before this one and in the one     after, for the pass "Vector" (None: they stay). For Instances, two
-    tuples: the corners of the meshes' triangles     there, each in its mesh's space; (k,) int64, for each instance the
-    difference from the index of its triangle here     to that there; (k, 3, 4) float64, the transforms to the scene
-    there. like: the same scene at another time (None: there is none). Materials, images, layers, the "meshes" of
-    surfaces, world     and indices that are not given are those of it, without a copy.
+    "radial_roughness", "offset", "melanin",     "redness", "absorption" (those of hair), "translucency" (the share of
+    principled's diffuse base that sends     light to the other side), each an argument as in a program, and "normal",
+    "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley), "method" (of subsurface scattering:
+    random_walk, random_walk_skin, random_walk_legacy). At most 8 closures, 4 of them principled.     "hidden_from"
+    names the kinds of rays     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume
+    (scattered in one).     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that
+    it shades (all);     "receivers" and "blockers", 0 to 31, are the sets that its own emission belongs to, as a light
+    (0).     "hole" (False): camera rays see a hole in the picture, except where it is transparent. "catcher" (False):
+    camera     rays see only what the other objects take from the light of its surfaces, as alpha or in a pass.
+    "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1): cosine towards the light below which
+    shadow rays start on the curved surface that corner normals describe, 0 = never.     "strands": the number of a
+    layer that is 1 on tubes around hairs, whose inside rays do not see if the material     has a closure of hair.
+    "tube" (False): all its surfaces are such tubes, with the normals of their corners at right     angles to the hair;
+    their sides are shaded as round hair.     "outputs" pairs of a number below 64 and an argument, the values of the
+    passes "Output" and that number.     "volume" fills the objects whose surfaces have the material: {"closures",
+    "program"}, closures     with "scattering", "absorption" and "emission", coefficients per scene unit, and
+    "anisotropy"     (-1 to 1; Henyey and Greenstein's phase function), each an argument as in a program, 0 by
+    default; they add up, and what is constant is traversed in closed form. Path tracing only. corner_normals: (m, 3, 3)
+    float32, shading normals of each triangle's corners, any length;     None = flat. surfaces: for Instances, in place
+    of these two; None = the first material and flat: "meshes", a list of     {"material_index": (m,) int32 slots or
+    None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};     "materials" (s,) int32, the materials of
+    the slots, instance after instance; "first_material" (k + 1,) int32,     where each instance's slots begin; slots
+    beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,     the inverse transpose that transforms
+    normals to the scene, row by row; "keeps_length" (k,) bool, whether it     preserves unit length. lights:
+    dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"     (3,), and, as the kind
+    needs, "radius", "angle", "spot_size", "spot_blend", "shape"     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size",
+    "size_y", "spread" (π), "sphere" (False: points and     spots are discs that face the receiver); "casts_shadow"
+    (True). "receivers" and "blockers", 0 to 31, are the     sets of objects that the light shines on and that shade it
+    (0: all).     A light shines along its -Z. Angles are full angles in radians. Brightness is that of     Cycles:
+    power P gives a point or spot light the radiant intensity P / 4π W/sr, an area     light the radiance P / (π area)
+    on one side, a sun the irradiance P in W/m². Rays of all kinds except those     in "hidden_from" (default
+    ("camera",)) see a light with a size, and it lights the lobes that scatter     such rays. Negative power darkens.
+    Lights without power are left out.     "group" (0): the light group, from 1 to 64, 0 = none. "max_bounces" (no
+    limit): largest number of times that a     path has scattered before its light samples see the light. With "program"
+    and "radiance", an argument as in a     material, the power is multiplied by the result; "frame" is a list of one
+    object, the light's own space. world: {"color": (3,)}, radiance of the background; None = black. With "program" and
+    "radiance",     an argument as in a material, the radiance of each direction. "hidden_from" and "volume", which must
+    not     vary, as for materials. "group", "max_bounces" and "casts_shadow" as for lights. images: dictionaries of
+    "name", "pixels", (h, w, 1 to 4) uint8, uint16, float16 or float32, rows from the bottom,     and "srgb", whether
+    colours are decoded after interpolation. An image without pixels is missing: pink. Arrays     that view a `bytes`
+    object are not copied. With "tiles", such dictionaries with a "number" each (UDIM), the     image consists of these.
+    layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one. For
+    Instances, m counts the triangles of all meshes, mesh after mesh; the same holds for "uvs" of indices. objects:
+    dictionaries of "to_object", (3, 4), scene to object space, and "generated",     (2, 3), offset and then factor that
+    map object space to 0..1 in the object's box, and "values",     rows of four floats that the steps "object_value"
+    read by "column" (none). For Instances, one of each. object_index: (m,) uint32, the object of each triangle; None =
+    the first for all. Not for Instances. origin: (3,), the world position of the scene's origin. grids: dictionaries of
+    "values", (x, y, z, 1 or 3) float32, voxels that the step "voxels" reads by their number     in this list, counted
+    from 1, at a position in object space, and "to_index", (3, 4), object space to the     array's indices, where the
+    voxels lie at whole numbers. indices: object and material indices for the passes of that name; None = all 0. "first"
+    (n,) int32,     the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32,
+    the     index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
+    for triangles without, or None, for the UV pass.     For mattes "identities" (n, 2) uint32, of each run's object and
+    of that with its children, and     "material_identities" (s,) uint32, not 0 (None: no surfaces in the mattes).
+    "groups" (n,) uint8, the light group of each run's object, counted from 1 (None: none).     "motion", two (m, 3, 3)
+    float32, the corners of all triangles in the picture before this one and in the one     after, for the pass "Vector"
+    (None: they stay). For Instances, two tuples: the corners of the meshes' triangles     there, each in its mesh's
+    space; (k,) int64, for each instance the difference from the index of its triangle here     to that there; (k, 3, 4)
+    float64, the transforms to the scene there. like: the same scene at another time (None: there is none). Materials,
+    images, layers, the "meshes" of surfaces, world     and indices that are not given are those of it, without a copy.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.
@@ -1126,49 +1127,45 @@ def render(
     """Starts a render and returns at once.
 
     scene: a RenderScene, or a sequence of the same scene in the middles of equal parts of the time in which the shutter
-        is open; the samples take them in turn.
-    camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
-        -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
-        distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
-        depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
-        "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
-        Panoramic kinds have the window (0, 1, 0, 1), focus and clip by distance, and need more keys, angles in
-        radians: "equirectangular" (2,) "longitude" and "latitude"; "equidistant" "fov"; "equisolid" "fov", "focal"
-        length and (2,) "sensor" in its unit; "polynomial" "fov", "sensor" and (5,) "polynomial";
-        "central_cylindrical" (2,) "longitude" and (2,) "height" on a cylinder of radius 1; "mirror_ball" and
-        "cube_face" none. "motion": a pair of cameras, of the picture before this one and of the one after, for the
-        pass "Vector" (None: the camera stays). "poses": transforms (4, 4) at equal intervals from the opening of the
-        shutter to its end, between which rays are interpolated; fewer than two: none.
-    settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
-        from the lower left, half open, or None; "samples" per pixel: cost in proportion;
-        "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
-        "ambient_distance" (inf));
-        "max_bounces" (4): 0 = direct light only, as in Cycles;
-        "diffuse_bounces", "glossy_bounces", "transmission_bounces" (1024): the same by kind;
-        "volume_bounces" (0): the same for scattering in
-        volumes; "transparent_bounces" (8): transparent surfaces that a path passes before one is black, as in Cycles;
-        "clamp_indirect" (0): upper limit of what a sample
-        adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
-        for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
-        improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
-        lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "secondary_beams" (False), for
-        whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with
-        refraction approximate (Heckbert and Hanrahan 1984); "seed" (0);
-        "film_transparent" (False), also behind glass of a roughness up to "transparent_glass" (-1: none);
-        "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
-        samples (at most 64) between two updates of a tile, None = 1, 3, 4, then 8; "filter"
-        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours
-        of Combined. "noise_threshold" (0: off): blocks of
-        8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
-        biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
-        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass. "record_rays"
-        (0): largest number of rays of each kind for RenderJob.recorded(), at most 65536; costs time.
-    threads: 0 = one per core.
-    points: the points of surfaces that the pixels show in place of what the camera sees, to bake pictures, row by row
-        from the bottom; for scenes without instances: "triangle" (n,) uint32, 2^32 - 1 = none, "place" (n, 6) float32,
-        the barycentric weights of the second and third corner at the pixel's centre, then their changes from pixel to
-        pixel to the right, and upwards. "seen" from "above" (default: along the shading normal), or from the "camera";
-        with "background", the background in the direction of the points from the world's origin at "origin" (3,).
+    is open; the samples take them in turn. camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the
+    camera looks along its     -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
+    distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as     depths along -Z. Depth
+    of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),     "aperture_rotation" in
+    radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.     Panoramic kinds have the window (0,
+    1, 0, 1), focus and clip by distance, and need more keys, angles in     radians: "equirectangular" (2,) "longitude"
+    and "latitude"; "equidistant" "fov"; "equisolid" "fov", "focal"     length and (2,) "sensor" in its unit;
+    "polynomial" "fov", "sensor" and (5,) "polynomial";     "central_cylindrical" (2,) "longitude" and (2,) "height" on
+    a cylinder of radius 1; "mirror_ball" and     "cube_face" none. "motion": a pair of cameras, of the picture before
+    this one and of the one after, for the     pass "Vector" (None: the camera stays). "poses": transforms (4, 4) at
+    equal intervals from the opening of the     shutter to its end, between which rays are interpolated; fewer than two:
+    none.     "rolling_shutter": share of the opening, 0 to 1, for which a row is exposed, from the top row to the
+    bottom one     (None: all rows together); "shutter_curve": the times, 0 to 1, at which equal shares of a row's light
+    have passed     (none: they are even). With it "poses" and the scenes of several times are at equal intervals of
+    time. settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels     from the
+    lower left, half open, or None; "samples" per pixel: cost in proportion;     "integrator" ("path", "whitted": direct
+    light, mirrors and clear glass, or "ao": openness within     "ambient_distance" (inf));     "max_bounces" (4): 0 =
+    direct light only, as in Cycles;     "diffuse_bounces", "glossy_bounces", "transmission_bounces" (1024): the same by
+    kind;     "volume_bounces" (0): the same for scattering in     volumes; "transparent_bounces" (8): transparent
+    surfaces that a path passes before one is black, as in Cycles;     "clamp_indirect" (0): upper limit of what a
+    sample     adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same
+    limit     for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
+    improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
+    lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "secondary_beams" (False), for
+    whitted: rays that flat polygons mirror or refract go as beams from the polygon's virtual eye, with     refraction
+    approximate (Heckbert and Hanrahan 1984); "seed" (0);     "film_transparent" (False), also behind glass of a
+    roughness up to "transparent_glass" (-1: none);     "passes" (["Combined"]), names as in RenderJob.passes;
+    "step_samples" (None):     samples (at most 64) between two updates of a tile, None = 1, 3, 4, then 8; "filter"
+    ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours     of
+    Combined. "noise_threshold" (0: off): blocks of     8 x 8 pixels with less noise get no more samples, after
+    "min_samples" (0: derived from the threshold), which is     biased. "time_limit" (0: none): seconds after which no
+    samples begin, once each pixel has one. "mist":     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR",
+    "INVERSE_QUADRATIC")} of the pass. "record_rays"     (0): largest number of rays of each kind for
+    RenderJob.recorded(), at most 65536; costs time. threads: 0 = one per core. points: the points of surfaces that the
+    pixels show in place of what the camera sees, to bake pictures, row by row     from the bottom; for scenes without
+    instances: "triangle" (n,) uint32, 2^32 - 1 = none, "place" (n, 6) float32,     the barycentric weights of the
+    second and third corner at the pixel's centre, then their changes from pixel to     pixel to the right, and upwards.
+    "seen" from "above" (default: along the shading normal), or from the "camera";     with "background", the background
+    in the direction of the points from the world's origin at "origin" (3,).
 
     The image depends only on scene, camera and settings, bit for bit: not on the structure, the number of threads
     or step_samples; and a border shows the same pixels as the full frame. With a noise threshold a border may stop

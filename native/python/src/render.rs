@@ -46,12 +46,14 @@ use std::time::Duration;
 ///     "sheen_roughness", "sheen_tint", "smooth" (a toon lobe's edge), "extinction" (a conductor's, whose "color" is
 ///     the index), "film_thickness" (nm), "film_ior", "subsurface_weight", "subsurface_radius" (a colour),
 ///     "subsurface_scale", "subsurface_ior", "subsurface_anisotropy", "radial_roughness", "offset", "melanin",
-///     "redness", "absorption" (those of hair), each an argument as in a program, and "normal",
+///     "redness", "absorption" (those of hair), "translucency" (the share of principled's diffuse base that sends
+///     light to the other side), each an argument as in a program, and "normal",
 ///     "multiscatter" (True), "distribution" (ggx, beckmann, ashikhmin_shirley), "method" (of subsurface scattering:
 ///     random_walk, random_walk_skin, random_walk_legacy). At most 8 closures, 4 of them principled.
 ///     "hidden_from" names the kinds of rays
 ///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission, volume (scattered in one).
-///     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all).
+///     "receives" and "blocks" have a bit for each set of linked lights that shine on it and that it shades (all);
+///     "receivers" and "blockers", 0 to 31, are the sets that its own emission belongs to, as a light (0).
 ///     "hole" (False): camera rays see a hole in the picture, except where it is transparent. "catcher" (False): camera
 ///     rays see only what the other objects take from the light of its surfaces, as alpha or in a pass.
 ///     "opaque_shadow" (False): shadow rays do not pass it. "terminator" (0.1): cosine towards the light below which
@@ -426,6 +428,9 @@ enum Moving<'py> {
 ///     "cube_face" none. "motion": a pair of cameras, of the picture before this one and of the one after, for the
 ///     pass "Vector" (None: the camera stays). "poses": transforms (4, 4) at equal intervals from the opening of the
 ///     shutter to its end, between which rays are interpolated; fewer than two: none.
+///     "rolling_shutter": share of the opening, 0 to 1, for which a row is exposed, from the top row to the bottom one
+///     (None: all rows together); "shutter_curve": the times, 0 to 1, at which equal shares of a row's light have passed
+///     (none: they are even). With it "poses" and the scenes of several times are at equal intervals of time.
 /// settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
 ///     from the lower left, half open, or None; "samples" per pixel: cost in proportion;
 ///     "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within

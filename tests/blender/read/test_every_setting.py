@@ -179,11 +179,14 @@ WITHOUT_EFFECT: dict[str, dict[str, str]] = {
         "Curves of Scene": "shape subdivisions",
     },
     "parts of a feature that is named where it is in use": {
-        "Cycles of Scene": "fast_gi_method ao_bounces ao_bounces_render rolling_shutter_duration dicing_rate "
-        "max_subdivisions dicing_camera offscreen_dicing_scale",
-        "Cycles of Object": "ao_distance dicing_rate",
+        "Cycles of Scene": "fast_gi_method ao_bounces ao_bounces_render",
+        "Cycles of Object": "ao_distance",
         "ViewLayer": "use_ao",
         "WorldLighting": "ao_factor distance use_ambient_occlusion",
+    },
+    "whether and how finely adaptive subdivision dices, see test_dicing.py": {
+        "Cycles of Scene": "dicing_rate max_subdivisions dicing_camera offscreen_dicing_scale",
+        "Cycles of Object": "use_adaptive_subdivision dicing_rate",
         "Subdivision": "adaptive_space adaptive_pixel_size adaptive_object_edge_length",
     },
     "read by earlier versions of Blender": {

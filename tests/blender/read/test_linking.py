@@ -82,11 +82,20 @@ def test_more_collections_than_sets_are_listed(add: Any) -> None:
     assert "light linking" in notes[0]
 
 
-def test_linked_glowing_objects_are_listed(add: Any) -> None:
+def test_glowing_objects_have_the_sets_of_their_collections(add: Any) -> None:
     mesh = cube()
     mesh.materials.append(material("Glow", Emission_Strength=1.0))
-    item = add("Glow", mesh)
-    item.light_linking.receiver_collection = bpy.data.collections.new("Apart")
-    assert read()[1] == ["Light linking is supported for lights only, not for glowing objects: Glow"]
-    mesh.materials.clear()
-    assert read()[1] == []
+    item, plain = add("Glow", mesh), add("Plain", mesh)
+    collection = bpy.data.collections.new("Apart")
+    collection.objects.link(plain)
+    item.light_linking.receiver_collection = item.light_linking.blocker_collection = collection
+    scene, notes = read()
+    assert not notes
+    glow, other = (
+        scene.materials[scene.geometry.material_index[source.start]]
+        for name in ("Glow", "Plain")
+        for source in scene.geometry.sources
+        if name in source.names
+    )
+    assert (glow.receivers, glow.blockers, other.receivers, other.blockers) == (1, 1, 0, 0)
+    assert (glow.receives, glow.blocks, other.receives, other.blocks) == (1, 1, 3, 3)

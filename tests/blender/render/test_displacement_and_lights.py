@@ -16,7 +16,7 @@ from addon.blender.render.engine import ENGINE
 from tests.blender import atlas
 from tests.blender.atlas import add as node
 from tests.blender.rounds import camera
-from tests.blender.shapes import grid, with_nodes
+from tests.blender.shapes import grid, material, with_nodes
 
 
 @pytest.fixture(autouse=True)
@@ -86,6 +86,29 @@ def test_displaced_surfaces(add: Any, scene: Any, method: str, space: str) -> No
     assert_alike(*compared(scene))
 
 
+@pytest.mark.parametrize("kind", ["CATMULL_CLARK", "SIMPLE"])
+def test_diced_surfaces(add: Any, scene: Any, kind: str) -> None:
+    item = floor(add, 4)
+    modifier = item.modifiers.new("Subdivision", "SUBSURF")
+    modifier.render_levels, modifier.subdivision_type = 1, kind
+    material = item.data.materials[0]
+    material.displacement_method = "DISPLACEMENT"
+    tree = material.node_tree
+    noise, up = node(tree, "TexNoise", Scale=3.0), node(tree, "Displacement", Scale=0.4)
+    tree.links.new(noise.outputs[0], up.inputs["Height"])
+    tree.links.new(node(tree, "TexCoord").outputs["Object"], noise.inputs["Vector"])
+    tree.links.new(up.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+    lamp(scene, "SUN", (3, 2, 4), 3.0)
+    coarse, _ = compared(scene, 16)
+    if hasattr(modifier, "use_adaptive_subdivision"):
+        modifier.use_adaptive_subdivision = True
+    else:
+        scene.cycles.feature_set, item.cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
+    ours, theirs = compared(scene)
+    assert_alike(ours, theirs)
+    assert np.corrcoef(coarse.ravel(), theirs.ravel())[0, 1] < np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] - 0.02
+
+
 @pytest.mark.parametrize("degrees", [0, 20, 60, 120, 180])
 @pytest.mark.parametrize("shape", ["SQUARE", "DISK"])
 def test_spread_of_area_lights(add: Any, scene: Any, degrees: float, shape: str) -> None:
@@ -133,4 +156,22 @@ def test_linked_lights(add: Any, scene: Any, state: str, kind: str) -> None:
         light = lamp(scene, "POINT", place, 60.0, shadow_soft_size=size)
         if number == 0:
             setattr(light.light_linking, f"{kind}_collection", linked("Linked", balls[0], state=state))
+    assert_alike(*compared(scene, 128))
+
+
+@pytest.mark.parametrize("state", ["INCLUDE", "EXCLUDE"])
+@pytest.mark.parametrize("kind", ["receiver", "blocker"])
+def test_linked_glowing_objects(add: Any, scene: Any, state: str, kind: str) -> None:
+    floor(add)
+    tiles = []
+    for k, x in enumerate((-1.0, 1.0)):
+        tile = grid(2, f"Tile {k}")
+        tile.materials.append(bpy.data.materials[0])
+        tiles.append(add(f"Tile {k}", tile, location=(x, 0.2, 0.5), scale=(0.5, 0.5, 1)))
+    for number, (x, strength) in enumerate(((-0.9, 8.0), (1.2, 3.0))):
+        sheet = grid(1, f"Sheet {number}")
+        sheet.materials.append(material(f"Glow {number}", Emission_Strength=strength))
+        item = add(f"Sheet {number}", sheet, location=(x, -0.3, 1.2), scale=(0.3, 0.2, 1))
+        if number == 0:
+            setattr(item.light_linking, f"{kind}_collection", linked("Linked", tiles[0], state=state))
     assert_alike(*compared(scene, 128))

@@ -94,6 +94,27 @@ def test_the_shutter_opens_and_closes_by_its_curve(stage: Any, moves: str) -> No
     assert apart < 0.5 * change
 
 
+@pytest.mark.parametrize("duration", [0.0, 0.3])
+@pytest.mark.parametrize("moves", ["camera", "object"])
+def test_a_rolling_shutter(stage: Any, moves: str, duration: float) -> None:
+    item, height = (stage.camera, 6) if moves == "camera" else (bpy.data.objects["Cube"], 0)
+    animate(item, "location", (-1, 0, height), (0, 0.3, height), (1, 0, height))
+    stage.frame_set(1)
+    stage.halfspace.motion_steps = 64
+    together, _ = compared(stage)
+    stage.cycles.rolling_shutter_type, stage.cycles.rolling_shutter_duration = "TOP", duration
+    rolling, apart = compared(stage)
+    assert apart < 0.1
+    assert apart < 0.3 * float(((rolling - together) ** 2).mean() ** 0.5 / together.std())
+    # The curve of the shutter is that of each row.
+    points = stage.render.motion_blur_shutter_curve.curves[0].points
+    for point, where in zip(points, ((0, 1), (0.5, 0.1), (1, 0)), strict=True):
+        point.location = where
+    stage.render.motion_blur_shutter_curve.update()
+    _, apart = compared(stage)
+    assert apart < 0.1
+
+
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[moving.Moving]:
     """What `Times.look` finds from now on."""
     looked: list[moving.Moving] = []

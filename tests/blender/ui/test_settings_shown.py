@@ -29,7 +29,9 @@ READ = {
     "CyclesLightSettings": "max_bounces",
     "CyclesObjectSettings": "use_motion_blur use_deform_motion use_camera_cull use_distance_cull",
     "CyclesRenderSettings": "transparent_max_bounces film_transparent_glass film_transparent_roughness use_camera_cull "
-    "camera_cull_margin use_distance_cull distance_cull_margin texture_limit texture_limit_render",
+    "camera_cull_margin use_distance_cull distance_cull_margin texture_limit texture_limit_render "
+    "rolling_shutter_type rolling_shutter_duration dicing_rate preview_dicing_rate max_subdivisions dicing_camera "
+    "offscreen_dicing_scale",
     "CyclesWorldSettings": "max_bounces use_shadows",
     "CyclesRenderLayerSettings": "use_denoising",
     "CyclesVisibilitySettings": "camera diffuse glossy transmission scatter",
@@ -139,7 +141,6 @@ WITHOUT = {
     "CYCLES_RENDER_PT_sampling_lights": "a threshold of lights",
     "CYCLES_RENDER_PT_sampling_path_guiding": "guiding",
     "CYCLES_RENDER_PT_sampling_path_guiding_debug": "guiding",
-    "CYCLES_RENDER_PT_subdivision": "adaptive subdivision",
     "CYCLES_RENDER_PT_volumes": "steps through volumes",
     "CYCLES_WORLD_PT_settings": "sampling of the world",
     "CYCLES_WORLD_PT_settings_surface": "sampling of the world",

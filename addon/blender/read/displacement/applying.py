@@ -83,7 +83,7 @@ def displaced(mesh: MeshArrays, slots: Sequence[Displacement | None], around: Su
     displacement would move them out of bounds.
     """
     corner, used = _first_corners(mesh)
-    normals = _vertex_normals(mesh.positions, mesh.triangles, weighted=True)
+    normals = vertex_normals(mesh.positions, mesh.triangles, weighted=True)
     numbers = np.zeros(len(mesh.triangles), np.int32) if mesh.slots is None else mesh.slots
     slot_of = np.clip(numbers, 0, len(slots) - 1)[corner // 3]
     finite = np.isfinite(mesh.positions).all(axis=1)
@@ -158,7 +158,7 @@ def _at_corners(values: F32 | None, corners: NDArray[np.int64]) -> F32 | None:
     return np.ascontiguousarray(np.repeat(rows[:, None], 3, axis=1), np.float32)
 
 
-def _vertex_normals(positions: F32, triangles: I32, *, weighted: bool) -> F64:
+def vertex_normals(positions: F32, triangles: I32, *, weighted: bool) -> F64:
     """The mean of the unit normals of the triangles at each vertex, weighted by their angles there or not, unit."""
     a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -185,7 +185,7 @@ def _with_normals(moved: MeshArrays, before: MeshArrays) -> MeshArrays:
     """The moved mesh with new normals: flat triangles stay flat, all others take those of their vertices."""
     if before.normals is None or before.normal_rows is None:
         return moved
-    normals = _vertex_normals(moved.positions, moved.triangles, weighted=False).astype(np.float32)
+    normals = vertex_normals(moved.positions, moved.triangles, weighted=False).astype(np.float32)
     rows = moved.triangles.astype(np.int64)
     # Compare the old normals of corners with those of their triangles.
     stored = before.normals[before.normal_rows]
@@ -199,7 +199,7 @@ def _with_normals(moved: MeshArrays, before: MeshArrays) -> MeshArrays:
 
 def _is_plane(mesh: MeshArrays, stored: F32) -> bool:
     """Whether smooth shading looks like flat: all triangles that meet in a vertex have one plane there."""
-    smooth = _vertex_normals(mesh.positions, mesh.triangles, weighted=True)[mesh.triangles]
+    smooth = vertex_normals(mesh.positions, mesh.triangles, weighted=True)[mesh.triangles]
     return bool((np.abs(stored - smooth) < FLAT).all())
 
 

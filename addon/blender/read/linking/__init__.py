@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +15,16 @@ MOST_SETS = 32
 ALL = 0xFFFFFFFF
 """The bits of all sets."""
 
-Sets = tuple[int, int]
-"""A light has a set of receivers and a set of blockers, an object a bit for each set that contains it."""
+Pair = tuple[int, int]
+"""A light has a set of receivers and a set of blockers."""
+
+Sets = tuple[int, int, int, int]
+"""An object has a bit for each set of receivers, and of blockers, that contains it, and as a light the sets of its own
+glow.
+"""
+
+PLAIN: Sets = (ALL, ALL, 0, 0)
+"""The sets of objects where nothing is linked."""
 
 
 @dataclass(eq=False)
@@ -39,14 +46,13 @@ class Linking:
         self._notes = notes
         self._numbers: tuple[dict[int, int], dict[int, int]] = ({}, {})
         self._members: tuple[list[_Members], list[_Members]] = ([], [])
-        self._glowing: dict[str, None] = {}
-        for item in depsgraph.objects:
-            if item.type == "LIGHT":
-                for kind, collection in enumerate(_collections(item)):
-                    self._add(kind, collection, item.name_full)
+        # Number the collections of lamps first, then those of objects that may glow.
+        for item in sorted(depsgraph.objects, key=lambda item: item.type != "LIGHT"):
+            for kind, collection in enumerate(_collections(item)):
+                self._add(kind, collection, item.name_full)
 
-    def of_light(self, item: Any) -> Sets:
-        """The sets of a light."""
+    def of_light(self, item: Any) -> Pair:
+        """The sets of a light, or of a glowing object."""
         receivers, blockers = (
             0 if collection is None else numbers.get(_place(collection), 0)
             for numbers, collection in zip(self._numbers, _collections(item), strict=True)
@@ -54,23 +60,13 @@ class Linking:
         return receivers, blockers
 
     def of_object(self, item: Any, parent: Any) -> Sets:
-        """The sets that an object is in, or its instancer."""
+        """The sets that an object is in, or its instancer, and those of its own glow."""
         objects = {_place(one) for one in (item, parent) if one is not None}
         receives, blocks = (
             1 | sum(1 << number for number, members in enumerate(found, 1) if members.have(objects)) if found else ALL
             for found in self._members
         )
-        return receives, blocks
-
-    def see(self, item: Any, glows: Callable[[], bool]) -> None:
-        """See an object with a surface, to be noted if it glows and links its light."""
-        if any(_collections(item)) and glows():
-            self._glowing[item.name_full] = None
-
-    def note_glowing(self) -> None:
-        """Note glowing objects that link their light."""
-        for name in self._glowing:
-            self._notes.add("Light linking is supported for lights only, not for glowing objects", name)
+        return receives, blocks, *self.of_light(item)
 
     def _add(self, kind: int, collection: Any, name: str) -> None:
         """Give a collection its number, unless it is known."""

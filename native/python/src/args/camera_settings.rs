@@ -6,6 +6,7 @@ use halfspace_base::error::Result;
 use halfspace_render::camera::filter::FilterKind;
 use halfspace_render::camera::lens::LensParams;
 use halfspace_render::camera::panorama::Panorama;
+use halfspace_render::camera::rolling::RollingParams;
 use halfspace_render::camera::{CameraParams, Projection};
 use halfspace_render::settings::{Falloff, Integrator, Mist, Pass, Settings};
 use pyo3::prelude::*;
@@ -33,6 +34,8 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         "polynomial",
         "motion",
         "poses",
+        "rolling_shutter",
+        "shutter_curve",
     ];
     // An unknown key is an error.
     let keys = Keys::new(dict, "camera".into(), &known)?;
@@ -46,6 +49,7 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         lens: lens(&keys)?,
         motion: motion(&keys)?,
         poses: poses(&keys)?,
+        rolling: rolling(&keys)?,
     })
 }
 
@@ -136,6 +140,21 @@ fn poses(keys: &Keys<'_, '_>) -> Result<Vec<[[f64; 4]; 4]>> {
         rows.and_then(|rows| rows.try_into().ok()).ok_or_else(wrong)
     };
     matrices.into_iter().map(rows).collect()
+}
+
+/// Reads the rolling shutter; none by default.
+fn rolling(keys: &Keys<'_, '_>) -> Result<Option<RollingParams>> {
+    if keys.find("rolling_shutter").is_none() {
+        return Ok(None);
+    }
+    let duration = keys.number("rolling_shutter")?;
+    let curve = match keys.find("shutter_curve") {
+        None => Vec::new(),
+        Some(value) => value
+            .extract()
+            .map_err(|_| keys.wrong("shutter_curve", "a list of numbers", &value))?,
+    };
+    Ok(Some(RollingParams { duration, curve }))
 }
 
 /// Reads the lens of the camera; missing keys have their default.

@@ -32,6 +32,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "hidden_from",
         "receives",
         "blocks",
+        "receivers",
+        "blockers",
         "hole",
         "catcher",
         "opaque_shadow",
@@ -68,6 +70,10 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             sets: ObjectSets {
                 receives: bits(&keys, "receives")?,
                 blocks: bits(&keys, "blocks")?,
+            },
+            emits_to: LightSets {
+                receivers: set(&keys, "receivers")?,
+                blockers: set(&keys, "blockers")?,
             },
             hole: keys.flag_or("hole", false)?,
             catcher: keys.flag_or("catcher", false)?,

@@ -4,6 +4,7 @@
 use crate::camera::lens::{Lens, LensParams};
 use crate::camera::panorama::Panorama;
 use crate::camera::poses::Moving;
+use crate::camera::rolling::{Rolling, RollingParams};
 use crate::check::{Error, Result, finite};
 use crate::math::vector::Vec3;
 use crate::path::beams::source::Source;
@@ -16,6 +17,7 @@ mod motion;
 pub mod panorama;
 mod panoramic;
 pub mod poses;
+pub mod rolling;
 
 /// How the film is projected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +51,8 @@ pub struct CameraParams {
     /// Transforms like `to_world` at equal intervals while the shutter is open, in place of it for rays; fewer than two
     /// = the camera stands still.
     pub poses: Vec<[[f64; 4]; 4]>,
+    /// A rolling shutter, if the rows are not exposed together.
+    pub rolling: Option<RollingParams>,
 }
 
 /// A camera prepared for generating rays.
@@ -75,6 +79,7 @@ pub struct Camera {
     /// The camera in the picture before this one, and in the one after.
     motion: Option<Box<[Camera; 2]>>,
     moving: Option<Box<Moving>>,
+    rolling: Option<Rolling>,
 }
 
 /// End of the interval of a ray that does not exist.
@@ -154,6 +159,9 @@ impl Camera {
             motion,
             pixel_angle: panorama.map(|it| it.pixel_angle(width)),
             moving: Moving::new(params, width, height)?,
+            rolling: (params.rolling.as_ref())
+                .map(|rolling| Rolling::new(rolling, height))
+                .transpose()?,
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
                 end as f32,
@@ -193,6 +201,11 @@ impl Camera {
     /// Returns the camera's frame.
     pub fn view(&self) -> &View {
         &self.view
+    }
+
+    /// Returns the rolling shutter, if there is one.
+    pub fn rolling(&self) -> Option<&Rolling> {
+        self.rolling.as_ref()
     }
 
     /// Whether the camera is a pinhole (or sharp orthographic) one that stands still.
@@ -323,6 +336,7 @@ impl Default for CameraParams {
             lens: LensParams::default(),
             motion: None,
             poses: Vec::new(),
+            rolling: None,
         }
     }
 }

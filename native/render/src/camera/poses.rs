@@ -26,6 +26,7 @@ impl Moving {
         let still = CameraParams {
             to_world: IDENTITY,
             poses: Vec::new(),
+            rolling: None,
             motion: None,
             ..params.clone()
         };

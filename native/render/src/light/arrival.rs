@@ -2,6 +2,7 @@
 //! A point that receives light, and a sample of the light that arrives there.
 
 use crate::math::vector::Vec3;
+use crate::values::linking::LightSets;
 use crate::values::visibility::Visibility;
 
 /// A sample of the light that arrives at a point.
@@ -47,6 +48,8 @@ pub struct EmissiveTriangle {
     pub triangle: u32,
     /// The kinds of rays that see it.
     pub visible: Visibility,
+    /// The sets of the objects that it shines on, and that shade it.
+    pub sets: LightSets,
     /// Vertices in scene space.
     pub corners: [Vec3; 3],
     /// Estimate of the emitted radiance, mean of the channels.

@@ -110,7 +110,7 @@ impl Lights {
                     brightness,
                     casts_shadow: true,
                     visible: emissive.visible,
-                    sets: LightSets::default(),
+                    sets: emissive.sets,
                     group: 0,
                     max_bounces: u32::MAX,
                     shader: None,
@@ -291,6 +291,33 @@ impl Lights {
             }
             _ => 0.0,
         }
+    }
+
+    /// Returns the factor on the emission of a triangle that a ray from `receiver` hits; `pdf`: the density of the ray,
+    /// infinite if light samples cannot find it; `distance`, `cos`: as for [`Self::triangle_pdf`].
+    pub fn triangle_weight(
+        &self,
+        receiver: Receiver,
+        pdf: f32,
+        triangle: u32,
+        distance: f32,
+        cos: f32,
+    ) -> f32 {
+        let index = self.of_triangle.get(&triangle);
+        let Some(light) = index.map(|&index| &self.lights[index as usize]) else {
+            return 1.0;
+        };
+        if !light.shines_on(receiver) {
+            return 0.0;
+        }
+        if !pdf.is_finite() {
+            return 1.0;
+        }
+        if !light.is_hittable() {
+            // Light samples alone find what only some objects shade.
+            return 0.0;
+        }
+        power_heuristic(pdf, self.triangle_pdf(receiver, triangle, distance, cos))
     }
 
     /// Returns the density per solid angle with which [`Self::sample`] finds this direction of the background.

@@ -124,6 +124,7 @@ mod tests {
     use crate::math::sampler::PixelSampler;
     use crate::math::vector::{Vec3, vec3};
     use crate::tests::setup::{at, light};
+    use crate::values::linking::LightSets;
     use crate::values::varying::Varying;
     use crate::values::visibility::Visibility;
 
@@ -146,6 +147,7 @@ mod tests {
         let emissive = |triangle, x| EmissiveTriangle {
             triangle,
             visible: Visibility::ALL,
+            sets: LightSets::default(),
             corners: corners(x),
             radiance: 1.0,
         };

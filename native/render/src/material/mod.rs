@@ -9,7 +9,7 @@ use crate::material::closure::{
 use crate::math::vector::Vec3;
 use crate::medium::Volume;
 use crate::values::image::Image;
-use crate::values::linking::ObjectSets;
+use crate::values::linking::{LightSets, ObjectSets};
 use crate::values::program::{Op, Operand, Program, Value, read, rgb};
 use crate::values::shading_point::ShadingPoint;
 use crate::values::visibility::Visibility;
@@ -68,6 +68,8 @@ pub struct Material {
     pub tube: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
+    /// The sets of the objects that its emission shines on, and that shade it.
+    pub emits_to: LightSets,
     /// Whether light can pass straight through.
     pub transparent: bool,
     /// Whether its program traces rays.
@@ -136,6 +138,7 @@ impl Material {
             strands: params.strands.filter(|_| any(Closure::is_hair)),
             tube: params.tube,
             sets: params.sets,
+            emits_to: params.emits_to,
             hole: params.hole,
             catcher: params.catcher && !params.hole,
             opaque_shadow: params.opaque_shadow,

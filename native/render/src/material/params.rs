@@ -4,7 +4,7 @@
 use crate::check::{Result, finite, within};
 use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::medium::VolumeParams;
-use crate::values::linking::ObjectSets;
+use crate::values::linking::{LightSets, ObjectSets};
 use crate::values::program::{Operand, Step};
 use crate::values::visibility::Visibility;
 
@@ -44,6 +44,8 @@ pub struct MaterialParams {
     pub tube: bool,
     /// The lights that shine on it, and those that it shades.
     pub sets: ObjectSets,
+    /// The sets of the objects that its emission shines on, and that shade it.
+    pub emits_to: LightSets,
     /// Whether it is a hole in the picture for camera rays, except where it is transparent.
     pub hole: bool,
     /// Whether its objects are shadow catchers; holes are none.
@@ -78,6 +80,7 @@ impl Default for MaterialParams {
             strands: None,
             tube: false,
             sets: ObjectSets::ALL,
+            emits_to: LightSets::default(),
             hole: false,
             catcher: false,
             opaque_shadow: false,

@@ -99,10 +99,41 @@ impl Context<'_> {
         }
     }
 
-    /// Returns a time from 0 to 1 of the shutter's opening within the interval of the scene, for a random number in
-    /// [0, 1).
-    fn time(&self, u: f32) -> f32 {
-        (self.moment as f32 + u) / self.scenes.len() as f32
+    /// Returns the samples `first..first + count` of a tile in runs that are traced together, each with its moment: the
+    /// following ones of one moment, or with a rolling shutter those of all pixels that show a moment.
+    fn runs(&self, area: TileArea, first: u32, count: u32) -> Vec<(usize, Range<u32>)> {
+        if self.points.is_none()
+            && let Some(rolling) = self.camera.rolling()
+        {
+            // The top row begins first, and the bottom one ends last.
+            let top = self.shown(rolling.time(area.y + area.height - 1, 0.0));
+            let bottom = self.shown(rolling.time(area.y, 1.0));
+            return (top..=bottom).map(|moment| (moment, 0..count)).collect();
+        }
+        let moments: Vec<_> = (0..count).map(|i| self.moment(first + i)).collect();
+        let mut begun = 0;
+        let runs = moments.chunk_by(|a, b| a == b).map(|run| {
+            let samples = begun..begun + run.len() as u32;
+            begun = samples.end;
+            (run[0], samples)
+        });
+        runs.collect()
+    }
+
+    /// Returns the moment that shows a time from 0 to 1 of the shutter's opening.
+    fn shown(&self, time: f32) -> usize {
+        ((time * self.scenes.len() as f32) as usize).min(self.scenes.len() - 1)
+    }
+
+    /// Returns the time from 0 to 1 of the shutter's opening of a sample of a row, for a random number in [0, 1); `None`
+    /// if that row of a rolling shutter shows another moment then.
+    fn time(&self, sample: u32, row: u32, u: f32) -> Option<f32> {
+        let scenes = self.scenes.len() as f32;
+        let Some(rolling) = self.camera.rolling() else {
+            return Some((self.moment as f32 + u) / scenes);
+        };
+        let time = rolling.time(row, (self.moment(sample) as f32 + u) / scenes);
+        (self.shown(time) == self.moment).then_some(time)
     }
 }
 
@@ -184,13 +215,7 @@ impl Wavefront {
     ) -> Result<&Batch, Cancelled> {
         self.batch
             .reset(context.film, area.pixels() * count as usize);
-        let mut begun = 0;
-        while begun < count {
-            // Take the following samples of one moment together.
-            let moment = context.moment(first + begun);
-            let same = |index: &u32| context.moment(first + index) == moment;
-            let samples = begun..(begun..count).find(|index| !same(index)).unwrap_or(count);
-            begun = samples.end;
+        for (moment, samples) in context.runs(area, first, count) {
             let context = &context.at(moment);
             self.shade = shade::choose(context.scene.features(), context.film.wants_extra());
             self.start(context, area, active, first, samples);
@@ -257,11 +282,17 @@ impl Wavefront {
                     }
                     continue;
                 }
+                // Only a rolling shutter needs the time before the ray.
+                let drawn = || context.time(sample, y, sampler.pair(sample, 2)[0]);
+                let known = camera.rolling().map(|_| drawn());
+                if known == Some(None) {
+                    continue;
+                }
                 let ray = camera.ray_at(
                     x as f32 + 0.5 + filter.offset(u),
                     y as f32 + 0.5 + filter.offset(v),
                     || sampler.pair(sample, 1),
-                    || context.time(sampler.pair(sample, 2)[0]),
+                    || known.unwrap_or_else(drawn).unwrap_or(0.0),
                 );
                 if !camera.sees(&ray) {
                     // Outside the circle of a panorama the picture is black and opaque, as in Cycles.
@@ -377,8 +408,9 @@ impl Wavefront {
         }
         // Camera rays come in blocks of 8 × 8, ordered for traversal in tiles. Counted rays are traced one by one,
         // because the work of a tile cannot be attributed to single pixels; rays through a lens have no common
-        // origin.
-        let order = if primary && !counts && context.camera.is_sharp() {
+        // origin; a rolling shutter leaves gaps in the blocks.
+        let whole = context.camera.is_sharp() && context.camera.rolling().is_none();
+        let order = if primary && !counts && whole {
             RayOrder::Tiles
         } else {
             RayOrder::None

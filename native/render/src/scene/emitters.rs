@@ -86,6 +86,7 @@ impl EmissionProbe<'_> {
             out.push(EmissiveTriangle {
                 triangle,
                 visible: material.visible,
+                sets: material.emits_to,
                 corners,
                 radiance: (sum / PROBES.len() as f32).max(lower_bound),
             });

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::camera::CameraParams;
 use crate::camera::filter::FilterKind;
+use crate::camera::rolling::RollingParams;
 use crate::film::Unsampled;
 use crate::job::{Job, Moments};
 use crate::material::MaterialParams;
@@ -47,8 +48,18 @@ fn boxes(samples: u32) -> Settings {
 
 /// Renders scenes of several times.
 fn moving(scenes: Vec<Arc<RenderScene>>, settings: Settings, threads: usize) -> Vec<f32> {
+    seen(scenes, &from_above(2.0), settings, threads)
+}
+
+/// Renders scenes of several times, seen by a camera.
+fn seen(
+    scenes: Vec<Arc<RenderScene>>,
+    camera: &CameraParams,
+    settings: Settings,
+    threads: usize,
+) -> Vec<f32> {
     let pixels = (settings.width * settings.height) as usize;
-    let job = Job::start(Moments(scenes), &from_above(2.0), settings, threads).unwrap();
+    let job = Job::start(Moments(scenes), camera, settings, threads).unwrap();
     assert!(job.wait(Duration::from_secs(600)), "the render did not end");
     assert_eq!(job.error(), None);
     let mut out = vec![0.0; pixels * 4];
@@ -115,6 +126,34 @@ fn the_first_samples_are_spread_over_all_scenes() {
         let brightness = mean(&moving(scenes.clone(), boxes(samples), 1));
         assert!((brightness - 0.5).abs() < 1e-6, "{samples}: {brightness}");
     }
+}
+
+#[test]
+fn rows_of_a_rolling_shutter_show_their_times() {
+    let scenes: Vec<_> = [-2.0, -1.0, 0.0, 1.0].map(glowing).into();
+    let rolling = |duration, threads| {
+        let rolling = Some(RollingParams {
+            duration,
+            curve: Vec::new(),
+        });
+        let camera = CameraParams {
+            rolling,
+            ..from_above(2.0)
+        };
+        seen(scenes.clone(), &camera, boxes(64), threads)
+    };
+    // The scene of each row from the bottom if it is exposed for one moment.
+    let short = rolling(0.0, 2);
+    for (row, scene) in [3, 3, 2, 1].into_iter().enumerate() {
+        let whole = moving(vec![Arc::clone(&scenes[scene])], boxes(64), 1);
+        let row = row * 16..(row + 1) * 16;
+        assert_eq!(short[row.clone()], whole[row], "{scene}");
+    }
+    assert_eq!(short, rolling(0.0, 1));
+    // Exposed for the whole opening, all rows show all scenes.
+    let long = rolling(1.0, 2);
+    let all = moving(scenes.clone(), boxes(64), 2);
+    assert!(long.iter().zip(&all).all(|(a, b)| (a - b).abs() < 1e-5));
 }
 
 #[test]

@@ -236,6 +236,46 @@ fn linked_lights_shine_on_their_receivers_and_are_shaded_by_their_blockers() {
 }
 
 #[test]
+fn linked_emission_shines_on_its_receivers_and_is_shaded_by_its_blockers() {
+    // A glowing sheet above a card above a floor, of which the camera sees the floor alone.
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    mesh.floor(9.0, 1.0, 1);
+    mesh.floor(1.0, 2.0, 2);
+    let picture = |receivers: u8, blockers: u8, floor: u32, card: u32| {
+        let linked = |receives: u32, blocks: u32| MaterialParams {
+            sets: ObjectSets { receives, blocks },
+            ..matte(0.8)
+        };
+        let unseen = |material: MaterialParams| MaterialParams {
+            visible: Visibility::ALL.without(RayKind::Camera),
+            ..material
+        };
+        let glow = MaterialParams {
+            emission: [1.0; 3],
+            emits_to: LightSets {
+                receivers,
+                blockers,
+            },
+            ..matte(0.0)
+        };
+        let scene = mesh.scene(SceneParams {
+            materials: vec![linked(floor, 1), unseen(linked(1, card)), unseen(glow)],
+            ..Default::default()
+        });
+        mean(&run(&scene, &from_above(1.0), square(8, 256, 0), 1).0)
+    };
+    // The card lets the light through if it is no blocker, whether rays are sampled by the sheet or by the floor.
+    let lit = picture(0, 2, 1, 0b001);
+    assert!(lit > 0.01, "{lit}");
+    assert_eq!(picture(0, 2, 1, 0b101), 0.0);
+    assert_eq!(picture(0, 0, 1, 0b001), 0.0);
+    // The floor receives the light of the sets that it is in.
+    assert_eq!(picture(3, 2, 0b0001, 0b001), 0.0);
+    assert_eq!(picture(3, 2, 0b1001, 0b001), lit);
+}
+
+#[test]
 fn the_transmittance_of_a_pane_does_not_depend_on_the_distance_of_the_light() {
     // A pane whose transparency depends on the viewing angle, with tilted normals, below lamps whose power makes
     // the irradiance equal at any distance.

@@ -125,14 +125,11 @@ impl<
         path: &Path,
         out: &mut Output<'_, EXTRA>,
     ) {
-        let mut emission = path.throughput * emission;
-        if path.pdf.is_finite() {
-            // The density of light samples refers to the last scattering point too.
-            let distance = path.passed + hit.t;
-            let lights = &self.scene.lights;
-            let density = lights.triangle_pdf(path.receiver, hit.triangle, distance, cos);
-            emission *= power_heuristic(path.pdf, density);
-        }
+        // The density of light samples refers to the last scattering point too.
+        let distance = path.passed + hit.t;
+        let lights = &self.scene.lights;
+        let weight = lights.triangle_weight(path.receiver, path.pdf, hit.triangle, distance, cos);
+        let emission = path.throughput * emission * weight;
         let light = self.settings.clamped(emission, path.bounce > 1);
         let triangle = hit.triangle as usize;
         let group = || self.scene.indices.group(triangle);
