@@ -424,28 +424,32 @@ def _centre(placements: list[Placement]) -> F64:
 
 def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:
     """Place (n, 3) positions k times in f64, relative to `origin`, and round once into `out` (k, n, 3)."""
-    offsets = matrices[:, :3, 3] - origin
     with np.errstate(over="ignore", invalid="ignore"):
-        np.add(
-            _products(positions, matrices[:, :3, :3].transpose(0, 2, 1)), offsets[:, None], out=out, casting="same_kind"
-        )
+        _multiply(positions, matrices[:, :3, :3].transpose(0, 2, 1), matrices[:, :3, 3] - origin, out=out)
 
 
-def _products(vectors: F32, matrices: NDArray[Any]) -> NDArray[Any]:
-    """Row vectors (n, 3) multiplied by each of (k, 3, 3) matrices, (k, n, 3), in the matrices' type.
+def _products(vectors: F32, matrices: F32) -> F32:
+    """Row vectors (n, 3) multiplied by each of (k, 3, 3) matrices, (k, n, 3)."""
+    products = np.empty((len(matrices), len(vectors), 3), np.float32)
+    _multiply(vectors, matrices, np.full((len(matrices), 3), -0.0, np.float32), out=products)
+    return products
+
+
+def _multiply(vectors: F32, matrices: NDArray[Any], offsets: NDArray[Any], *, out: F32) -> None:
+    """Multiply row vectors (n, 3) by each of (k, 3, 3) matrices and add (k, 3) offsets, in the type of both, and round
+    the sums into `out`, (k, n, 3).
 
     Written out, because `@` passes thin arrays to a threaded BLAS, which takes 1 to 200 ms for half a million rows
     depending on other load (measured); in blocks that fit into the processor's cache.
     """
-    products = np.empty((len(matrices), len(vectors), 3), matrices.dtype)
     for start in range(0, len(vectors), BLOCK):
         x, y, z = np.ascontiguousarray(vectors[start : start + BLOCK].T)
         for column in range(3):
             sums = x * matrices[:, 0, column, None]
             sums += y * matrices[:, 1, column, None]
             sums += z * matrices[:, 2, column, None]
-            products[:, start : start + BLOCK, column] = sums
-    return products
+            sums += offsets[:, column, None]
+            out[:, start : start + BLOCK, column] = sums
 
 
 def _flip(corners: NDArray[Any], mirrored: NDArray[np.bool_]) -> None:

@@ -132,13 +132,14 @@ def deviations(found: Strands) -> F64:
     """The distance of each spline between two points from their chord, (s,), in the unit of the curves."""
     if found.straight or not found.segments:
         return np.zeros(found.segments)
-    at = _segments(found)
-    middle = _spline(_as_float64(found.points), at, np.full(len(at[1]), 0.5))
-    chord = (found.points[at[1]].astype(np.float64) + found.points[at[2]]) / 2
+    points, at = _as_float64(found.points), _segments(found)
+    before, begin, end, after = (points[part] for part in at)
+    # The middle of a Catmull-Rom spline is farther from that of the chord than the outer points by a sixteenth.
+    offset = (begin + end - before - after) / 16
     # Along the chord a spline may be ahead of its middle without any deviation.
-    along = _directions(_as_float64(found.points), at[2], at[1])
-    offset = middle - chord
-    distance: F64 = np.linalg.norm(offset - along * (offset * along).sum(axis=1, keepdims=True), axis=1)
+    along = _directions(points, at[2], at[1])
+    offset -= along * _dot(offset, along)
+    distance: F64 = _length(offset)[:, 0]
     return distance
 
 
@@ -325,8 +326,8 @@ def frames(points: F64, first: NDArray[np.int64]) -> tuple[F64, F64]:
     for step, number in enumerate(active.tolist()):
         rows = begin[:number] + step
         along = tangent[rows]
-        turned = last[:number] - along * (along * last[:number]).sum(axis=1, keepdims=True)
-        length = np.linalg.norm(turned, axis=1, keepdims=True)
+        turned = last[:number] - along * _dot(along, last[:number])
+        length = _length(turned)
         lost = length[:, 0] < 1e-6
         turned /= np.where(length > 0, length, 1)
         if lost.any():
@@ -338,7 +339,7 @@ def frames(points: F64, first: NDArray[np.int64]) -> tuple[F64, F64]:
 def _directions(points: F64, ahead: NDArray[np.int64], behind: NDArray[np.int64]) -> F64:
     """Unit vectors between points; along z where both are equal."""
     along = points[ahead] - points[behind]
-    length = np.linalg.norm(along, axis=1, keepdims=True)
+    length = _length(along)
     along /= np.where(length > 0, length, 1)
     along[length[:, 0] == 0] = (0, 0, 1)
     return along
@@ -348,7 +349,20 @@ def _perpendicular(vectors: F64) -> F64:
     """A unit vector perpendicular to each of these unit vectors."""
     least = np.abs(vectors).argmin(axis=1)
     other = np.cross(vectors, np.eye(3)[least])
-    result: F64 = other / np.linalg.norm(other, axis=1, keepdims=True)
+    result: F64 = other / _length(other)
+    return result
+
+
+def _dot(a: F64, b: F64) -> F64:
+    """The products of the rows of two (n, 3) arrays, (n, 1); `sum` takes several times as long for rows of three."""
+    x, y, z = (a * b).T
+    result: F64 = (x + y + z)[:, None]
+    return result
+
+
+def _length(vectors: F64) -> F64:
+    """The lengths of (n, 3) vectors, (n, 1)."""
+    result: F64 = np.sqrt(_dot(vectors, vectors))
     return result
 
 
@@ -363,7 +377,6 @@ def _sides(rings: NDArray[np.int64], sides: int) -> I32:
     """Two triangles for each side between each of these polygons and the next one, facing outward."""
     corner = np.arange(sides, dtype=np.int32)
     after = (corner + 1) % sides
-    quads = np.empty((len(rings), sides, 6), np.int32)
-    for column, offset in enumerate((corner, after, after + sides, corner, after + sides, corner + sides)):
-        np.add((rings * sides).astype(np.int32)[:, None], offset, out=quads[:, :, column])
+    pattern = np.stack([corner, after, after + sides, corner, after + sides, corner + sides], axis=1)
+    quads: I32 = (rings * sides).astype(np.int32)[:, None] + pattern.reshape(-1)
     return quads.reshape(-1, 3)

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Conversion of hits and counters to arrays.
 
+use crate::args::arrays::converted;
 use halfspace_ray::{Hit, RayCounters};
-use numpy::ToPyArray;
+use numpy::{IntoPyArray, PyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -83,18 +84,23 @@ impl Hits {
 
 impl Hits {
     /// Makes an array with one value per hit.
-    fn column<'py, T: numpy::Element + Copy>(
+    fn column<'py, T: numpy::Element + Copy + Send>(
         &self,
         py: Python<'py>,
-        get: impl Fn(&Hit) -> T,
+        get: fn(&Hit) -> T,
     ) -> Bound<'py, PyAny> {
-        self.hits
-            .iter()
-            .map(get)
-            .collect::<Vec<_>>()
-            .to_pyarray(py)
-            .into_any()
+        column(py, &self.hits, get).into_any()
     }
+}
+
+/// Makes an array with one value per row, without the GIL if there are many.
+fn column<'py, R: Sync, T: numpy::Element + Send>(
+    py: Python<'py>,
+    rows: &[R],
+    get: impl Fn(&R) -> T + Send,
+) -> Bound<'py, PyArray1<T>> {
+    let values: Vec<T> = converted(py, rows.len(), || rows.iter().map(get).collect());
+    values.into_pyarray(py)
 }
 
 /// A counter: its key, and its value for a ray.
@@ -123,13 +129,11 @@ pub fn counters<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for (name, get) in COLUMNS {
-        let column: Vec<_> = counters.iter().map(get).collect();
-        dict.set_item(name, column.to_pyarray(py))?;
+        dict.set_item(name, column(py, counters, get))?;
     }
     // The counters of this structure's traversal.
     for (i, name) in cases.iter().enumerate() {
-        let column: Vec<_> = counters.iter().map(|c| c.cases[i]).collect();
-        dict.set_item(name, column.to_pyarray(py))?;
+        dict.set_item(name, column(py, counters, move |c| c.cases[i]))?;
     }
     Ok(dict)
 }

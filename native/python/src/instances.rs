@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Instances of structures.
 
-use crate::args::arrays::{check_copy, describe};
+use crate::args::arrays::{check_copy, converted, describe, elements};
 use crate::args::integers::{MaxHits, MemoryLimit, Threads};
 use crate::args::rays::RayArrays;
 use crate::errors::raise;
@@ -16,7 +16,8 @@ use halfspace_geom::Transform;
 use halfspace_structure::instances;
 use halfspace_structure::instances::nested::{self, Part};
 use halfspace_structure::instances::top::Top;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
+use numpy::ndarray::ArrayView2;
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -173,14 +174,17 @@ impl Instances {
     /// Raises MemoryError.
     fn flattened<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let _mode = DefaultMode::set(py)?;
-        let (vertices, triangles) = py.detach(|| self.0.flattened()).map_err(raise)?;
-        let triangles: Vec<[i32; 3]> = (triangles.iter())
-            .map(|triangle| triangle.map(u32::cast_signed))
-            .collect();
+        let flattened = || {
+            let (vertices, triangles) = self.0.flattened()?;
+            let corners = triangles.into_iter().flatten().map(u32::cast_signed);
+            let corners: Vec<i32> = corners.collect();
+            Ok((vertices.into_flattened(), corners))
+        };
+        let (vertices, triangles) = py.detach(flattened).map_err(raise)?;
         let rows = |array: Bound<'py, PyAny>| array.call_method1("reshape", ((-1, 3),));
         Ok((
-            rows(vertices.as_flattened().to_pyarray(py).into_any())?,
-            rows(triangles.as_flattened().to_pyarray(py).into_any())?,
+            rows(vertices.into_pyarray(py).into_any())?,
+            rows(triangles.into_pyarray(py).into_any())?,
         ))
     }
 }
@@ -209,10 +213,12 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
         return Err(wrong());
     }
     check_copy("matrices", &*array, size_of::<f64>())?;
-    let row = |m: &numpy::ndarray::ArrayView2<'_, f64>, i: usize| [0, 1, 2, 3].map(|j| m[[i, j]]);
-    Ok((array.as_array().outer_iter())
-        .map(|m| Transform::from_rows([0, 1, 2].map(|i| row(&m, i))))
-        .collect())
+    let view = array.as_array();
+    let row = |m: &ArrayView2<'_, f64>, i: usize| [0, 1, 2, 3].map(|j| m[[i, j]]);
+    let of = |m: ArrayView2<'_, f64>| Transform::from_rows([0, 1, 2].map(|i| row(&m, i)));
+    Ok(converted(value.py(), view.len(), || {
+        view.outer_iter().map(of).collect()
+    }))
 }
 
 /// Builds a tree over instances; the structures of the meshes are shared, not copied.
@@ -262,8 +268,8 @@ fn build(
             transforms.len()
         ))));
     }
-    let instances: Vec<_> = (numbers.as_array().iter().zip(transforms))
-        .map(|(&mesh, transform)| instances::Instance {
+    let instances: Vec<_> = (elements(&numbers).into_iter().zip(transforms))
+        .map(|(mesh, transform)| instances::Instance {
             // A negative index becomes a huge one, which the build reports as out of range.
             mesh: mesh.cast_unsigned(),
             transform,

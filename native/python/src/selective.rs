@@ -12,7 +12,7 @@ use halfspace_base::error::{Error, Result};
 use halfspace_ray::SelectiveTracer;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_structure::selective::{self, Masks, RayMasks};
-use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 /// The masks of a call: those of the triangles, and of the rays.
@@ -110,7 +110,7 @@ pub fn all_hits<'py>(
         counts: None,
         on_boundary: None,
     };
-    Ok((offsets.to_pyarray(py), hits))
+    Ok((offsets.into_pyarray(py), hits))
 }
 
 /// The number of hits of each ray.
@@ -128,7 +128,7 @@ pub fn count_hits<'py>(
         .detach(|| selective::count_hits(&watched, rays, threads.0))
         .map_err(raise)?;
     let counts: Vec<_> = counts.into_iter().map(i64::from).collect();
-    Ok(counts.to_pyarray(py))
+    Ok(counts.into_pyarray(py))
 }
 
 /// The nearest visible hits.
@@ -168,5 +168,5 @@ pub fn occluded<'py>(
     let occluded = py
         .detach(|| selective::visible::<Any>(&watched, rays, threads.0, masks))
         .map_err(raise)?;
-    Ok(occluded.to_pyarray(py).into_any())
+    Ok(occluded.into_pyarray(py).into_any())
 }

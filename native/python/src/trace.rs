@@ -12,7 +12,7 @@ use halfspace_ray::Tracer;
 use halfspace_structure::Structure;
 use halfspace_structure::instances::Instances;
 use halfspace_structure::threads;
-use numpy::ToPyArray;
+use numpy::IntoPyArray;
 use pyo3::prelude::*;
 
 /// A tracer that can be cancelled while it counts.
@@ -87,7 +87,7 @@ pub fn occluded<'py>(
             threads::occluded(&Watched::new(tracer, monitor), rays, threads.0, false)
         })
         .map_err(raise)?;
-    let occluded = occluded.to_pyarray(py).into_any();
+    let occluded = occluded.into_pyarray(py).into_any();
     match counts {
         None => Ok(occluded),
         Some(counts) => Ok((occluded, counters(py, cases, &counts)?)

@@ -4,8 +4,13 @@
 use halfspace_base::error::{Error, Result};
 use halfspace_base::memory::check_room;
 use halfspace_ray::rays::{Limits, first};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::ndarray::{ArrayView2, Dimension};
+use numpy::{
+    PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
+use std::array;
 
 /// Describes an argument for messages: type and shape of an array, or its Python type.
 pub fn describe(value: &Bound<'_, PyAny>) -> String {
@@ -38,29 +43,62 @@ pub fn check_copy<'py>(
     check_room(name, bytes)
 }
 
+/// Number of elements from which an array is converted without the GIL (chosen): for fewer, releasing it costs more.
+const MANY: usize = 1 << 14;
+
+/// Converts an array of `count` elements by `convert`, without the GIL if there are many.
+pub fn converted<T: Send>(py: Python<'_>, count: usize, convert: impl FnOnce() -> T + Send) -> T {
+    if count < MANY {
+        convert()
+    } else {
+        py.detach(convert)
+    }
+}
+
+/// Returns the elements of an array of any layout, in the order of its axes, copied without the GIL.
+pub fn elements<T: numpy::Element + Copy + Send + Sync, D: Dimension>(
+    array: &PyReadonlyArray<'_, T, D>,
+) -> Vec<T> {
+    let view = array.as_array();
+    converted(array.py(), view.len(), || view.iter().copied().collect())
+}
+
+/// Returns the (m, R, C) numbers of an array as m times R rows, copied without the GIL; `None` for another shape.
+pub fn blocks<T: numpy::Element + Copy + Send + Sync, const R: usize, const C: usize>(
+    array: &PyReadonlyArray3<'_, T>,
+) -> Option<Vec<[[T; C]; R]>> {
+    if array.shape()[1..] != [R, C] {
+        return None;
+    }
+    let view = array.as_array();
+    Some(converted(array.py(), view.len(), || {
+        if let Some(flat) = view.as_slice() {
+            return flat.as_chunks::<C>().0.as_chunks::<R>().0.to_vec();
+        }
+        let block = |m: ArrayView2<'_, T>| array::from_fn(|r| array::from_fn(|c| m[[r, c]]));
+        view.outer_iter().map(block).collect()
+    }))
+}
+
 /// Returns the rows of an (n, 3) array, converted by `convert`; `None` for another shape.
-fn rows<T: numpy::Element + Copy, U>(
+fn rows<T: numpy::Element + Copy + Send + Sync, U: Send>(
     array: &PyReadonlyArray2<'_, T>,
-    convert: impl Fn(T) -> U + Copy,
+    convert: impl Fn(T) -> U + Copy + Send + Sync,
 ) -> Option<Vec<[U; 3]>> {
     if array.shape()[1] != 3 {
         return None;
     }
-    // A Fortran-ordered array is a contiguous slice too, but of columns.
-    Some(match array.as_slice() {
-        Ok(flat) if array.is_c_contiguous() => flat
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .map(|row| row.map(convert))
-            .collect(),
-        _ => array
-            .as_array()
-            .rows()
-            .into_iter()
-            .map(|r| [convert(r[0]), convert(r[1]), convert(r[2])])
-            .collect(),
-    })
+    let view = array.as_array();
+    Some(converted(array.py(), view.len(), || {
+        match view.as_slice() {
+            Some(flat) => (flat.as_chunks::<3>().0.iter())
+                .map(|row| row.map(convert))
+                .collect(),
+            None => (view.rows().into_iter())
+                .map(|r| [convert(r[0]), convert(r[1]), convert(r[2])])
+                .collect(),
+        }
+    }))
 }
 
 /// Returns points or directions from an (n, 3) array of float32, or of float64 rounded to float32.
@@ -120,7 +158,7 @@ impl<'py> Points<'py> {
 }
 
 /// An integer type of vertex indices.
-trait Index: numpy::Element + Copy + Into<i64> {
+trait Index: numpy::Element + Copy + Into<i64> + Send + Sync {
     /// Converts to u32; values out of range become the largest, which is never a valid vertex.
     fn index(self) -> u32;
 }
@@ -158,12 +196,10 @@ fn indices_of<T: Index>(
     };
     // Test the largest index first: nearly always it is within range.
     let outside = |v: u32| v as usize >= vertices || v == u32::MAX;
-    if !found
-        .as_flattened()
-        .iter()
-        .max()
-        .is_some_and(|&v| outside(v))
-    {
+    let largest = converted(array.py(), 3 * found.len(), || {
+        found.as_flattened().iter().copied().max()
+    });
+    if !largest.is_some_and(outside) {
         return Ok(Some(found));
     }
     // Find the row and the original value of the first wrong index for the message.
@@ -233,11 +269,13 @@ pub fn per_ray<'py>(name: &str, value: &Bound<'py, PyAny>, rays: usize) -> Resul
             PerRay::Borrowed(array)
         } else {
             check_copy(name, &*array, size_of::<f32>())?;
-            PerRay::Owned(array.as_array().iter().copied().collect())
+            PerRay::Owned(elements(&array))
         }
     } else if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f64>>() {
         check_copy(name, &*array, size_of::<f32>())?;
-        PerRay::Owned(array.as_array().iter().map(|&x| x as f32).collect())
+        let view = array.as_array();
+        let convert = || view.iter().map(|&x| x as f32).collect();
+        PerRay::Owned(converted(value.py(), view.len(), convert))
     } else if let Ok(number) = value.extract::<f64>() {
         PerRay::Same(number as f32)
     } else {

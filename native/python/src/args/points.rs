@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Points of surfaces that pixels show.
 
+use crate::args::arrays::elements;
 use crate::args::keys::Keys;
 use halfspace_base::error::Result;
 use halfspace_render::path::points::{Points, Seen, SurfacePoint};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -13,17 +14,14 @@ pub fn points(dict: &Bound<'_, PyDict>) -> Result<Points> {
     let known = ["triangle", "place", "seen", "origin"];
     let keys = Keys::new(dict, "points".into(), &known)?;
     let triangle = keys.need("triangle")?;
-    let triangles = triangle
-        .cast::<PyArray1<u32>>()
-        .ok()
-        .and_then(|array| array.readonly().as_slice().map(<[u32]>::to_vec).ok())
+    let triangles = (triangle.extract::<PyReadonlyArray1<'_, u32>>().ok())
+        .filter(|array| array.is_contiguous())
+        .map(|array| elements(&array))
         .ok_or_else(|| keys.wrong("triangle", "an (n,) uint32 array", &triangle))?;
     let place = keys.need("place")?;
-    let rows = place
-        .cast::<PyArray2<f32>>()
-        .ok()
-        .filter(|array| array.shape().get(1) == Some(&6))
-        .and_then(|array| array.readonly().as_slice().map(<[f32]>::to_vec).ok())
+    let rows = (place.extract::<PyReadonlyArray2<'_, f32>>().ok())
+        .filter(|array| array.shape()[1] == 6 && array.is_c_contiguous())
+        .map(|array| elements(&array))
         .ok_or_else(|| keys.wrong("place", "an (n, 6) float32 array", &place))?;
     let places = rows.chunks_exact(6).map(|row| SurfacePoint {
         at: [row[0], row[1]],

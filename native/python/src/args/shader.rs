@@ -4,7 +4,7 @@
 //! An operand is an integer, the index of the step that computes it, or a constant: a float or a sequence of three
 //! or four floats.
 
-use crate::args::arrays::{check_copy, describe};
+use crate::args::arrays::{check_copy, converted, describe, elements};
 use crate::args::keys::{Keys, list};
 use crate::args::steps::{self, COORDINATES};
 use crate::args::textures;
@@ -281,8 +281,7 @@ fn image(keys: &Keys<'_, '_>) -> Result<Image> {
         Some(bytes) => Memory::new(bytes),
         None => {
             check_copy("pixels", array, format.size())?;
-            let bytes = pixels.call_method0("tobytes").map_err(|_| wrong())?;
-            Memory::new(bytes.extract::<PyBackedBytes>().map_err(|_| wrong())?)
+            Memory::new(bytes(&pixels).map_err(|_| wrong())?)
         }
     };
     let texels = Texels {
@@ -297,6 +296,15 @@ fn image(keys: &Keys<'_, '_>) -> Result<Image> {
         keys.flag_or("srgb", false)?,
         &keys.name,
     )
+}
+
+/// Copies the bytes of an array in the order of its axes, without the GIL.
+fn bytes(array: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
+    // NumPy makes arrays contiguous without the GIL.
+    let numpy = array.py().import("numpy")?;
+    let flat = numpy.call_method1("ravel", (array,))?;
+    let viewed = flat.call_method1("view", ("uint8",))?;
+    Ok(elements(&viewed.extract::<PyReadonlyArray1<'_, u8>>()?))
 }
 
 /// Reads how a vector becomes a place on an image.
@@ -337,7 +345,8 @@ pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
             return Err(wrong(&item));
         };
         check_copy("layers", &*array, size_of::<f32>())?;
-        let values = Arc::new(array.as_slice().map_err(|_| wrong(&item))?.to_vec());
+        let flat = array.as_slice().map_err(|_| wrong(&item))?;
+        let values = Arc::new(converted(item.py(), flat.len(), || flat.to_vec()));
         out.push(Layer { width, values });
     }
     Ok(out)
@@ -382,7 +391,7 @@ pub fn varying(
             };
             let array: PyReadonlyArray1<'_, u32> = value.extract().map_err(|_| wrong())?;
             check_copy("object_index", &*array, size_of::<u32>())?;
-            array.as_array().iter().copied().collect()
+            elements(&array)
         }
     };
     #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]

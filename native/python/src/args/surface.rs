@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Conversion of per-triangle and per-instance data: materials, normals, UVs, indices.
 
-use crate::args::arrays::{check_copy, describe};
+use crate::args::arrays::{blocks, check_copy, describe, elements};
 use crate::args::keys::{Keys, list};
 use halfspace_base::error::{Error, Result};
 use halfspace_render::scene::attributes::{InstanceAttributes, MeshAttributes};
@@ -64,7 +64,7 @@ pub fn surfaces(
             first_material: first.into_iter().map(i32::cast_unsigned).collect(),
             // The layout of (k, 3, 3) matrices equals that of corner normals.
             normal_matrix: corner_normals(&keys.need("normal_matrix")?)?,
-            keeps_length: keeps_length.as_array().iter().copied().collect(),
+            keeps_length: elements(&keeps_length),
         },
     ))
 }
@@ -78,12 +78,11 @@ pub fn material_index(value: &Bound<'_, PyAny>) -> Result<Vec<i32>> {
         ))
     })?;
     check_copy("material_index", &*array, size_of::<i32>())?;
-    Ok(array.as_array().iter().copied().collect())
+    Ok(elements(&array))
 }
 
 /// Reads shading normals: (m, 3, 3) float32.
 pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
-    // Check the shape, and copy the array if it fits into memory.
     let wrong = || {
         Error::Shape(format!(
             "corner_normals: expected an (m, 3, 3) float32 array, got {}",
@@ -91,14 +90,8 @@ pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
         ))
     };
     let array: PyReadonlyArray3<'_, f32> = value.extract().map_err(|_| wrong())?;
-    if array.shape()[1..] != [3, 3] {
-        return Err(wrong());
-    }
     check_copy("corner_normals", &*array, size_of::<f32>())?;
-    let triangle = |t: numpy::ndarray::ArrayView2<'_, f32>| {
-        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]]))
-    };
-    Ok(array.as_array().outer_iter().map(triangle).collect())
+    blocks(&array).ok_or_else(wrong)
 }
 
 /// Reads where the triangles are in the pictures before and after.
@@ -110,7 +103,7 @@ fn motion(keys: &Keys<'_, '_>) -> Result<[Moved; 2]> {
     let wrong = || keys.wrong("motion", what, &value);
     // A flattened scene has corners alone.
     if let Ok([before, after]) = value.extract::<[PyReadonlyArray3<'_, f32>; 2]>() {
-        let [before, after] = [corners(&before), corners(&after)];
+        let [before, after] = [blocks(&before), blocks(&after)];
         return Ok(
             [before.ok_or_else(wrong)?, after.ok_or_else(wrong)?].map(|corners| Moved {
                 corners,
@@ -120,20 +113,15 @@ fn motion(keys: &Keys<'_, '_>) -> Result<[Moved; 2]> {
     }
     let sides: [MovedInstances<'_>; 2] = value.extract().map_err(|_| wrong())?;
     let read = |(moved, shifts, matrices): &MovedInstances<'_>| {
-        let (shifts, matrices) = (shifts.as_array(), matrices.as_array());
-        if matrices.shape()[1..] != [3, 4] || matrices.shape()[0] != shifts.len() {
+        let (shifts, matrices) = (elements(shifts), blocks(matrices)?);
+        if matrices.len() != shifts.len() {
             return None;
         }
-        let place = |(&shift, matrix): (&i64, numpy::ndarray::ArrayView2<'_, f64>)| MovedPlace {
-            shift,
-            to_scene: [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| matrix[[row, column]])),
-        };
+        let places = shifts.into_iter().zip(matrices);
         Some(Moved {
-            corners: corners(moved)?,
-            places: shifts
-                .iter()
-                .zip(matrices.outer_iter())
-                .map(place)
+            corners: blocks(moved)?,
+            places: places
+                .map(|(shift, to_scene)| MovedPlace { shift, to_scene })
                 .collect(),
         })
     };
@@ -147,14 +135,6 @@ type MovedInstances<'py> = (
     PyReadonlyArray1<'py, i64>,
     PyReadonlyArray3<'py, f64>,
 );
-
-/// The corners of triangles, (m, 3, 3); `None` for another shape.
-fn corners(array: &PyReadonlyArray3<'_, f32>) -> Option<Vec<[[f32; 3]; 3]>> {
-    let corner = |t: numpy::ndarray::ArrayView2<'_, f32>| {
-        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]]))
-    };
-    (array.shape()[1..] == [3, 3]).then(|| array.as_array().outer_iter().map(corner).collect())
-}
 
 /// Reads object and material indices, and UVs.
 pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
@@ -176,7 +156,7 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
         ],
     )?;
     /// Reads a required one-dimensional array.
-    fn array<T: numpy::Element + Copy>(
+    fn array<T: numpy::Element + Copy + Send + Sync>(
         keys: &Keys<'_, '_>,
         key: &str,
         what: &str,
@@ -184,7 +164,7 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
         let value = keys.need(key)?;
         let array: PyReadonlyArray1<'_, T> =
             value.extract().map_err(|_| keys.wrong(key, what, &value))?;
-        Ok(array.as_array().iter().copied().collect())
+        Ok(elements(&array))
     }
     let first: Vec<i32> = array(&keys, "first", "an (n,) int32 array")?;
     Ok(Indices {
@@ -218,13 +198,7 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
             Some(value) => {
                 let wrong = || keys.wrong("uvs", "an (m, 3, 2) float32 array", &value);
                 let array: PyReadonlyArray3<'_, f32> = value.extract().map_err(|_| wrong())?;
-                if array.shape()[1..] != [3, 2] {
-                    return Err(wrong());
-                }
-                let corner = |t: numpy::ndarray::ArrayView2<'_, f32>| {
-                    [0, 1, 2].map(|corner| [0, 1].map(|axis| t[[corner, axis]]))
-                };
-                array.as_array().outer_iter().map(corner).collect()
+                blocks(&array).ok_or_else(wrong)?
             }
         },
     })

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Conversion of the dictionaries of volumes.
 
-use crate::args::arrays::check_copy;
+use crate::args::arrays::{check_copy, converted};
 use crate::args::keys::{Keys, list};
 use crate::args::shader;
 use halfspace_base::error::Result;
@@ -24,7 +24,8 @@ pub fn grids(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Voxels>> {
             return Err(wrong());
         };
         check_copy("grids", &*array, size_of::<f32>())?;
-        let flat = array.as_slice().map_err(|_| wrong())?.to_vec();
+        let flat = array.as_slice().map_err(|_| wrong())?;
+        let flat = converted(values.py(), flat.len(), || flat.to_vec());
         let to_index = shader::rows(&keys, "to_index")?;
         Voxels::new([x, y, z], channels, flat, to_index, &keys.name)
     })
