@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -103,8 +104,16 @@ def test_the_first_view_of_oriented_boxes_has_the_outermost_turned_ones() -> Non
     assert shown == min(5, len(outer))
     assert found.hidden == len(outer) - shown
     # The faces of each are closed: half of them is turned away from a viewer outside.
-    assert planes.panes(found, EYE).bare.any()
-    assert not planes.panes(found, EYE).bare.all()
+    alone = planes.panes(found, EYE)
+    assert alone.bare.any()
+    assert not alone.bare.all()
+    # Next to other boxes they have the surfaces and the fog of all.
+    base = planes.choose(structure, (1, 1), ("BOXES",), 1000)
+    both = planes.joined(base, found)
+    seen = planes.panes(both, EYE)
+    assert seen.bare[-both.marked :].tolist() == alone.bare.tolist()
+    veiled = planes.levels(both, COLOURS, 1.0, 2.0, replace(seen, strength=0.25))[-1]
+    assert veiled.fill_colours[:, 3].max() == pytest.approx(0.25 * planes.TURNED_FILL[1], rel=1e-3)
     assert not depths.survey(native.build(*MESH, "bvh-sah")).turned
 
 
