@@ -312,7 +312,7 @@ def levels(
         if planes.body is not None:
             last = depth == planes.levels.stop - 1 and not planes.marked
             strength, wide = (opacity, 0.7 * width) if last else (PARENTS * opacity, 0.5 * width)
-        if planes.cuts is not None:
+        if planes.cuts is not None and len(planes.cuts.owner):
             strength *= BESIDE_CUTS
         if planes.across >= 0:
             sheet = min(1.0, SHEET / max(plain, 1))

@@ -70,6 +70,9 @@ def test_too_many_triangles_are_not_cut(monkeypatch: pytest.MonkeyPatch) -> None
     chosen = planes.cut(planes.choose(native.build(*MESH, "kd"), (0, 3), planes.KINDS, 100), *MESH)
     assert chosen.cuts is not None
     assert not len(chosen.cuts.owner)
+    # Edges are fainter only next to such lines.
+    drawn, alone = (planes.levels(one, COLOURS, 1.0, 2.0) for one in (chosen, replace(chosen, cuts=None)))
+    assert [level.line_colours.tolist() for level in drawn] == [level.line_colours.tolist() for level in alone]
     assert legend.CUTS not in [entry.text for entry in legend.of_planes(chosen, COLOURS)]
 
 
@@ -112,8 +115,11 @@ def test_the_first_view_of_oriented_boxes_has_the_outermost_turned_ones() -> Non
     both = planes.joined(base, found)
     seen = planes.panes(both, EYE)
     assert seen.bare[-both.marked :].tolist() == alone.bare.tolist()
-    veiled = planes.levels(both, COLOURS, 1.0, 2.0, replace(seen, strength=0.25))[-1]
-    assert veiled.fill_colours[:, 3].max() == pytest.approx(0.25 * planes.TURNED_FILL[1], rel=1e-3)
+    clear, veiled = (
+        planes.levels(both, COLOURS, 1.0, 2.0, replace(seen, strength=strength))[-1].fill_colours[:, 3]
+        for strength in (1.0, 0.25)
+    )
+    assert veiled == pytest.approx(0.25 * clear)
     assert not depths.survey(native.build(*MESH, "bvh-sah")).turned
 
 
