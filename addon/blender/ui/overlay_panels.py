@@ -121,7 +121,7 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
         # Show the numbers of the last drawing.
         if settings.show:
             if "PLANES" in settings.parts:
-                _planes(layout, drawing.shown(context.scene, "PLANES"))
+                _planes(layout, drawing.shown(context.scene, "PLANES"), trees.last(context.scene))
             if "CELLS" in settings.parts:
                 _cells(layout, drawing.shown(context.scene, "CELLS"))
         layout.prop(settings, "auto_update")
@@ -172,9 +172,14 @@ def _chosen(shown: planes.Planes, deepest: int) -> str:
     return f"Levels up to {int(plain.max(initial=0))} of {max(deepest, 0)}"
 
 
-def _planes(layout: Any, shown: Any) -> None:
-    """The number of planes shown, and of those hidden by the limit."""
+def _planes(layout: Any, shown: Any, tree: trees.Tree | None) -> None:
+    """The number of planes shown, and of those hidden by the limit; the built-in scene, where there is none."""
     if shown is None:
+        return
+    survey = None if tree is None else tree.known_survey
+    if survey is not None and not survey.counts.any():
+        wrapped(layout, "No planes: so few triangles are one leaf", icon="INFO")
+        layout.operator("halfspace.showcase", icon="SCENE_DATA")
         return
     layout.label(text=f"{counted(len(shown), 'plane')} shown")
     if shown.hidden or not shown.complete:

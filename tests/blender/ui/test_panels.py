@@ -247,6 +247,25 @@ def test_the_overlay_lists_kinds_once_there_is_a_structure_and_folds_its_look(sc
     assert found.parts == ["HALFSPACE_look"]
 
 
+def test_the_overlay_of_a_scene_without_planes_offers_one_with_planes(
+    scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add("Box", cube())
+    scene.halfspace.overlay.auto_update, scene.halfspace.overlay.show = False, True
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    tree = trees.last(scene)
+    tree.survey()
+    nothing = planes.choose(tree.structure, (0, 6), planes.KINDS, 10)
+    monkeypatch.setattr(overlay_panels.drawing, "shown", lambda *_: nothing)
+    where = SimpleNamespace(**context(scene), area=None)
+    assert "halfspace.showcase" in [
+        one.id for one in draw_own(overlay_panels.HALFSPACE_PT_view_overlay, where).operators
+    ]
+    assert bpy.ops.halfspace.showcase() == {"FINISHED"}
+    shown = next(one for one in bpy.data.scenes if one.name.startswith("Showcase"))
+    assert shown.halfspace.overlay.show
+
+
 def test_no_column_of_the_menu_of_structures_is_longer_than_the_screen() -> None:
     families = properties.by_family(catalogue.load().structures)
     assert len(families) > 2
