@@ -305,7 +305,7 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
         if group.automatic:
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure.draw_choice(column, group)
-        wrapped(column, "Parameters: sidebar (N)", icon="PREFERENCES")
+        wrapped(column, "More: sidebar (N)", icon="PREFERENCES")
         if (body := fold(column, "memory", "Memory")) is not None:
             body.prop(group, "instancing")
             structure.draw_top(body, context.scene)
