@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The documents as a site: `python -m scripts.dev.documents_site [--no-pictures] [--history FILE] [--out DIR]`.
 
-Stages docs/, README and CHANGELOG in a temporary folder, adds a page for each structure
-and each notebook, which is run, and the reference of the Python package, and builds all with mkdocs, whose warnings are
-errors. A file of `bench --history` becomes a page. Pictures of structures that build/pictures lacks are drawn first,
-which takes minutes and needs Blender 5.2 or newer. Exit status: 0 built; 2 bad usage, or a warning, with mkdocs' last
-lines; 130 stopped.
+Stages docs/, README and CHANGELOG in a temporary folder, adds a page for each structure and each notebook, which is
+run, and the reference of the Python package, and builds all with Zensical, whose warnings are errors. A file of `bench
+--history` becomes a page. Pictures of structures that build/pictures lacks are drawn first, which takes minutes and
+needs Blender 5.2 or newer. Exit status: 0 built; 2 bad usage, or a warning, with Zensical's last lines; 130 stopped.
 """
 
 from __future__ import annotations
@@ -189,13 +188,13 @@ def navigation(folder: Path) -> list[Any]:
 
 
 def build(out: Path, *, pictures: bool, speeds: Path | None = None) -> None:
-    """Build the site into the folder `out`. pictures: with those of structures, drawn if missing. speeds: a file of
-    speeds by commit.
+    """Build the site as the folder `out`, which is replaced. pictures: with those of structures, drawn if missing.
+    speeds: a file of speeds by commit.
 
     Raises SiteError and DistributionError.
     """
-    if importlib.util.find_spec("mkdocs") is None:
-        raise SiteError("mkdocs is not installed: set up the environment with scripts/test.py")
+    if importlib.util.find_spec("zensical") is None:
+        raise SiteError("Zensical is not installed: set up the environment with scripts/test.py")
     if pictures:
         draw()
     with tempfile.TemporaryDirectory(prefix="site-") as name:
@@ -207,17 +206,21 @@ def build(out: Path, *, pictures: bool, speeds: Path | None = None) -> None:
             stage_history(folder / "docs", speeds)
         config = {
             "INHERIT": str(ROOT / "docs" / "mkdocs.yml"),
-            "docs_dir": str(folder / "docs"),
-            "site_dir": str(out.resolve()),
+            "docs_dir": "docs",
+            "site_dir": "site",
             "nav": navigation(folder / "docs"),
         }
         # YAML contains JSON.
         (folder / "mkdocs.yml").write_text(json.dumps(config), encoding="utf-8")
-        words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file", "mkdocs.yml"]
-        variables = {**os.environ, "HALFSPACE_PACKAGE": str(folder / "package")}
+        words = [sys.executable, "-m", "zensical", "build", "--strict", "--config-file", "mkdocs.yml"]
+        variables = {**os.environ, "HALFSPACE_PACKAGE": str(folder / "package"), "NO_COLOR": "1"}
         done = subprocess.run(words, cwd=folder, env=variables, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise SiteError("mkdocs: " + "\n".join((done.stdout + done.stderr).splitlines()[-LAST_LINES:]))
+        if done.returncode != 0:
+            # The findings come first, then where Zensical stopped because of them.
+            said = re.sub(r"\x1b\[[\d;]*m", "", done.stdout + done.stderr).partition("Traceback")[0]
+            raise SiteError("Zensical: " + "\n".join(said.splitlines()[-LAST_LINES:]))
+        shutil.rmtree(out, ignore_errors=True)
+        shutil.move(folder / "site", out)
 
 
 def draw() -> None:

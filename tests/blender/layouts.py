@@ -39,7 +39,7 @@ class Layout:
             elif name == "prop_enum":
                 self.log.append(args[2])
             elif name == "operator":
-                self.operators.append(SimpleNamespace(id=args[0]))
+                self.operators.append(SimpleNamespace(id=args[0], text=kwargs.get("text")))
                 return self.operators[-1]
             elif name == "panel":
                 self.parts.append(args[0])

@@ -424,12 +424,17 @@ class _Picture:
 
     def _building(self, progress: float) -> bool:
         """Show the progress of a build, 0 to 1. Returns whether to continue."""
-        self.engine.update_progress(BUILD_SHARE * progress)
-        return self._reading()
+        return self._going_on(BUILD_SHARE * progress)
 
     def _tracing(self, progress: float) -> bool:
         """Show the progress of the native render, 0 to 1. Returns whether to continue."""
-        self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
+        return self._going_on(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
+
+    def _going_on(self, done: float) -> bool:
+        """Show the share of the picture that is done. Returns whether to continue."""
+        self.engine.update_progress(done)
+        for watcher in running.watchers:
+            watcher(done)
         return self._reading()
 
     def _denoise(self, buffers: dict[str, F32], settings: RenderSettings, scene: Scene) -> None:

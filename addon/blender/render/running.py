@@ -22,6 +22,9 @@ STEP_SECONDS = 0.01
 
 log = logging.getLogger(__name__)
 
+watchers: list[Callable[[float], None]] = []
+"""Called with the share of a picture that is done, 0 to 1, on the thread that renders it."""
+
 _closing = threading.Event()
 _threads: dict[int, int] = {}
 """Number of pictures in progress, by the thread that renders them."""

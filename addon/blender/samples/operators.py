@@ -11,7 +11,7 @@ from . import showcase
 
 
 class HALFSPACE_OT_showcase(bpy.types.Operator):
-    """Adds the built-in scene."""
+    """Adds the built-in scene, with the overlay if the scene before it has one."""
 
     bl_idname = "halfspace.showcase"
     bl_label = "New Showcase Scene"
@@ -21,6 +21,7 @@ class HALFSPACE_OT_showcase(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         scene = bpy.data.scenes.new("Showcase")
         showcase.build(scene)
+        scene.halfspace.overlay.show = context.scene.halfspace.overlay.show
         if context.window is not None:
             context.window.scene = scene
         return {"FINISHED"}

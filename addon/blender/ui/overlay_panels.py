@@ -18,7 +18,7 @@ from ..render.engine import ENGINE
 from ..session import building, trees
 from ..settings import properties
 from . import inspector_panels, panels, structure
-from .texts import counted, wrapped
+from .texts import counted, fold, wrapped
 
 
 class HALFSPACE_PT_view_structure(panels.SidebarPanel, bpy.types.Panel):
@@ -118,28 +118,32 @@ class HALFSPACE_PT_view_overlay(panels.SidebarPanel, bpy.types.Panel):
             layout.prop(settings, "least")
         if "BEAM" in settings.parts:
             layout.prop(settings, "beam_spacing")
-        layout.prop(settings, "max_count")
         # Show the numbers of the last drawing.
         if settings.show:
             if "PLANES" in settings.parts:
-                _planes(layout, drawing.shown(context.scene, "PLANES"))
+                _planes(layout, drawing.shown(context.scene, "PLANES"), trees.last(context.scene))
             if "CELLS" in settings.parts:
                 _cells(layout, drawing.shown(context.scene, "CELLS"))
-        # Show the look of lines and surfaces.
-        column = layout.column()
-        column.row().prop(settings, "style", expand=True)
-        column.prop(settings, "opacity")
-        column.prop(settings, "behind")
-        if settings.style != "FILL":
-            column.prop(settings, "line_width")
-        column.prop(settings, "cuts")
-        column.prop(settings, "legend")
-        column.prop(settings, "auto_update")
+        layout.prop(settings, "auto_update")
+        if (column := fold(layout, "look", "Look")) is not None:
+            _look(column, settings)
+
+
+def _look(column: Any, settings: Any) -> None:
+    """The look of lines and surfaces."""
+    column.row().prop(settings, "style", expand=True)
+    column.prop(settings, "opacity")
+    column.prop(settings, "behind")
+    if settings.style != "FILL":
+        column.prop(settings, "line_width")
+    column.prop(settings, "max_count")
+    column.prop(settings, "cuts")
+    column.prop(settings, "legend")
 
 
 def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None, shown: Any = None) -> None:
-    """Both ends of the depth, or what is chosen automatically; buttons of the kinds that the tree has. shown: the
-    planes in this view, or None.
+    """Both ends of the depth, or what is chosen automatically; buttons of the kinds that the tree has, once there is
+    one. shown: the planes in this view, or None.
     """
     survey = tree.known_survey if tree is not None else None
     column = layout.column(align=True)
@@ -156,7 +160,7 @@ def _depth_and_kinds(layout: Any, settings: Any, tree: trees.Tree | None, shown:
             column.prop(settings, "slice_place", slider=True)
     flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
     flow.use_property_split = False
-    for kind in planes.KINDS if survey is None else survey.kinds:
+    for kind in () if survey is None else survey.kinds:
         flow.prop_enum(settings, "kinds", kind)
 
 
@@ -168,9 +172,14 @@ def _chosen(shown: planes.Planes, deepest: int) -> str:
     return f"Levels up to {int(plain.max(initial=0))} of {max(deepest, 0)}"
 
 
-def _planes(layout: Any, shown: Any) -> None:
-    """The number of planes shown, and of those hidden by the limit."""
+def _planes(layout: Any, shown: Any, tree: trees.Tree | None) -> None:
+    """The number of planes shown, and of those hidden by the limit; the built-in scene, where there is none."""
     if shown is None:
+        return
+    survey = None if tree is None else tree.known_survey
+    if survey is not None and not survey.counts.any():
+        wrapped(layout, "No planes: so few triangles are one leaf", icon="INFO")
+        layout.operator("halfspace.showcase", icon="SCENE_DATA")
         return
     layout.label(text=f"{counted(len(shown), 'plane')} shown")
     if shown.hidden or not shown.complete:

@@ -54,14 +54,18 @@ def registered(names: Mapping[str, Any]) -> tuple[type, ...]:
 
 
 def switched(column: Any, owner: Any, switch: str, value: str, heading: str) -> None:
-    """Add a row with a check box and the value that has an effect with it, whose animation has a dot."""
+    """Add a row with a check box and the value that has an effect with it; where the column has the dots of animation,
+    that of the value.
+    """
+    moves = column.use_property_decorate
     row = column.row(align=True, heading=heading)
     row.use_property_decorate = False
     row.prop(owner, switch, text="")
     inner = row.row(align=True)
     inner.active = getattr(owner, switch)
     inner.prop(owner, value, text="")
-    row.prop_decorator(owner, value)
+    if moves:
+        row.prop_decorator(owner, value)
 
 
 def rows(layout: Any, owner: Any, *names: str, **labelled: str) -> None:
@@ -130,21 +134,23 @@ class HALFSPACE_PT_sampling(EnginePanel, bpy.types.Panel):
     section = "Sampling"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
+        column = self.column(moves=False)
         group = context.scene.halfspace
         column.prop(group, "integrator")
         if group.integrator == "ao":
             column.prop(group, "ambient_distance")
-        self.layout.operator("halfspace.import_cycles", icon="IMPORT")
+        self.layout.operator("halfspace.import_cycles", text="Import from Cycles", icon="IMPORT")
 
 
-def _samples(column: Any, group: Any, prefix: str = "") -> None:
-    """Noise threshold and number of samples. prefix: of their properties."""
+def _samples(column: Any, group: Any, prefix: str = "") -> Any:
+    """Noise threshold and number of samples. prefix: of their properties. Returns the column of the numbers."""
     used = getattr(group, f"use_{prefix}adaptive")
     switched(column, group, f"use_{prefix}adaptive", f"{prefix}noise_threshold", "Noise Threshold")
-    column.prop(group, f"{prefix}samples", text="Max Samples" if used else "Samples")
+    numbers = column.column(align=True)
+    numbers.prop(group, f"{prefix}samples", text="Max Samples" if used else "Samples")
     if used:
-        column.prop(group, f"{prefix}min_samples")
+        numbers.prop(group, f"{prefix}min_samples")
+    return numbers
 
 
 class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
@@ -155,7 +161,7 @@ class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
     presets = "viewport_sampling"
 
     def draw(self, context: Any) -> None:
-        _samples(self.column(), context.scene.halfspace, "preview_")
+        _samples(self.column(moves=False), context.scene.halfspace, "preview_")
 
 
 class HALFSPACE_PT_sampling_viewport_denoise(EnginePanel, bpy.types.Panel):
@@ -183,10 +189,8 @@ class HALFSPACE_PT_sampling_render(EnginePanel, bpy.types.Panel):
     presets = "sampling"
 
     def draw(self, context: Any) -> None:
-        column = self.column()
         group = context.scene.halfspace
-        _samples(column, group)
-        column.prop(group, "time_limit")
+        _samples(self.column(moves=False), group).prop(group, "time_limit")
 
 
 class HALFSPACE_PT_sampling_denoise(EnginePanel, bpy.types.Panel):
@@ -294,11 +298,14 @@ class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
             wrapped(column, problem, icon="ERROR")
             return
         group = context.scene.halfspace
-        column.prop(group, "automatic")
+        # Next to a column of labels the check box would have no room for its own.
+        row = column.row()
+        row.use_property_split = False
+        row.prop(group, "automatic")
         if group.automatic:
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure.draw_choice(column, group)
-        wrapped(column, "Parameters: sidebar of the 3D view, tab Halfspace", icon="PREFERENCES")
+        wrapped(column, "More: sidebar (N)", icon="PREFERENCES")
         if (body := fold(column, "memory", "Memory")) is not None:
             body.prop(group, "instancing")
             structure.draw_top(body, context.scene)

@@ -259,8 +259,11 @@ def panes(planes: Planes, eye: F64 | None = None) -> Panes:
         weight[:] = 1.0
         weight[: len(planes) - planes.marked] = np.arange(len(planes) - planes.marked) % left_out(planes) == 0
     if planes.marked:
-        bare[-planes.marked :] = False
-        weight[-planes.marked :] = np.maximum(weight[-planes.marked :], 0.6)
+        # Keep the marked ones visible; of turned boxes the faces towards the viewer.
+        marked = np.arange(len(planes)) >= len(planes) - planes.marked
+        bare[marked & (planes.bodies < 0)] = False
+        strong = marked & ~bare
+        weight[strong] = np.maximum(weight[strong], 0.6)
     box = np.stack([planes.vertices.min(axis=0), planes.vertices.max(axis=0)]).astype(np.float64)
     directions = sight.whole(box, eye)
     behind = float(angles[~bare].sum()) / directions
@@ -309,7 +312,7 @@ def levels(
         if planes.body is not None:
             last = depth == planes.levels.stop - 1 and not planes.marked
             strength, wide = (opacity, 0.7 * width) if last else (PARENTS * opacity, 0.5 * width)
-        if planes.cuts is not None:
+        if planes.cuts is not None and len(planes.cuts.owner):
             strength *= BESIDE_CUTS
         if planes.across >= 0:
             sheet = min(1.0, SHEET / max(plain, 1))
@@ -320,7 +323,9 @@ def levels(
     # Draw the marked polygons over the others, and where planes cut the scene over all.
     if planes.marked:
         shape = Shape(planes.vertices, planes.offsets, tints, (opacity * seen.weight).astype(np.float32), ~seen.bare)
-        fill = CELL_FILL if planes.across >= 0 else MARKED_FILL if planes.body is None else TURNED_FILL
+        centre, rim = TURNED_FILL
+        turned = centre * seen.strength, rim * seen.strength
+        fill = CELL_FILL if planes.across >= 0 else MARKED_FILL if planes.body is None else turned
         wide = (0.4 if planes.across >= 0 else 0.8 if planes.body is None else 0.6) * width
         made.append(level(shape, np.arange(plain, len(planes)), int(planes.depth[-1]), max(wide, 1.0), fill))
     if planes.cuts is not None and len(planes.cuts.owner):

@@ -8,7 +8,6 @@ measured, here or by workers, and appended to it. One report is made of the jour
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from ...core.measure import benchmark, rows
 from ...core.measure.benchmark import Finished, Options, Row
 from ...core.report import results
 from ...core.scene.workload import Workload
+from ..base.progress import Progress
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
@@ -134,17 +134,17 @@ def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
     return [*([anchor] if anchor is not None and anchor not in wanted else []), *wanted]
 
 
-def here(native: Native, options: Options, say: Callable[[str], None]) -> Measurer:
-    """A measurer in this process, interleaved."""
+def here(native: Native, options: Options) -> Measurer:
+    """A measurer in this process, interleaved, which shows its progress."""
     machine = results.machine(native)
 
     def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:
-        told = 0.0
-        for event in benchmark.events(native, workload, beside(wanted, anchor), options, None, anchor):
-            if isinstance(event, Finished):
-                yield event.row, machine
-            elif time.monotonic() - told >= QUIET_SECONDS:
-                told = time.monotonic()
-                say(f"{workload.name}: {100 * event.done:3.0f} % {event.text}")
+        with Progress("bench", QUIET_SECONDS) as progress:
+            for event in benchmark.events(native, workload, beside(wanted, anchor), options, None, anchor):
+                if isinstance(event, Finished):
+                    progress.clear()
+                    yield event.row, machine
+                else:
+                    progress.show(f"{workload.name}: {100 * event.done:3.0f} % {event.text}", event.done)
 
     return measurer

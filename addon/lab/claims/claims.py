@@ -252,13 +252,16 @@ ROOM = 3 << 30
 
 
 class Lab:
-    """Builds, checks and times structures on one thread, and caches every measurement."""
+    """Builds, checks and times structures on one thread, and caches every measurement.
+
+    say: prints a line that stays. show: shows the step at hand, by default like say.
+    """
 
     def __init__(self, native: Native, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
         self.native = native
         self.scenes = scenes
         self.quick = quick
-        self.say = say
+        self.say = self.show = say
         self.repeats, self.builds = REPEATS[quick], BUILDS[quick]
         self._ids = {row["id"] for row in native.structures()}
         self._structures: dict[tuple[str, str], Any] = {}
@@ -339,7 +342,7 @@ class Lab:
         """
         wanted = [spec for spec in specs if (workload.name, spec, rays.name) not in self._timings]
         if wanted:
-            self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
+            self.show(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
         for spec in wanted:
             self.check(workload, spec, rays)
         self._used.update((workload.name, spec, rays.name) for spec in specs)
@@ -378,7 +381,7 @@ class Lab:
         kind = f"{rays.name}, walks"
         wanted = [spec for spec in specs if (workload.name, spec, kind) not in self._timings]
         if wanted:
-            self.say(f"{workload.name}: {kind}: {', '.join(wanted)}")
+            self.show(f"{workload.name}: {kind}: {', '.join(wanted)}")
         recordings, passes = {}, {}
         for spec in wanted:
             self.check(workload, spec, rays)
@@ -405,7 +408,7 @@ class Lab:
         """Median processor seconds of each build, on one thread, interleaved."""
         key = (workload.name, tuple(specs))
         if key not in self._builds:
-            self.say(f"{workload.name}: builds: {', '.join(specs)}")
+            self.show(f"{workload.name}: builds: {', '.join(specs)}")
             taken: dict[str, list[float]] = {spec: [] for spec in specs}
             begun, rounds = time.process_time(), 0
             while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS[self.quick]):
@@ -472,7 +475,7 @@ class Lab:
 def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
     """Measure claim by claim."""
     for claim in claims:
-        lab.say(f"{claim.paper}: {claim.id}")
+        lab.show(f"{claim.paper}: {claim.id}")
         lab.begin()
         begun = time.process_time()
         outcomes = tuple(claim.measure(lab))

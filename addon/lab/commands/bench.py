@@ -203,7 +203,7 @@ def run(asked: argparse.Namespace) -> int:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
         journal = None if asked.out is None else results.Journal(asked.out, shard.name)
-        measurer = sweep.here(module, options, say)
+        measurer = sweep.here(module, options)
         if asked.cluster is not None:
             measurer = stack.enter_context(cluster.measurer(asked.cluster, options, say))
         identity = [module.__version__, results.native_fingerprint(module), options.identity()]

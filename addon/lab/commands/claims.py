@@ -11,6 +11,7 @@ without error bounds; 2 bad usage; 130 stopped.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from ...core.base import command
 from ...core.report import results
 from ...core.scene import workload
 from ..base import levels
+from ..base.progress import Progress
 from ..base.usage import Parser, UsageError, output
 from ..bench import peers
 from ..claims import claims, document, statements
@@ -79,7 +81,8 @@ def run(asked: argparse.Namespace) -> int:
     if asked.out is not None:
         results.prepare_folder(asked.out)
     # Reuse or measure one claim after the other.
-    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
+    progress = Progress("claims")
+    lab = claims.Lab(module, quick=asked.quick, say=progress.say, scenes=workload.SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), module.level(), asked.quick]
@@ -91,7 +94,9 @@ def run(asked: argparse.Namespace) -> int:
         if entry is not None:
             result = kept(claim, entry.row)
         else:
-            (result,) = claims.measure(lab, [claim])
+            with progress:
+                lab.show = functools.partial(progress.show, done=place / len(chosen))
+                (result,) = claims.measure(lab, [claim])
             result = replace(result, machine=machine["name"])
             # A claim that could not be measured is tried again by the next run.
             if journal is not None and result.measured:

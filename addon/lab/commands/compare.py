@@ -52,6 +52,7 @@ from ...core.measure import curve, flip
 from ...core.report import results
 from ...core.structures import specs
 from ..base.places import OUT
+from ..base.progress import Progress
 from ..base.usage import Parser, UsageError, no_blender, output
 from ..bench import scenes
 
@@ -60,6 +61,9 @@ DIFFERENT = 1
 
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
+
+QUIET_SECONDS = 5.0
+"""Shortest interval in seconds between two lines of progress."""
 
 CROP = 320
 """Least pixels along a side of a magnified crop, if the crop has fewer."""
@@ -502,12 +506,15 @@ def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[st
     samples = -(-asked.samples // asked.runs)
     seconds = {"HALFSPACE": 0.0, "CYCLES": 0.0}
     linear: dict[str, list[Any]] = {"HALFSPACE": [], "CYCLES": []}
-    for seed in range(asked.seed, asked.seed + asked.runs):
-        for engine in seconds:
-            scene.render.engine = engine
-            begun = time.perf_counter()
-            linear[engine].append(_run(pictures, scene, seed))
-            seconds[engine] += time.perf_counter() - begun
+    with Progress("compare", QUIET_SECONDS) as progress:
+        for run in range(asked.runs):
+            for part, engine in enumerate(seconds):
+                done = (run + part / len(seconds)) / asked.runs
+                progress.show(f"{name}: {engine.lower()}, picture {run + 1} of {asked.runs}", done)
+                scene.render.engine = engine
+                begun = time.perf_counter()
+                linear[engine].append(_run(pictures, scene, asked.seed + run))
+                seconds[engine] += time.perf_counter() - begun
     found, shown = {}, {}
     for engine, taken in seconds.items():
         print(f"{engine}: {asked.runs} × {samples} samples in {taken:.1f} s", flush=True)

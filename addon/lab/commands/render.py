@@ -14,7 +14,7 @@ import contextlib
 import importlib.util
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,16 @@ from ...core.scene import grid
 from ...core.structures import specs
 from ...core.structures.settings import RenderSettings
 from ..base.places import OUT
+from ..base.progress import Progress
 from ..base.usage import NO_BLENDER, Parser, UsageError, output
 from ..bench import mesh_files, ray_files, scenes
 from ..pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """Largest values of Blender's own settings."""
+
+QUIET_SECONDS = 5.0
+"""Shortest interval in seconds between two lines of progress."""
 
 RECORDED = 1 << 16
 """Largest number of recorded rays of a kind: the most that the native module records."""
@@ -128,11 +132,10 @@ def render(asked: argparse.Namespace) -> int:
         opened.open_file(asked.file)
     # Apply the options and render.
     scene: Any = bpy.context.scene
-    bpy.app.handlers.render_stats.append(_Progress())
     _configure(scene, asked)
     if asked.record_rays is not None:
         reports.RECORD.keep(scene, RECORDED)
-    with picture_files.replacing(asked.out) as picture:
+    with picture_files.replacing(asked.out) as picture, _shown(bpy.app.handlers.render_stats):
         scene.render.filepath = str(picture)
         start = time.perf_counter()
         bpy.ops.render.render(write_still=True)
@@ -193,20 +196,37 @@ def _write_rays(asked: argparse.Namespace, kinds: Mapping[str, Mapping[str, Any]
     print(f"{asked.record_rays}: rays recorded of those traced: {told or 'none'}")
 
 
-class _Progress:
-    """Handler of Blender's `render_stats` that prints the engine's status line, at most once in SECONDS."""
+@contextlib.contextmanager
+def _shown(handlers: Any) -> Iterator[None]:
+    """Show the engine's status line and the time left. handlers: Blender's of `render_stats`."""
+    from ...blender.render import running
 
-    SECONDS = 5.0
+    with Progress("render", QUIET_SECONDS) as progress:
+        text, done = "", 0.0
 
-    def __init__(self) -> None:
-        self.last = time.monotonic()
-
-    def __call__(self, stats: Any, *_: Any) -> None:
-        if isinstance(stats, str) and time.monotonic() - self.last >= self.SECONDS:
-            self.last = time.monotonic()
+        def show() -> None:
             # Blender would print a traceback; the command reports a failed output at its end.
             with contextlib.suppress(command.OutputError):
-                print(f"[render] {stats}", flush=True)
+                progress.show(text, done)
+
+        def stated(stats: Any, *_: Any) -> None:
+            nonlocal text
+            if isinstance(stats, str):
+                text = stats
+                show()
+
+        def went_on(share: float) -> None:
+            nonlocal done
+            done = share
+            show()
+
+        handlers.append(stated)
+        running.watchers.append(went_on)
+        try:
+            yield
+        finally:
+            running.watchers.remove(went_on)
+            handlers.remove(stated)
 
 
 def _configure(scene: Any, asked: argparse.Namespace) -> None:

@@ -21,8 +21,8 @@ SAMPLES, SIZE = 16, (960, 600)
 TEXT_SHARE = 0.33
 """Share of the 3D view's width that the questions take."""
 
-CAMERA_ZOOM = 12.0
-"""Zoom of the camera's view: its frame takes most of the 3D view."""
+CAMERA_ZOOM, CAMERA_OFFSET = 6.0, 0.19
+"""Zoom and offset of the camera's view: its frame is next to the sidebar, in a window of 1280 × 720 pixels too."""
 
 
 def save(lesson: Lesson, folder: Path) -> Path:
@@ -78,13 +78,14 @@ def _arrange(questions: Any) -> None:
     view, left = (area for area in screen.areas if area.type == "VIEW_3D")
     left.ui_type = "TEXT_EDITOR"
     editor = left.spaces.active
-    editor.text, editor.show_word_wrap, editor.show_line_numbers = questions, True, False
+    editor.text, editor.show_word_wrap = questions, True
+    editor.show_line_numbers = editor.show_syntax_highlight = False
     # Show what the camera sees, without the helpers of modelling.
     space = view.spaces.active
     space.region_3d.view_perspective = "CAMERA"
-    space.region_3d.view_camera_zoom = CAMERA_ZOOM
-    space.show_region_ui = True
-    for helper in ("show_floor", "show_axis_x", "show_axis_y"):
+    space.region_3d.view_camera_zoom, space.region_3d.view_camera_offset = CAMERA_ZOOM, (CAMERA_OFFSET, 0.0)
+    space.show_region_ui, space.show_region_toolbar, space.show_gizmo = True, False, False
+    for helper in ("show_floor", "show_axis_x", "show_axis_y", "show_cursor", "show_extras"):
         setattr(space.overlay, helper, False)
     screen[sidebar.TAB] = True
     for area in screen.areas:

@@ -325,7 +325,7 @@ LESSONS: tuple[Lesson, ...] = (
             "In One Ray press Pick a Ray and point at a sphere; in Overlay press Beam.",
             "The cells near the camera are the brightest: all 64 rays of the tile visit them.",
         ),
-        depth=(1, 4),
+        depth=(1, 3),
     ),
     Lesson(
         "5-rounding",
@@ -360,7 +360,7 @@ LESSONS: tuple[Lesson, ...] = (
             "In Overlay set the depth from 1 to 1, then from 2 to 2. In Structure set Width to 2 and do it again.",
             "Boxes of siblings reach into each other: no box along the axes fits a turned bar.",
         ),
-        depth=(0, 2),
+        depth=(0, 1),
     ),
     Lesson(
         "7-error",
@@ -378,7 +378,7 @@ LESSONS: tuple[Lesson, ...] = (
             "Render properties: Samples 1, Noise Threshold and Denoise off, press F12; again with 16 samples.",
             "The noise falls to about a quarter.",
         ),
-        depth=(0, 2),
+        depth=(0, 1),
     ),
 )
 """All lessons, in their order."""

@@ -17,9 +17,10 @@ PICTURE = re.compile(r"^!\[([^\]]+)\]\(([^)]+)\)$", re.MULTILINE)
 
 STYLE = """\
 body { margin: 0; font: 2.6vw/1.35 sans-serif; }
-section { box-sizing: border-box; height: 100vh; padding: 4vh 5vw; break-after: page; overflow: hidden; }
-h1 { font-size: 1.5em; margin: 0 0 2vh; }
-img { display: block; max-width: 100%; max-height: 76vh; margin: auto; }
+section { box-sizing: border-box; height: 100vh; padding: 4vh 5vw; break-after: page; overflow: hidden;
+  display: flex; flex-direction: column; }
+h1 { font-size: 1.3em; margin: 0 0 2vh; }
+img { flex: 1; min-height: 0; width: 100%; object-fit: contain; }
 p, li { margin: 0 0 1.5vh; font-size: 0.75em; }
 @page { size: 297mm 167mm; margin: 0; }
 """

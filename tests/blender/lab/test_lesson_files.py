@@ -57,9 +57,11 @@ def _opens_on_its_lesson() -> None:
     assert 400 < editor.width < view.width
     assert editor.spaces.active.text == bpy.data.texts["Questions"]
     assert editor.spaces.active.show_word_wrap
+    assert not editor.spaces.active.show_syntax_highlight, "questions are no program"
     assert editor.spaces.active.text.current_line_index == 0
     assert view.spaces.active.region_3d.view_perspective == "CAMERA"
     assert view.spaces.active.show_region_ui
+    assert view.spaces.active.region_3d.view_camera_offset[0] > 0.1, "the scene is behind the sidebar"
     assert areas["PROPERTIES"].spaces.active.context == "RENDER"
     assert screen[sidebar.TAB]
 

@@ -25,12 +25,14 @@ from addon.blender.ui import (
     panels,
     pass_panels,
     sidebar,
+    texts,
 )
 from addon.core.base import native
+from addon.core.overlay import planes
 from addon.core.structures import catalogue, specs
 from addon.core.structures.presets import offered
 from tests.blender.layouts import Layout, draw, draw_all, draw_own
-from tests.blender.shapes import cube
+from tests.blender.shapes import cube, sphere
 
 PANELS = [
     *panels.CLASSES,
@@ -211,7 +213,8 @@ def test_structure_statistics_and_compare_are_drawn_once(scene: Any, engine: str
 @pytest.mark.parametrize(
     ("panel", "moves"),
     [
-        (panels.HALFSPACE_PT_sampling_render, True),
+        (panels.HALFSPACE_PT_sampling_render, False),  # as in Cycles
+        (panels.HALFSPACE_PT_sampling_advanced, True),
         (panels.HALFSPACE_PT_light_paths, True),
         (panels.HALFSPACE_PT_film, True),
         (data_panels.HALFSPACE_PT_light, True),
@@ -221,6 +224,46 @@ def test_structure_statistics_and_compare_are_drawn_once(scene: Any, engine: str
 )
 def test_settings_that_move_have_dots(scene: Any, panel: Any, *, moves: bool) -> None:
     assert draw_own(panel, SimpleNamespace(**context(scene))).use_property_decorate == moves
+
+
+@pytest.mark.parametrize("panel", [one for one in PANELS if one.bl_space_type == "PROPERTIES"])
+def test_buttons_are_not_cut_off_where_the_properties_are_narrow(scene: Any, panel: Any) -> None:
+    for button in draw_own(panel, SimpleNamespace(**context(scene))).operators:
+        room, name = button.id.split(".")
+        text = getattr(getattr(bpy.ops, room), name).get_rna_type().name if button.text is None else button.text
+        assert texts.wide(text) <= texts.NARROW - texts.MARGINS - texts.ICON, text
+
+
+def test_the_overlay_lists_kinds_once_there_is_a_structure_and_folds_its_look(scene: Any, add: Any) -> None:
+    where = {**context(scene), "area": None}
+    before = draw(overlay_panels.HALFSPACE_PT_view_overlay, **where)
+    assert not set(before) & set(planes.KINDS)
+    add("Ball", sphere(8))
+    scene.halfspace.overlay.auto_update = False
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    trees.last(scene).survey()
+    found = draw_own(overlay_panels.HALFSPACE_PT_view_overlay, SimpleNamespace(**where))
+    assert {"X", "Y", "Z"} & set(found.log)
+    assert found.parts == ["HALFSPACE_look"]
+
+
+def test_the_overlay_of_a_scene_without_planes_offers_one_with_planes(
+    scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add("Box", cube())
+    scene.halfspace.overlay.auto_update, scene.halfspace.overlay.show = False, True
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    tree = trees.last(scene)
+    tree.survey()
+    nothing = planes.choose(tree.structure, (0, 6), planes.KINDS, 10)
+    monkeypatch.setattr(overlay_panels.drawing, "shown", lambda *_: nothing)
+    where = SimpleNamespace(**context(scene), area=None)
+    assert "halfspace.showcase" in [
+        one.id for one in draw_own(overlay_panels.HALFSPACE_PT_view_overlay, where).operators
+    ]
+    assert bpy.ops.halfspace.showcase() == {"FINISHED"}
+    shown = next(one for one in bpy.data.scenes if one.name.startswith("Showcase"))
+    assert shown.halfspace.overlay.show
 
 
 def test_no_column_of_the_menu_of_structures_is_longer_than_the_screen() -> None:

@@ -70,7 +70,8 @@ def test_the_citation_follows_its_schema(tmp_path: Path) -> None:
     for broken in (False, True):
         path = tmp_path / f"{broken}.cff"
         path.write_text(text.replace("title:", "titel:") if broken else text, encoding="utf-8")
-        words = [sys.executable, "-c", "from cffconvert.cli.cli import cli; cli()", "--validate", "--infile", str(path)]
+        words = ["--builtin-schema", "vendor.citation-file-format", "--force-filetype", "yaml", str(path)]
+        words = [sys.executable, "-m", "check_jsonschema", *words]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert (done.returncode == 0) is not broken, done.stdout + done.stderr
 

@@ -238,6 +238,8 @@ def problems(document: Path, text: str) -> Iterator[str]:
         yield from found(body.strip().partition("\n")[0], lambda: check_fence(language, body))  # noqa: B023
     for code in INLINE.findall(prose(text)):
         yield from found(code, lambda: check_inline(code))  # noqa: B023
+    for line in re.findall(r"\n\n {1,3}(?! )(.+)", text):
+        yield f"{document.name}: {line[:40]}: the site ends a list before a part of it that is indented by less than 4"
     for target in LINK.findall(prose(text)):
         yield from found(target, lambda: check_link(document, target))  # noqa: B023
 
@@ -275,6 +277,7 @@ def test_statements_of_a_document_are_true(document: Path) -> None:
         ("See [this](no-such-page.md).", "does not exist"),
         ("See [this](docs/manual.md#no-such-heading).", "#no-such-heading"),
         ("See ![this](.pictures/no-such.jpg).", "does not exist"),
+        ("1. First\n\n   A part of it.\n", "indented by less"),
     ],
 )
 def test_finds_untrue_statements(text: str, words: str) -> None:

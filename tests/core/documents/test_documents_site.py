@@ -214,7 +214,7 @@ def test_pictures_that_are_missing_are_drawn_with_valid_options(
         documents_site.draw()
 
 
-def test_a_warning_of_mkdocs_ends_the_build(
+def test_a_warning_of_zensical_ends_the_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def stage(folder: Path, _: Path | None, _package: Path) -> None:
@@ -224,5 +224,6 @@ def test_a_warning_of_mkdocs_ends_the_build(
     monkeypatch.setattr(documents_site, "navigation", lambda _: ["index.md"])
     monkeypatch.setattr(documents_site.package_python, "stage", lambda folder: folder.mkdir())
     said = told(documents_site, ["--no-pictures", "--out", str(tmp_path / "out")], capsys)
-    assert said.startswith("documents_site: mkdocs: ")
-    assert "'gone.md', but the target is not found" in said
+    assert said.startswith("documents_site: Zensical: ")
+    assert "page does not exist" in said
+    assert "gone.md" in said

@@ -15,6 +15,7 @@ import pytest
 from addon.lab.lessons import lessons, slides
 from scripts import package_python
 from scripts.dev import environment
+from tests import browsers
 
 PAGES = environment.ROOT / "docs" / "lessons"
 NOTEBOOKS = sorted(PAGES.glob("*.ipynb"))
@@ -66,6 +67,17 @@ def test_slides_have_the_pictures_of_the_plan_and_all_questions(tmp_path: Path) 
     assert text.count("<li>") == sum(len(lesson.questions) for lesson in lessons.LESSONS)
     assert 'src="data:image/jpeg;base64,' in text
     assert "http" not in re.sub(r"base64,[^\"]*", "", text), "needs no network"
+
+
+def test_no_slide_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "slides.html"
+    slides.write(path)
+    with browsers.opened() as browser:
+        for width, height in ((1280, 720), (1024, 768)):
+            tab = browser.new_page(viewport={"width": width, "height": height})
+            tab.goto(path.as_uri())
+            cut = "[...document.querySelectorAll('section')].map(one => one.scrollHeight - one.clientHeight)"
+            assert max(tab.evaluate(cut)) <= 0
 
 
 @pytest.fixture(scope="module")

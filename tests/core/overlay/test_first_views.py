@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,9 @@ def test_too_many_triangles_are_not_cut(monkeypatch: pytest.MonkeyPatch) -> None
     chosen = planes.cut(planes.choose(native.build(*MESH, "kd"), (0, 3), planes.KINDS, 100), *MESH)
     assert chosen.cuts is not None
     assert not len(chosen.cuts.owner)
+    # Edges are fainter only next to such lines.
+    drawn, alone = (planes.levels(one, COLOURS, 1.0, 2.0) for one in (chosen, replace(chosen, cuts=None)))
+    assert [level.line_colours.tolist() for level in drawn] == [level.line_colours.tolist() for level in alone]
     assert legend.CUTS not in [entry.text for entry in legend.of_planes(chosen, COLOURS)]
 
 
@@ -103,8 +107,19 @@ def test_the_first_view_of_oriented_boxes_has_the_outermost_turned_ones() -> Non
     assert shown == min(5, len(outer))
     assert found.hidden == len(outer) - shown
     # The faces of each are closed: half of them is turned away from a viewer outside.
-    assert planes.panes(found, EYE).bare.any()
-    assert not planes.panes(found, EYE).bare.all()
+    alone = planes.panes(found, EYE)
+    assert alone.bare.any()
+    assert not alone.bare.all()
+    # Next to other boxes they have the surfaces and the fog of all.
+    base = planes.choose(structure, (1, 1), ("BOXES",), 1000)
+    both = planes.joined(base, found)
+    seen = planes.panes(both, EYE)
+    assert seen.bare[-both.marked :].tolist() == alone.bare.tolist()
+    clear, veiled = (
+        planes.levels(both, COLOURS, 1.0, 2.0, replace(seen, strength=strength))[-1].fill_colours[:, 3]
+        for strength in (1.0, 0.25)
+    )
+    assert veiled == pytest.approx(0.25 * clear)
     assert not depths.survey(native.build(*MESH, "bvh-sah")).turned
 
 
