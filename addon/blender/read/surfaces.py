@@ -35,6 +35,19 @@ MOST_CLOSURES = 8
 MOST_PRINCIPLED = 4
 """Limits of the native module on the closures of a material: in total, and of the kind principled."""
 
+OF_GLASS = 5
+"""Largest number of closures of a Principled BSDF that is a sheet of glass."""
+
+FOLDED: dict[str, Callable[..., float]] = {
+    "SUBTRACT": lambda a, b: a - b,
+    "DIVIDE": lambda a, b: a / b if b else 0.0,
+    "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+}
+"""Math of known numbers."""
+
+SHARPEST = 0.03
+"""Roughness below which a thin sheet of glass transmits sharply (chosen: its blur is below a thousandth)."""
+
 DEEPEST = 32
 """Largest depth of nested mixes."""
 
@@ -76,7 +89,7 @@ class Surface:
                 self._portal(source, weight)
             case kind if kind in SHADERS:
                 # Check this before reading its inputs, which may be long chains.
-                if self._has_room(principled=kind in PRINCIPLED):
+                if self.has_room(principled=kind in PRINCIPLED):
                     SHADERS[kind](self, source, weight)
             case kind:
                 self._unknown(kind, source, weight)
@@ -98,7 +111,7 @@ class Surface:
         if color is None or kind.startswith("ShaderNodeVolume"):
             raise Unsupported(node.node.bl_label)
         self.remark(f"{node.node.bl_label} (rendered as Diffuse BSDF)")
-        if self._has_room(principled=False):
+        if self.has_room(principled=False):
             self.add("diffuse", weight, node, color=self.color(node, color))
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
@@ -111,10 +124,10 @@ class Surface:
         else:
             factor = self.values.step("clamp", factor, 0.0, 1.0)
             rest = self.values.step("math", 1.0, factor, 0.0, kind="SUBTRACT")
-        self.read(first, self._times(weight, rest), depth + 1)
-        self.read(second, self._times(weight, factor), depth + 1)
+        self.read(first, self.times(weight, rest), depth + 1)
+        self.read(second, self.times(weight, factor), depth + 1)
 
-    def _times(self, a: Operand, b: Operand) -> Operand:
+    def times(self, a: Operand, b: Operand) -> Operand:
         """The product of two weights, without a step where it is known."""
         if isinstance(a, float) and isinstance(b, float):
             return a * b
@@ -123,6 +136,12 @@ class Surface:
         if is_constant(b, 1.0):
             return a
         return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
+
+    def number(self, kind: str, *args: Operand) -> Operand:
+        """The result of a Math node, without a step where it is known."""
+        if all(isinstance(one, float) for one in args):
+            return FOLDED[kind](*args)
+        return self.values.step("math", *args, *(0.0,) * (3 - len(args)), kind=kind)
 
     def color(self, node: Place, name: str = "Color") -> Operand:
         """A colour input: the viewport's colour if an unsupported node drives it, 0 if the node has no such input."""
@@ -158,7 +177,9 @@ class Surface:
         return total
 
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
-        """Append a closure. Needs a preceding `_has_room`."""
+        """Append a closure, unless its weight is 0. Needs a preceding `has_room`."""
+        if is_constant(weight, 0.0):
+            return
         normal = self.vector(node, "Normal")
         self.closures.append(Closure(kind, {"weight": weight, **inputs}, normal, multiscatter))
 
@@ -172,7 +193,7 @@ class Surface:
         self.values.layers.apart = True
 
     def add_facets(self, kind: str, weight: Operand, node: Place, **inputs: Operand) -> None:
-        """Append a closure with the node's distribution of facets. Needs a preceding `_has_room`."""
+        """Append a closure with the node's distribution of facets. Needs a preceding `has_room`."""
         multiscatter = node.node.distribution == "MULTI_GGX"
         self.add(kind, weight, node, multiscatter=multiscatter, **inputs)
         distribution = DISTRIBUTIONS.get(node.node.distribution, "ggx")
@@ -197,10 +218,10 @@ class Surface:
             return {}
         return {"film_thickness": thickness, "film_ior": self.values.input(node, "Thin Film IOR", 1.33)}
 
-    def _has_room(self, *, principled: bool) -> bool:
-        """Whether one more closure fits. Notes the limit otherwise."""
+    def has_room(self, count: int = 1, *, principled: bool) -> bool:
+        """Whether `count` more closures fit, one of them Principled. Notes the limit otherwise."""
         taken = sum(closure.kind == "principled" for closure in self.closures)
-        if len(self.closures) < MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
+        if len(self.closures) + count <= MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
             return True
         self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
         return False
@@ -219,9 +240,7 @@ class Surface:
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
-    thin = node.input("Thin Wall")
-    if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
-        surface.remark("Principled BSDF: Thin Wall")
+    thin = _is_thin(surface, node)
     # Convert the supported inputs.
     strength = values.input(node, "Emission Strength")
     dark = is_constant(strength, 0.0)
@@ -236,24 +255,36 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         more["sheen_roughness"] = values.input(node, "Sheen Roughness", 0.5)
         more["sheen_tint"] = values.input(node, "Sheen Tint", (1.0, 1.0, 1.0))
     below = values.input(node, "Subsurface Weight")
-    if not is_constant(below, 0.0):
+    if thin and not is_constant(below, 0.0):
+        # Light that scatters forward leaves on the other side.
+        ahead = surface.number("MULTIPLY_ADD", values.input(node, "Subsurface Anisotropy"), 0.5, 0.5)
+        more["translucency"] = surface.times(below, ahead)
+    elif not is_constant(below, 0.0):
         more["subsurface_weight"] = below
         for key in ("Radius", "Scale", "IOR", "Anisotropy"):
             more[f"subsurface_{key.lower()}"] = values.input(node, f"Subsurface {key}")
+    given: dict[str, Operand] = {}
+    if thin and not is_constant(values.input(node, "Transmission Weight"), 0.0):
+        weight, given = _with_thin_glass(surface, node, weight, 0.0 if dark else emission)
+        emission = 0.0 if given else emission
+
+    def own(key: str, name: str, absent: Operand = 0.0) -> Operand:
+        return given[key] if key in given else values.input(node, name, absent)
+
     surface.add(
         "principled",
         weight,
         node,
         multiscatter=node.node.distribution == "MULTI_GGX",
         color=surface.color(node, "Base Color"),
-        metallic=values.input(node, "Metallic"),
+        metallic=own("metallic", "Metallic"),
         roughness=values.input(node, "Roughness"),
         ior=values.input(node, "IOR"),
-        transmission=values.input(node, "Transmission Weight"),
+        transmission=own("transmission", "Transmission Weight"),
         specular=values.input(node, "Specular IOR Level"),
         specular_tint=values.input(node, "Specular Tint", (1.0, 1.0, 1.0)),
         emission=emission,
-        alpha=values.input(node, "Alpha", 1.0),
+        alpha=own("alpha", "Alpha", 1.0),
         coat_weight=values.input(node, "Coat Weight"),
         coat_roughness=values.input(node, "Coat Roughness"),
         coat_ior=values.input(node, "Coat IOR", 1.5),
@@ -263,6 +294,71 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     )
     if "subsurface_weight" in more:
         surface.walks(node, node.node.subsurface_method)
+
+
+def _is_thin(surface: Surface, node: Place) -> bool:
+    """Whether a Principled BSDF is a sheet without thickness."""
+    place = node.input("Thin Wall")
+    if place is None:
+        return False
+    socket = place.source().socket
+    if socket.is_output:
+        surface.remark("Principled BSDF: a Thin Wall that varies")
+        return False
+    return bool(socket.default_value)
+
+
+def _with_thin_glass(
+    surface: Surface, node: Place, weight: Operand, emission: Operand
+) -> tuple[Operand, dict[str, Operand]]:
+    """Add closures for the glass of a thin Principled BSDF, for its emission and its transparency. Returns the weight
+    of the rest, and its inputs that differ from the node's; those of the node if there is no room.
+    """
+    if not surface.has_room(OF_GLASS, principled=True):
+        return weight, {}
+    values, metallic = surface.values, surface.values.input(node, "Metallic")
+    alpha = values.input(node, "Alpha", 1.0)
+    whole, weight = weight, surface.times(weight, alpha)
+    surface.add("transparent", surface.times(whole, surface.number("SUBTRACT", 1.0, alpha)), node, color=1.0)
+    if not is_constant(emission, 0.0):
+        surface.add("emission", weight, node, emission=emission)
+    share = surface.times(surface.number("SUBTRACT", 1.0, metallic), values.input(node, "Transmission Weight"))
+    _thin_glass(surface, node, surface.times(weight, share))
+    left = surface.number("SUBTRACT", 1.0, share)
+    inputs = {"metallic": surface.number("DIVIDE", metallic, left), "transmission": 0.0, "alpha": 1.0}
+    return surface.times(weight, left), inputs
+
+
+def _thin_glass(surface: Surface, node: Place, weight: Operand) -> None:
+    """Add a sheet of glass without thickness, between whose sides light goes back and forth. As in Cycles: the sums of
+    the reflections by Fresnel's equations and of the absorption; light that passes goes straight on.
+    """
+    values = surface.values
+    roughness, ior = values.input(node, "Roughness"), values.input(node, "IOR", 1.5)
+    if not (isinstance(roughness, float) and roughness < SHARPEST):
+        surface.remark("Principled BSDF: rough transmission of a Thin Wall (rendered sharp)")
+
+    def math(kind: str, *args: Operand) -> Operand:
+        return values.step("math", *args, *(0.0,) * (3 - len(args)), kind=kind)
+
+    def vector(kind: str, *args: Operand) -> Operand:
+        return values.step("vector_math", *args, *(0.0,) * (3 - len(args)), kind=kind)
+
+    # The index is that of the glass on both sides, where Fresnel's node takes the reciprocal behind a surface.
+    side = math("MULTIPLY_ADD", values.coordinate("backfacing"), -2.0, 1.0)
+    reflected = values.step("fresnel", math("POWER", ior, side))
+    # The way through the sheet grows with the reciprocal of the cosine within the glass.
+    cosine = math("SUBTRACT", 1.0, values.step("layer_facing", 0.5))
+    sine = math("DIVIDE", math("SUBTRACT", 1.0, math("MULTIPLY", cosine, cosine)), math("MULTIPLY", ior, ior))
+    longer = math("INVERSE_SQRT", math("SUBTRACT", 1.0, sine))
+    tint = values.step("gamma", vector("MINIMUM", surface.color(node, "Base Color"), (1.0,) * 3), longer)
+    # Add up what leaves on either side.
+    once, entered = vector("MULTIPLY", tint, reflected), math("SUBTRACT", 1.0, reflected)
+    through = vector("MULTIPLY", tint, math("MULTIPLY", entered, entered))
+    passed = vector("DIVIDE", through, vector("SUBTRACT", (1.0,) * 3, vector("MULTIPLY", once, once)))
+    surface.add("transparent", weight, node, color=passed)
+    returned = vector("MULTIPLY_ADD", passed, once, reflected)
+    surface.add("glossy", weight, node, color=returned, roughness=roughness)
 
 
 def _subsurface(surface: Surface, node: Place, weight: Operand) -> None:

@@ -175,6 +175,46 @@ def test_shaders_are_those_of_cycles(lit: Any, family: dict[str, atlas.Maker]) -
     atlas.assert_alike(lit, family, samples=samples, bounces=BOUNCES, **limits)
 
 
+LEAVES = {
+    "leaf": shader("Principled", Thin_Wall=True, Subsurface_Weight=1.0, Base_Color=(0.3, 0.8, 0.2, 1)),
+    "forward": shader("Principled", Thin_Wall=True, Subsurface_Weight=0.7, Subsurface_Anisotropy=0.6),
+    "coated": shader("Principled", Thin_Wall=True, Subsurface_Weight=1.0, Coat_Weight=0.8, Coat_Roughness=0.4),
+    "plain": shader("Principled", Thin_Wall=True),
+}
+
+PANES = {
+    "clear": shader("Principled", Thin_Wall=True, Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1)),
+    "tinted": shader(
+        "Principled", Thin_Wall=True, Transmission_Weight=1.0, Roughness=0.0, Base_Color=(0.2, 0.9, 0.7, 1)
+    ),
+    "dense": shader("Principled", Thin_Wall=True, Transmission_Weight=1.0, Roughness=0.0, IOR=2.2),
+    "half": shader("Principled", Thin_Wall=True, Transmission_Weight=0.5, Roughness=0.0, Alpha=0.8),
+    "metal": shader("Principled", Thin_Wall=True, Transmission_Weight=0.6, Metallic=0.3, Roughness=0.02),
+}
+
+
+@pytest.mark.parametrize(("family", "bounces", "mean"), [(LEAVES, 1, 0.01), (PANES, 6, 0.02)], ids=["leaves", "panes"])
+def test_thin_walls_are_those_of_cycles(lit: Any, family: dict[str, atlas.Maker], bounces: int, mean: float) -> None:
+    if bpy.app.version < (5, 2):
+        pytest.skip("new in Blender 5.2")
+    atlas.sheet(lit, family, ball())
+    # Few paths meet suns in mirrors, which would hide all else in noise.
+    for item in lit.objects:
+        if item.type == "LIGHT" and family is PANES:
+            item.visible_glossy = item.visible_transmission = False
+    atlas.assert_alike(lit, family, samples=512, bounces=bounces, mean=mean)
+
+
+def test_rough_thin_glass_is_named(lit: Any) -> None:
+    if bpy.app.version < (5, 2):
+        pytest.skip("new in Blender 5.2")
+    family = {"frosted": shader("Principled", Thin_Wall=True, Transmission_Weight=1.0, Roughness=0.4)}
+    atlas.sheet(lit, family, ball())
+    atlas.configure(lit, 1, 0)
+    atlas.rendered(lit, family, "HALFSPACE")
+    assert any("rough transmission of a Thin Wall" in line for line in atlas.warnings(lit))
+
+
 def test_a_bump_changes_the_picture_and_a_flat_one_does_not(lit: Any) -> None:
     family = {
         "plain": shader("Diffuse"),

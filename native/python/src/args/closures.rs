@@ -82,6 +82,7 @@ const INPUTS: &[(&str, Input)] = &[
     ("melanin", Input::Melanin),
     ("redness", Input::Redness),
     ("absorption", Input::Absorption),
+    ("translucency", Input::Translucency),
 ];
 
 /// Reads the closures of a material.

@@ -2,6 +2,7 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
+use crate::material::bsdf::lobe::Shape;
 use crate::material::bsdf::rough::RoughDiffuse;
 use crate::material::bsdf::{
     Boundary, Bsdf, Facets, Interface, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals, Seat,
@@ -89,9 +90,6 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         // The weight of what is below shrinks from layer to layer.
         let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight), None);
         self.add_reflections(lobes, closure, weight, None);
-        if GLASS {
-            self.translucent += weight * lobes.translucent;
-        }
         if GLASS
             && let Some(transmitter) = &lobes.glass
             && (self.filter.refractions
@@ -179,9 +177,16 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         self.add_diffuse(lobes, weight, seat);
     }
 
-    /// Adds the diffuse base.
+    /// Adds the diffuse base, and what of it sends light to the other side.
     #[inline(always)]
     fn add_diffuse(&mut self, lobes: &Lobes, weight: Vec3, seat: Option<&Seat>) {
+        if GLASS && lobes.translucent != Vec3::ZERO {
+            let scale = weight * lobes.translucent;
+            match seat {
+                None => self.translucent += scale,
+                Some(seat) => self.push(seat.frame, Shape::Translucent, scale, scale.mean()),
+            }
+        }
         if LOBES > 0
             && lobes.subsurface != Vec3::ZERO
             && let Some(seat) = seat

@@ -44,10 +44,6 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
         }
         let weight = self.add_coat(lobes, closure, weight, Some(&coat_seat));
         self.add_reflections(lobes, closure, weight, Some(&seat));
-        if lobes.translucent != Vec3::ZERO {
-            let scale = weight * lobes.translucent;
-            self.push(seat.frame, Shape::Translucent, scale, scale.mean());
-        }
         if let Some(transmitter) = &lobes.glass
             && (self.filter.refractions
                 || (self.filter.reflections && transmitter.reflect.is_some()))
@@ -267,7 +263,7 @@ impl<const GLOSSY: bool, const GLASS: bool, const LOBES: usize> Bsdf<GLOSSY, GLA
     }
 
     /// Adds a lobe with this frame.
-    fn push(&mut self, frame: Frame, shape: Shape, scale: Vec3, p: f32) {
+    pub(super) fn push(&mut self, frame: Frame, shape: Shape, scale: Vec3, p: f32) {
         // Facets whose normal faces away from the viewer scatter nothing.
         let facets = matches!(
             shape,

@@ -61,7 +61,7 @@ pub struct Lobes {
     pub diffuse_roughness: f32,
     /// Colour of the diffuse base, for light that bounces more than once on it.
     pub diffuse_color: Vec3,
-    /// Albedo of light that is scattered diffusely to the other side.
+    /// Albedo of light that is scattered diffusely to the other side, without the reflection of the layer above it.
     pub translucent: Vec3,
     /// Albedo of what scatters light below the surface, without the reflection of the layer above it.
     pub subsurface: Vec3,
@@ -223,7 +223,9 @@ impl Inputs<'_> {
         }
         let below = self.share(Input::SubsurfaceWeight);
         let below = if below > CUTOFF { below } else { 0.0 };
-        lobes.diffuse = base * (rest * (1.0 - below));
+        let through = self.share(Input::Translucency);
+        lobes.diffuse = base * (rest * (1.0 - below) * (1.0 - through));
+        lobes.translucent = base * (rest * (1.0 - below) * through);
         lobes.subsurface = clamped * (rest * below);
         lobes.diffuse_roughness = self.diffuse_roughness();
     }

@@ -163,6 +163,7 @@ impl Closure {
     /// Whether the closure scatters light to the other side without a direction.
     pub fn is_translucent(&self) -> bool {
         self.kind == ClosureKind::Translucent
+            || (self.kind == ClosureKind::Principled && self.can_differ(Input::Translucency, 0.0))
     }
 
     /// Whether the closure can have a lobe that refracts.

@@ -123,6 +123,8 @@ pub enum Input {
     Redness,
     /// Absorption coefficient of hair, to which those of melanin and `Color` are added.
     Absorption,
+    /// Share of the diffuse base that sends light to the other side, 0..1.
+    Translucency,
 }
 
 /// Largest number of closures of a material; more are an error.
@@ -132,7 +134,7 @@ pub const MAX_CLOSURES: usize = 8;
 pub const MAX_PRINCIPLED: usize = 4;
 
 /// Number of inputs in [`Input`].
-pub const INPUTS: usize = 37;
+pub const INPUTS: usize = 38;
 
 /// Parameters of a closure.
 #[derive(Debug, Clone)]
