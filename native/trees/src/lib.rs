@@ -26,4 +26,5 @@ pub mod params;
 pub mod planes;
 pub mod refit;
 pub mod registry;
+pub mod runs;
 pub mod ways;
