@@ -152,7 +152,8 @@ def fastest(lab: Lab) -> Iterator[Outcome]:
                 f"{per_ray(far)}. Against the other octrees: {octrees}; against B.Box: {lacking or boxes}",
                 counters(times, [spec for spec in specs if structure_of(spec) in (BEAM, NET, BOX)]),
                 lab.error(workload, specs),
-                {name: timing.nanoseconds for name, timing in last.items()},
+                {name: timing.nanoseconds for name, timing in last.items()}
+                | {f"above, {name}": own[0].nanoseconds for name, own in far.items()},
                 (chart(workload, times),),
             )
 

@@ -94,6 +94,7 @@ def planes_ahead(lab: Lab) -> Iterator[Outcome]:
             for configuration, pair in PAIRS.items():
                 share = one.share(configuration)
                 planes, boxes = (one.found[spec].nanoseconds for spec in pair)
+                tests = [one.found[spec].counters["tests"] for spec in pair]
                 yield Outcome(
                     configuration,
                     share.below(),
@@ -101,7 +102,12 @@ def planes_ahead(lab: Lab) -> Iterator[Outcome]:
                     f"({planes:.0f} and {boxes:.0f} ns a ray)",
                     one.why(configuration),
                     lab.error(one.workload, pair),
-                    {"ratio": share.value, "depth": one.depth},
+                    {
+                        "ratio": share.value,
+                        "depth": one.depth,
+                        "tests": tests[0] / max(tests[1], 1e-9),
+                        "memory": one.bytes[pair[0]] / one.bytes[pair[1]],
+                    },
                 )
 
 

@@ -81,7 +81,10 @@ def kinds(lab: Lab) -> Iterator[Outcome]:
                 f"{workload.name} ({kind}): {own} takes {share.value:.2f} of the time of {other}",
                 f"per ray: {'; '.join(work)}",
                 lab.error(workload, [own, other]),
-                {"time": share.value},
+                {
+                    "time": share.value,
+                    "tests": found[own].counters["tests"] / max(found[other].counters["tests"], 1e-9),
+                },
             )
 
 

@@ -160,7 +160,7 @@ def resolutions(lab: Lab) -> Iterator[Outcome]:
                 f"{workload.name}: each further ray from 320×200 to 1280×1024: {text}",
                 counted(times[spec][-1]),
                 lab.error(workload, own),
-                {f"slope {each}": slopes[each] for each in own},
+                {f"slope {each}": slopes[each] for each in own} | {f"nodes {each}": nodes[each] for each in own},
                 (chart(workload, {each: times[each] for each in own}),),
             )
 

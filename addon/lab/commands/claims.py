@@ -2,7 +2,8 @@
 """The claims of papers about their structures, measured again on this machine.
 
 `halfspace claims [CLAIM ...] [options]` continues an earlier run with the same `--out`; `halfspace claims table --out
-DIR` writes DIR/statements.md, the statements of the sources with the verdicts kept there. Exit status: 0 every claim
+DIR` writes DIR/statements.md, the statements of the sources with the verdicts kept there, and with `--write` the tables
+of docs/papers.md; it lists the sentences there whose numbers are not among those measured. Exit status: 0 every claim
 was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
 without error bounds; 2 bad usage; 130 stopped.
 """
@@ -22,12 +23,15 @@ from ...core.scene import workload
 from ..base import levels
 from ..base.usage import Parser, UsageError, output
 from ..bench import peers
-from ..claims import claims, statements
+from ..claims import claims, document, statements
 from ..claims import report as claims_report
 from ..claims import table as claims_table
 
 if TYPE_CHECKING:
     from ...core.base.interface import Native
+
+PAGE = Path(__file__).parents[3] / "docs" / "papers.md"
+"""The document whose tables `table --write` replaces."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -43,6 +47,7 @@ def parser() -> argparse.ArgumentParser:
     )
     levels.add_option(made)
     add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
+    add("--write", action="store_true", help="with `table`: replace the tables of docs/papers.md")
     return made
 
 
@@ -58,7 +63,7 @@ def run(asked: argparse.Namespace) -> int:
         print("\n".join(f"{claim.id}: {claim.statement}" for claim in known.values()))
         return 0
     if asked.claims == ["table"]:
-        return write_table(asked.out)
+        return write_table(asked.out, PAGE if asked.write else None)
     unknown = [name for name in asked.claims if name not in known]
     if unknown:
         raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
@@ -94,15 +99,25 @@ def run(asked: argparse.Namespace) -> int:
     return 1 if any(result.wrong for result in found) else 0
 
 
-def write_table(folder: Path | None) -> int:
-    """Write the statements of the sources with the verdicts of the folder's claims. Raises UsageError, FolderError."""
+def write_table(folder: Path | None, page: Path | None = None) -> int:
+    """Write the statements of the sources with the verdicts of the folder's claims, and the tables of a page.
+
+    Raises UsageError, FolderError, and ValueError for marks of the page.
+    """
     if folder is None:
         raise UsageError("table: --out names the folder of the measured claims")
     kept_rows = (entry.row for entry in results.Journal(folder).entries.values() if "outcomes" in entry.row)
     latest = {row["outcomes"][0]["claim"]: row["outcomes"] for row in kept_rows if row["outcomes"]}
-    path = folder / "statements.md"
-    results.write(path, statements.table(outcome for outcomes in latest.values() for outcome in outcomes))
-    say(f"wrote {path}")
+    rows = [outcome for outcomes in latest.values() for outcome in outcomes]
+    files = {folder / "statements.md": statements.table(rows)}
+    if page is not None:
+        files[page] = document.written(page.read_text(encoding="utf-8"), rows)
+    results.write_all(files)
+    for path in files:
+        say(f"wrote {path}")
+    if page is not None:
+        for sentence in document.doubtful(files[page], rows):
+            say(f"not among the numbers measured: {sentence}")
     return 0
 
 

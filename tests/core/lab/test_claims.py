@@ -27,6 +27,7 @@ from addon.lab.claims import (
 )
 from addon.lab.claims import (
     claims,
+    document,
     published,
     statements,
 )
@@ -255,6 +256,64 @@ def test_the_table_has_the_verdicts_of_the_last_measurement(tmp_path: Path, caps
     assert "as published " in links
     assert "ours " in links
     assert sum(line.endswith(f"| {statements.UNMEASURED} |") for line in lines) > 20
+
+
+def outcome_row(claim: str, configuration: str, measured: str, **values: float) -> dict[str, Any]:
+    made = Outcome(configuration, HOLDS, measured, "per ray: 7 nodes", claims.Checked(("kd",), 96_000), values)
+    (row,) = claims.Result(Claim(claim, "paper", "says", lambda _: ()), (made,)).as_rows()
+    return row
+
+
+ROWS = [
+    outcome_row("a", "faithful", "hall, 400 triangles: 0.25 of it", ratio=0.25, long=1234.5),
+    outcome_row("a", "best", "hall (9 nodes): 31.5 of it", ratio=31.52, long=1234.5),
+    outcome_row("b", "best", "room: 3 of it", other=0.0012),
+]
+
+
+def test_the_tables_of_a_document_are_written_from_measured_claims() -> None:
+    def page(first: str, second: str) -> str:
+        return (
+            f"<!-- claims: a b; ours = ratio; long = lo; other = other; of = #count -->\n{first}{document.END}\n"
+            f"<!-- claims: b -->\n{second}{document.END}\n<!-- claims: c -->\nkept\n{document.END}\n"
+        )
+
+    assert document.written(page("old\n", "old\n"), ROWS) == page(
+        "| scene | ours | long | other | of |\n| --- | ---: | ---: | ---: | ---: |\n"
+        "| hall | 0.25 / 31.5 | 1,234 |  | 96,000 |\n| room |  |  | 0.001 | 96,000 |\n",
+        "| claim | | verdict | measured |\n| --- | --- | --- | --- |\n| `b` | ours | holds | room: 3 of it |\n",
+    )
+    assert "| `links-gain` |" in document.written(f"<!-- claims: statements -->\n{document.END}", ROWS)
+    with pytest.raises(ValueError, match="no outcome has a value of 'none'"):
+        document.written(f"<!-- claims: a; x = none -->\n{document.END}", ROWS)
+    with pytest.raises(ValueError, match="expected <!-- claims: end"):
+        document.written("<!-- claims: a -->\n", ROWS)
+
+
+def test_sentences_with_other_numbers_are_listed() -> None:
+    text = (
+        "It was 99.\n\n## One\nOf claim `a`, 2019: 0.25 of it. It was 7 nodes; it is 8 of 1,234. None of 96,000.\n"
+        "```sh\nrun 64\n```\n| 65 |\n<!-- claims: a -->\n66\n<!-- claims: end -->\n\n## Two\n67 of `a-b`.\n"
+    )
+    assert list(document.doubtful(text, ROWS)) == ["8: it is 8 of 1,234."]
+
+
+def test_the_tables_of_the_document_name_claims_that_exist(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = {claim.id for claim in claims_table.CLAIMS}
+    text = command.PAGE.read_text(encoding="utf-8")
+    named = {name for found in document.BLOCK.findall(text) for name in found[0].partition(";")[0].split()}
+    assert named - {document.STATEMENTS} <= known
+    page = tmp_path / "papers.md"
+    page.write_text("It is so.\n\n<!-- claims: links-gain -->\nstale\n<!-- claims: end -->\nIt is 12345.\n", "utf-8")
+    monkeypatch.setattr(command, "PAGE", page)
+    out = tmp_path / "out"
+    assert command.main(["links-gain", "--quick", "--out", str(out)]) == 0
+    assert command.main(["table", "--write", "--out", str(out)]) == 0
+    assert "| `links-gain` | as published |" in page.read_text("utf-8")
+    assert "stale" not in page.read_text("utf-8")
+    assert "not among the numbers measured: 12345: It is 12345." in capsys.readouterr().out
 
 
 def test_a_limit_within_the_noise_is_neither_kept_nor_missed() -> None:
