@@ -35,7 +35,7 @@ UNCLEAR = "within the noise"
 UNTESTED = "cannot be tested here"
 VERDICTS = (HOLDS, FAILS, UNCLEAR, UNTESTED)
 
-VERSION = 4
+VERSION = 5
 """Version of the measurements: increment when a claim measures or counts anything else; older results are then not
 reused.
 """
@@ -51,8 +51,10 @@ REPEATS = {True: 6, False: 9}
 BUILDS = {True: 3, False: 7}
 """Number of timed builds."""
 
-LEAST_PASSES, PASS_SECONDS = 3, 10
-"""Number of timed passes, and processor seconds, after which no further round of passes begins."""
+LEAST_PASSES, PASS_SECONDS = 3, {True: 4, False: 10}
+"""Number of timed passes, and processor seconds in a quick run (True) and a full one, after which no further round of
+passes begins.
+"""
 
 MARGIN = 0.03
 """Least half-width of the interval of a ratio of times (chosen): separate runs of the same pair differ by as much,
@@ -62,7 +64,7 @@ which the passes of one run do not show.
 COUNTED = 1 << 22
 """Rays that are counted at once: eight times what any kernel takes at once, so that they are cut as those timed."""
 
-BUILD_SECONDS = 60
+BUILD_SECONDS = {True: 20, False: 60}
 """Processor seconds after which no further round of builds begins: the slowest build takes minutes."""
 
 
@@ -347,7 +349,7 @@ class Lab:
                 seconds = self._ask(structure, rays)
                 if repeat:
                     taken[spec].append(seconds)
-            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS:
+            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS[self.quick]:
                 break
         for spec, structure in held.items():
             counters = self._count(structure, rays)
@@ -400,7 +402,7 @@ class Lab:
             self.say(f"{workload.name}: builds: {', '.join(specs)}")
             taken: dict[str, list[float]] = {spec: [] for spec in specs}
             begun, rounds = time.process_time(), 0
-            while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS):
+            while not rounds or (rounds < self.builds and time.process_time() - begun < BUILD_SECONDS[self.quick]):
                 for spec in specs:
                     taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
                 rounds += 1
