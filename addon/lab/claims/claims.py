@@ -382,9 +382,12 @@ class Lab:
             structure = self.build(workload, spec)
             recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
             passes[spec] = [recordings[spec].replay()]
-        for _ in range(self.repeats):
+        begun = time.process_time()
+        for repeat in range(self.repeats):
             for spec in wanted:
                 passes[spec].append(recordings[spec].replay())
+            if repeat >= LEAST_PASSES and time.process_time() - begun > PASS_SECONDS[self.quick]:
+                break
         self._used.update((workload.name, spec, rays.name) for spec in specs)
         for spec in wanted:
             counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}

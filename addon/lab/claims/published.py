@@ -2,7 +2,8 @@
 """The published form of each structure: what a configuration needs to stand in a row labelled *faithful*.
 
 A number that a source leaves open is not required here. Triangles are tested one after another (`leaves=scalar`) by
-single rays. Packets and polygons of rays have no such leaves: they test one triangle against eight of their rays.
+single rays. Packets and polygons of rays have no such leaves, they test one triangle against eight of their rays; nor
+have oriented boxes.
 """
 
 from __future__ import annotations

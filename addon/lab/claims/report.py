@@ -67,10 +67,11 @@ def method(*, quick: bool) -> str:
     return (
         f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time, "
         f"or of {LEAST_PASSES} and more that begin within {PASS_SECONDS[quick]} seconds. "
-        f"Traversals alone: the shortest of {repeats + 1} passes for each chunk of rays, in wall-clock time, summed. "
-        f"Builds: the median of {BUILDS[quick]}, or of those that begin within {BUILD_SECONDS[quick]} seconds, in processor "
-        "time; the number of builds is given with each. A ratio of times is within the noise of its limit if the limit "
-        f"lies in the 95 % interval of the median over the passes, or within {MARGIN:.0%} of the ratio."
+        f"Traversals alone: the shortest of at most {repeats + 1} passes for each chunk of rays, in wall-clock time, "
+        "summed. "
+        f"Builds: the median of {BUILDS[quick]}, or of those that begin within {BUILD_SECONDS[quick]} seconds, in "
+        "processor time; the number of builds is given with each. A ratio of times is within the noise of its limit if "
+        f"the limit lies in the 95 % interval of the median over the passes, or within {MARGIN:.0%} of the ratio."
     )
 
 

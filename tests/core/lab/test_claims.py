@@ -356,7 +356,7 @@ def test_the_page_says_what_its_numbers_are(tmp_path: Path, monkeypatch: pytest.
         command.save(tmp_path, halfspace_native, found, quick=quick)
         page = (tmp_path / "claims.html").read_text()
         assert f"Rays: the median of {count} passes" in page
-        assert f"the shortest of {count + 1} passes for each chunk of rays, in wall-clock time, summed" in page
+        assert f"the shortest of at most {count + 1} passes for each chunk of rays, in wall-clock time, summed" in page
         assert f"Builds: the median of {count}, or of those that begin within {20 if quick else 60} seconds" in page
 
 
