@@ -39,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them, `table` see above")
-    add("--quick", action="store_true", help="three repeats instead of seven")
+    add("--quick", action="store_true", help="fewer repeats, smaller pictures, fewer scenes")
     add(
         "--peers",
         metavar="NAME[,NAME...]",
