@@ -48,10 +48,12 @@ def octree(name: str, configuration: str) -> str:
     return joined(name, CONFIGURATIONS[configuration])
 
 
-def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:
-    """Each structure's times, from the paper's smallest picture to its largest."""
+def sweep(
+    lab: Lab, workload: Workload, specs: Sequence[str], sizes: Sequence[tuple[int, int]] = ()
+) -> dict[str, list[Timing]]:
+    """Each structure's times, from the paper's smallest picture to its largest. sizes: pictures (default: all)."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
-    for size in paper_scenes.RESOLUTIONS:
+    for size in sizes or paper_scenes.RESOLUTIONS:
         make = partial(paper_scenes.camera_rays, workload, size)
         rays = lab.rays(workload, "{}x{}".format(*size), make)
         for spec, timing in lab.seconds(workload, specs, rays).items():

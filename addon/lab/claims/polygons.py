@@ -143,12 +143,14 @@ def counted(timing: Timing) -> str:
 
 
 def resolutions(lab: Lab) -> Iterator[Outcome]:
-    """Time against the number of rays, for pictures of all sizes."""
+    """Time against the number of rays, for pictures of all sizes or, in a quick run, of three."""
+    every = paper_scenes.RESOLUTIONS
+    sizes = list(dict.fromkeys((every[0], every[len(every) // 2], every[-1]))) if lab.quick else list(every)
     chosen = {name: [spec, NETS[name], SAMETS[name]] for name, spec in BEAMS.items()}
     if not lab.lacks(beams.BOX):
         chosen = {name: [*own, beams.BOXES[name]] for name, own in chosen.items()}
     for workload in workloads(lab):
-        times = beams.sweep(lab, workload, list(itertools.chain(*chosen.values())))
+        times = beams.sweep(lab, workload, list(itertools.chain(*chosen.values())), sizes)
         slopes = {spec: slope((t.rays, t.seconds) for t in own) * 1e9 for spec, own in times.items()}
         nodes = {spec: further(own[0], own[-1])[0] for spec, own in times.items()}
         for configuration, own in chosen.items():
