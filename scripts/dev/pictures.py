@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures of the documentation, from real runs: `python -m scripts.dev.pictures [--out DIR] [--width PIXELS]`.
 
-Writes planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a
-tile of rays, costs.png with the steps of two structures on one scale, and front.png with a render next to its planes.
-With --readme it writes only those of README.md and docs/, as small .jpg. Needs Blender 5.2 or newer, which draws
-without a window. Exit status: 0 done; 2 something failed; 130 stopped. Failures are reported in one line.
+Writes planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport first shows them, beam-ID.png
+of a tile of rays, costs.png with the steps of two structures on one scale, and front.png with a render next to its
+planes. With --readme it writes only those of README.md and docs/, as small .jpg. Needs Blender 5.2 or newer, which
+draws without a window. Exit status: 0 done; 2 something failed; 130 stopped. Failures are reported in one line.
 """
 
 from __future__ import annotations
@@ -23,10 +23,8 @@ from scripts.dev import overlay_picture
 
 ROOT = Path(__file__).resolve().parents[2]
 
-STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
-"""The levels at which a structure's planes have the size of the scene's objects, by structure; one structure for each
-kind of split.
-"""
+STRUCTURES = ("kd", "bsp-wn-plus-kd", "bvh-sah", "octree-net")
+"""One structure for each kind of split."""
 
 BEAM = "octree-beam"
 """The structure of the picture of a tile of rays."""
@@ -36,9 +34,6 @@ README = ROOT / ".pictures"
 
 SHOWN = ("planes-bsp-wn-plus-kd", "planes-octree-net", "leaves-kd", f"beam-{BEAM}")
 """Pictures of README.md and docs/, apart from the costs and the front picture."""
-
-LINES = {"octree-net": ("--style", "OUTLINE")}
-"""Extra options for structures whose filled planes would hide everything."""
 
 BESIDE = ("kd", "bsp-wn-plus-kd")
 """The structures whose costs are compared."""
@@ -83,9 +78,9 @@ def run(asked: argparse.Namespace) -> int:
     size = ["--size", f"{width}x{width * 9 // 16}"]
     # List the pictures with their options.
     jobs: dict[str, list[str]] = {}
-    for structure, depth in STRUCTURES.items():
+    for structure in STRUCTURES:
         common = ["--structure", structure]
-        jobs[f"planes-{structure}"] = [*common, "--depth", depth, *LINES.get(structure, ())]
+        jobs[f"planes-{structure}"] = common
         jobs[f"leaves-{structure}"] = [*common, "--show", "cells", "--least", "8"]
         jobs[f"ray-{structure}"] = [*common, "--show", "ray", "--ray", *RAY]
     beam = ["--structure", BEAM, "--show", "beam", "--pixel", "0.006"]

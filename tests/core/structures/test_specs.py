@@ -97,7 +97,7 @@ NAMED = {
     "benchmark.BASES": benchmark.BASES,
     **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
     "growth.SPECS": growth.SPECS,
-    "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.LINES, *pictures.BESIDE],
+    "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.BESIDE],
     "compare --structure": [compare.parser().get_default("structure")],
     "overlay_picture --structure": [overlay_picture.parser().get_default("structure")],
 }
