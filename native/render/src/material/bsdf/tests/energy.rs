@@ -52,6 +52,28 @@ fn a_tint_of_reflections_gains_nothing_at_high_indices_and_roughness() {
 }
 
 #[test]
+fn translucency_keeps_the_light_of_the_base() {
+    let lit =
+        |more: &[(Input, f32)], cos| albedo(&node(ClosureKind::Principled, 0.5, more), cos, false);
+    for more in [
+        &[][..],
+        &[(Input::CoatWeight, 1.0)],
+        &[(Input::SheenWeight, 0.5)],
+    ] {
+        for cos in [0.2, 1.0] {
+            let plain = lit(more, cos);
+            for share in [0.4, 1.0] {
+                let through = lit(&[more, &[(Input::Translucency, share)]].concat(), cos);
+                assert!(
+                    (through - plain).abs() < 0.01,
+                    "{more:?} {share} {cos}: {through} {plain}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn a_coat_lets_through_what_it_does_not_reflect() {
     // A white coat over a black base: light from below passes in the share that is not reflected.
     for (roughness, ior) in [(0.0, 1.5), (0.3, 1.5), (0.7, 2.0)] {
