@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import halfspace_native
     import numpy as np
     from halfspace_native import (
+        BeamPath,
         Case,
         Hits,
         Instances,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     __all__ = [
         "AnyStructure",
+        "BeamPath",
         "BuildOptions",
         "Case",
         "HitArrays",

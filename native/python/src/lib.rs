@@ -4,6 +4,7 @@
 
 mod analysis;
 mod args;
+mod beam_path;
 mod cases;
 mod errors;
 mod evaluation;
