@@ -7,7 +7,7 @@ Long calls release the GIL. Results do not depend on the caller's floating-point
 rounding), which is restored after each call; RuntimeError where it cannot be set.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
@@ -178,6 +178,16 @@ def free_memory() -> int:
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""
+
+def count_events(function: Callable[[], object], names: Sequence[str]) -> dict[str, float]:
+    """Counts events while a function runs, on the calling thread and on those that it starts meanwhile.
+
+    function: called without arguments; its result is dropped. names: of "cache_misses" and "cache_references" (of the
+    last cache), "instructions", "page_faults", "task_clock" (nanoseconds). Returns the number of each, without the
+    system's own work; where events share a counter of the processor, an estimate from its part of the time. Raises
+    ValueError for other names; OSError, with one sentence, where the system does not count an event, as on all systems
+    but Linux.
+    """
 
 def effective(spec: str) -> dict[str, int | float | str | None]:
     """Each parameter of a configuration's structure with its effective value, or None where it has no effect.
