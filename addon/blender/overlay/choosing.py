@@ -9,7 +9,7 @@ from typing import Any
 
 from ...core.base.arrays import F64
 from ...core.inspector import node_view, replay_view
-from ...core.overlay import beams, cells, layers, legend, planes, turned
+from ...core.overlay import beams, cells, layers, legend, planes, polygons, turned
 from ...core.overlay.depths import First
 from ...core.overlay.legend import Entry
 from ...core.tree.table import TreeError
@@ -74,7 +74,7 @@ def choose(tree: trees.Tree, part: str, by: tuple[Any, ...]) -> Any:
         return None if ray is None else ray.path(tree)
     if part == "BEAM":
         ray, spacing = by
-        return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
+        return None if ray is None else ray.beam(tree, spacing)
     shown, kinds, most, are_cut = by
     found = _planes(tree, shown, kinds, most)
     return planes.cut(found, tree.vertices, tree.triangles) if are_cut else found
@@ -111,7 +111,8 @@ def levels(
     if part == "NODE":
         return node_view.levels(chosen, opacity, width)
     if part == "BEAM":
-        return beams.levels(chosen, opacity, width)
+        kind = polygons if isinstance(chosen, polygons.PolygonBeam) else beams
+        return kind.levels(chosen, opacity, width)
     if part == "RAY":
         tree, step = trees.last(scene), replaying.step(scene)
         found = replaying.replay(scene, tree, chosen) if step is not None and tree is not None else None
@@ -131,6 +132,8 @@ def legend_entries(part: str, shown: Any, tints: Any) -> list[Entry]:
         return legend.of_cells(int(shown.count.min()), int(shown.count.max())) if len(shown) else []
     if part == "NODE":
         return legend.of_node(node_view.NODE_RGB, len(shown.children), len(shown.corners))
+    if isinstance(shown, polygons.PolygonBeam):
+        return legend.of_polygons(shown)
     return legend.of_ray() if part == "RAY" else legend.of_beam()
 
 

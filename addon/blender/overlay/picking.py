@@ -13,7 +13,7 @@ from bpy.props import FloatProperty, FloatVectorProperty
 from bpy_extras import view3d_utils
 
 from ...core.base import native
-from ...core.overlay import beams, cells
+from ...core.overlay import beams, cells, polygons
 from ..session import building, trees
 from ..state import Slot
 
@@ -42,10 +42,18 @@ class Ray:
         """Its traversal of a tree."""
         return cells.follow(tree.structure, *self.within(tree.origin), self.t_max, any_hit=self.any_hit)
 
-    def tile(self, origin: Any, spacing: float) -> tuple[Any, Any]:
-        """The rays of a tile around it in that frame, `spacing` pixels apart."""
+    def tile(self, origin: Any, spacing: float, side: int = beams.SIDE) -> tuple[Any, Any]:
+        """The rays of a tile around it in that frame, 8 of them `spacing` pixels apart, or `side` in their place."""
         place, direction = (np.array(part, np.float64) for part in self.within(origin))
-        return beams.tile(place, direction, np.array(self.up), spacing * self.pixel, parallel=self.parallel)
+        spacing *= self.pixel
+        return beams.tile(place, direction, np.array(self.up), spacing, parallel=self.parallel, side=side)
+
+    def beam(self, tree: trees.Tree, spacing: float) -> beams.Beam | polygons.PolygonBeam:
+        """The tile's traversal of a tree, as beams of polygons where camera rays go as such."""
+        if not polygons.traces(tree.structure):
+            return beams.follow(tree.structure, *self.tile(tree.origin, spacing))
+        rays = self.tile(tree.origin, spacing, polygons.SIDE)
+        return polygons.follow(tree.structure, *rays, tree.vertices, tree.triangles)
 
 
 POLL_SECONDS = 0.2

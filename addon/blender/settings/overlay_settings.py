@@ -68,7 +68,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
             ("PLANES", "Planes", "The planes that split space, each cut to its cell", 1),
             ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
             ("RAY", "Ray", "The path of the picked ray: its cells in order, planes and triangles", 4),
-            ("BEAM", "Beam", "The tile of 64 rays around it: the leaves they visit, the brighter the more rays do", 8),
+            ("BEAM", "Beam", "The tile of rays around it: its leaves, or its polygons in each cell of an octree", 8),
             ("NODE", "Node", "The node selected in the inspector, with its children and their triangles", 16),
         ],
         options={"ENUM_FLAG"},

@@ -7,13 +7,14 @@ Other modules import them from here under TYPE_CHECKING. The last line lets a ty
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
 
 if TYPE_CHECKING:
     import halfspace_native
     import numpy as np
     from halfspace_native import (
+        BeamPath,
         Case,
         Hits,
         Instances,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     __all__ = [
         "AnyStructure",
+        "BeamPath",
         "BuildOptions",
         "Case",
         "HitArrays",
@@ -136,6 +138,7 @@ class Native(Protocol):
     def use_level(self, level: str) -> None: ...
     def free_memory(self) -> int: ...
     def structures(self) -> list[StructureRow]: ...
+    def count_events(self, function: Callable[[], object], names: Sequence[str]) -> dict[str, float]: ...
     def effective(self, spec: str) -> dict[str, int | float | str | None]: ...
     def options(self, spec: str) -> dict[str, list[str]]: ...
     def idle(self, spec: str) -> list[tuple[str, str]]: ...

@@ -18,7 +18,7 @@ from ..base.native import FAILURES, first_line
 from ..scene import rays
 from ..scene.workload import Workload
 from ..structures import specs
-from . import accuracy, costmap, counting, first, peak, picture_times, rows, timing, yardstick
+from . import accuracy, costmap, counting, first, peak, picture_times, processor, rows, timing, yardstick
 from .accuracy import Answers
 from .analysis import field
 from .inference import LEAST_ROUNDS
@@ -254,6 +254,7 @@ class _Run:
         for rays_of_set in self._prepared.ray_sets:
             steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
             yield from map(self._step, steps)
+        yield from self._count_events(sound)
         yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
         yield from self._first_pictures(sound)
         ours = [candidate for candidate in sound if not yardstick.is_foreign(candidate.spec)]
@@ -277,6 +278,15 @@ class _Run:
                 yield self._step(f"{candidate.spec}: building again")
                 if candidate.build_seconds[0] <= most:
                     candidate.build_seconds.append(self._build(candidate.spec)[1])
+
+    def _count_events(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Count cache misses and instructions of one more pass over each set, where the system does."""
+        if processor.refusal(self._native) is not None:
+            return
+        for candidate in candidates:
+            yield Progress(self._done(), f"{candidate.spec}: counting cache misses")
+            for name, some in candidate.timed.items():
+                candidate.events[name] = processor.per_ray(self._native, candidate, some, self._options.threads)
 
     def _first_pictures(self, group: Sequence[Candidate]) -> Iterator[Event]:
         for view in (one for one in self._prepared.ray_sets if one.name == "primary"):

@@ -41,6 +41,7 @@ class RayColumns(TypedDict):
     times_embree_95: its 95 % interval. rounds, anchor_rounds: million rays per second of the configuration and of the
     anchor, one per round. noise: relative. steps, steps_axis, steps_oblique, steps_boxes,
     tests: means per ray. hits: share of rays that hit. cases: mean counts of the cases of TA-B.
+    events: means per ray of `processor.NAMES`, absent where the system does not count them.
     """
 
     n: int
@@ -58,6 +59,7 @@ class RayColumns(TypedDict):
     cases: NotRequired[dict[str, float]]
     times_embree_95: NotRequired[list[float]]
     counts_timed_walk: NotRequired[bool]
+    events: NotRequired[dict[str, float]]
 
 
 class Way(TypedDict):
@@ -137,7 +139,7 @@ Bound = Literal["min", "med", "max"]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "times_embree_95"),
-    *("rounds", "anchor_rounds", "noise"),
+    *("rounds", "anchor_rounds", "noise", "events"),
     *("seconds", "seconds_with_build", "first_s", "render_s", "image_s", "image", "map", "machine", "round_id"),
     # How many pictures there are depends on the time that they take.
     *("anchor", "scaling", "too_slow", "ns", "peer", "portrait", "curve", "independent", "converged"),
@@ -153,7 +155,9 @@ NOT_OF_ALL = {"tradeoff", "field", "converged", "peer", "portrait", "layout"}
 """Columns that only complete rows have."""
 
 OF_RAYS = tuple(
-    name for name in RayColumns.__annotations__ if name not in ("cases", "counts_timed_walk", "times_embree_95")
+    name
+    for name in RayColumns.__annotations__
+    if name not in ("cases", "counts_timed_walk", "events", "times_embree_95")
 )
 """Columns of every row for each ray set."""
 

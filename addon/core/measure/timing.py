@@ -68,6 +68,7 @@ class Candidate:
     errors: dict[str, Errors] = field(default_factory=dict)
     checked: dict[str, float] = field(default_factory=dict)
     counted: dict[str, dict[str, float]] = field(default_factory=dict)
+    events: dict[str, dict[str, float]] = field(default_factory=dict)
     timed: dict[str, RaySet] = field(default_factory=dict)
     seconds: dict[str, list[float]] = field(default_factory=dict)
     control: dict[str, list[float]] = field(default_factory=dict)
@@ -222,6 +223,8 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
     cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
     if cases:
         found["cases"] = cases
+    if candidate.events.get(name):
+        found["events"] = candidate.events[name]
     if len(some):
         rates = candidate.mrays(name)
         found["mrays_s"] = rows.spread(rates)

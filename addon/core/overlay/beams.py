@@ -31,11 +31,11 @@ SIDE_FILL = (0.10, 0.16)
 """Opacity of the beam's sides at their centre and at their rim, relative to that of its edges."""
 
 
-def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool) -> tuple[F64, F64]:
-    """Origins and directions, (64, 3) each, of the tile around a ray, in row-major order.
+def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool, side: int = SIDE) -> tuple[F64, F64]:
+    """Origins and directions, (side², 3) each, of the tile around a ray, in row-major order.
 
-    spacing: distance between neighbours, of directions scaled to length one from one origin, or of origins if
-    `parallel`.
+    spacing: distance between neighbours of the 8 along each side, of directions scaled to length one from one
+    origin, or of origins if `parallel`. side: number of rays along each side, which fill the same tile.
     """
     # Build an orthonormal frame around the ray; `up` parallel to it is replaced by the least aligned axis.
     forward = direction / np.linalg.norm(direction)
@@ -44,7 +44,7 @@ def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool
         right = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
     right /= np.linalg.norm(right)
     # Place the rays on a centred grid in the plane across the ray.
-    steps = spacing * (np.arange(SIDE) - (SIDE - 1) / 2)
+    steps = spacing * np.linspace(-(SIDE - 1) / 2, (SIDE - 1) / 2, side)
     across = steps[None, :, None] * right + steps[:, None, None] * np.cross(right, forward)
     across = across.reshape(-1, 3)
     if parallel:

@@ -253,9 +253,13 @@ def ends(path: Path) -> tuple[float, float]:
     return 0.0, path.t if np.isfinite(path.t) else last * 1.05
 
 
-def _ray(path: Path, opacity: float, width: float) -> Level:
-    start, end = ends(path)
-    line = np.array([path.origin + t * path.direction for t in (start, end)], np.float32)
+def segments(lines: F64, opacity: float, width: float) -> Level:
+    """A level of (n, 2, 3) lines in the colour of rays."""
     nothing = np.zeros((0, 3), np.float32)
-    colour = np.tile(np.array([*RAY_RGB, opacity], np.float32), (2, 1))
-    return Level(0, 1.2 * width, line, colour, nothing, np.zeros((0, 4), np.float32))
+    colour = np.tile(np.array([*RAY_RGB, opacity], np.float32), (2 * len(lines), 1))
+    return Level(0, width, lines.reshape(-1, 3).astype(np.float32), colour, nothing, np.zeros((0, 4), np.float32))
+
+
+def _ray(path: Path, opacity: float, width: float) -> Level:
+    line = np.array([path.origin + t * path.direction for t in ends(path)])
+    return segments(line[None], opacity, 1.2 * width)

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..base import colours
 from ..base.arrays import I32
-from . import cells, planes
+from . import cells, planes, polygons
 from .planes import Planes
+from .polygons import PolygonBeam
 
 LABELS = {
     "X": "plane across X",
@@ -111,6 +112,23 @@ def of_node(rgb: Sequence[float], children: int, triangles: int) -> list[Entry]:
 def of_beam() -> list[Entry]:
     """The tile of rays."""
     return [Entry(_ramp(), "leaves, brighter where more rays of the beam visit them")]
+
+
+ACTIONS = {
+    polygons.HANDED_ON: "beam handed on whole to the next cell",
+    polygons.CLIPPED: "clipped by the cell's faces",
+    polygons.SPLIT: "split among smaller cells",
+    polygons.ENDED: "ended: every ray has hit",
+    polygons.SINGLES: "goes on as single rays",
+    polygons.LEFT: "leaves the tree",
+}
+"""What becomes of a beam in words."""
+
+
+def of_polygons(shown: PolygonBeam) -> list[Entry]:
+    """Beams of polygons, by what becomes of them."""
+    entries = [Entry((polygons.RGB[action],), text) for action, text in ACTIONS.items() if shown.count(action)]
+    return [*entries, *([Entry((cells.TESTED_RGB,), "cell with triangles")] if shown.path["tested"].any() else [])]
 
 
 def _ramp() -> tuple[tuple[float, ...], ...]:

@@ -92,7 +92,7 @@ def as_html(
                 parts.append(f"<h3>{safe(tables.TITLES[table])}</h3>")
                 sets = set_names(like)
                 best = {(row, f"rays/{name}/mrays_s/med") for row, name in tables.best(like, sets)}
-                parts.append(_table(_columns(sets), like, target, NOTE, best))
+                parts.append(_table(_columns(like, sets), like, target, NOTE, best))
         parts.append(_left_out(own))
         parts += [_figure(picture) for picture in pictures if not picture.leads]
         parts += [_statistics(own, target), "</section>"]
@@ -175,14 +175,21 @@ not; Embree is the yardstick and takes no part. ±: half the 95 % interval of a 
 percent of it; a number without it has fewer than six rounds."""
 
 
+EVENTS = (
+    ("misses", "cache_misses", "misses of the last cache per ray, counted by the processor"),
+    ("instr.", "instructions", "instructions per ray, counted by the processor"),
+)
+"""Title, key and meaning of the columns of each ray set that the processor counts."""
+
+
 def _per_triangle(row: Row, key: Literal["bytes", "peak_bytes"]) -> float | None:
     """Bytes of a row per triangle of its scene; None where they were not measured."""
     size = row[key]
     return None if size is None or not row["triangles"] else size / row["triangles"]
 
 
-def _columns(sets: Sequence[str]) -> list[Column]:
-    """The columns of times and errors."""
+def _columns(rows: Sequence[Row], sets: Sequence[str]) -> list[Column]:
+    """The columns of times and errors, and those of the processor's counters if rows have any."""
     image = "the build, and a picture of 1024 × 1024 pixels with 16 samples, predicted from smaller ones, seconds"
     peak, each = (f"peak of a build in a process of its own, {unit}" for unit in ("megabytes", "bytes per triangle"))
     columns = [
@@ -197,6 +204,8 @@ def _columns(sets: Sequence[str]) -> list[Column]:
         at, speed = f"rays/{name}", "million rays per second, median of the rounds"
         columns.append(Column("Mray/s", name, speed, f"{at}/mrays_s/med", 3))
         columns.append(Column("×Emb", name, "times Embree's speed in the same rounds, median", f"{at}/times_embree", 2))
+        counted = (Column(title, name, meaning, f"{at}/events/{key}", 2) for title, key, meaning in EVENTS)
+        columns += [column for column in counted if any(column.value(row) is not None for row in rows)]
     columns += [Column(title, "errors", meaning, f"errors/{key}") for key, (title, meaning) in ERRORS.items()]
     return [*columns, Column("rays", "errors", "compared with the reference, one by one", "errors/rays")]
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.base import command, interrupt, native
 from ...core.base.native import first_line
-from ...core.measure import benchmark, curve, inference, offsets, preparation, two_level, yardstick
+from ...core.measure import benchmark, curve, inference, offsets, preparation, processor, two_level, yardstick
 from ...core.measure.rows import agrees_moved
 from ...core.report import report, results, tables
 from ...core.scene import rays, workload
@@ -218,7 +218,7 @@ def run(asked: argparse.Namespace) -> int:
                 print(f"bench: {first_line(error)}", file=sys.stderr)
                 todo.fail(number, scene, error)
                 continue
-            for note in notes(loaded, options):
+            for note in notes(loaded, options, module):
                 say(f"{scene}: {note}")
             try:
                 own = todo.run(number, loaded, measurer, say)
@@ -280,13 +280,15 @@ def foreign(asked: argparse.Namespace) -> list[str]:
     return chosen
 
 
-def notes(loaded: workload.Workload, options: benchmark.Options) -> list[str]:
+def notes(loaded: workload.Workload, options: benchmark.Options, module: Native) -> list[str]:
     """Notes on a scene before it is measured."""
     count, most = preparation.compared(loaded, options), options.check_rays
     told = [f"{count:,} rays per set compared, not {most:,}, to end sooner"] if count < most and options.sets else []
     own, largest = preparation.compared_own(loaded, options), max(map(len, loaded.extra), default=0)
     if own < largest:
         told.append(f"{own:,} of {largest:,} rays of each of its own sets compared, to end sooner")
+    if (refusal := processor.refusal(module)) is not None:
+        told.append(refusal)
     return [*loaded.notes, *told]
 
 

@@ -74,6 +74,10 @@ pub trait Form: Copy {
 
     /// The distance from its own origin at which a sorted ray has crossed these planes.
     fn enter(&self, rays: &Sorted, i: usize, near: [Ahead; 3]) -> f32;
+
+    /// The point, in offsets, where a ray at the point `p`, `q` of the plane of polygons crosses the plane across an axis
+    /// with this offset; for drawing.
+    fn crossing(&self, place: [f64; 2], axis: usize, offset: f64) -> [f64; 3];
 }
 
 /// Rays from one point, in the frame. Points of the plane of polygons are directions whose components `[p, q, 1 - p -
@@ -188,6 +192,11 @@ impl Form for Eye {
             }
         }
         enter
+    }
+
+    fn crossing(&self, [p, q]: [f64; 2], axis: usize, offset: f64) -> [f64; 3] {
+        let m = [p, q, 1.0 - p - q];
+        m.map(|speed| speed * (offset / m[axis]))
     }
 }
 
@@ -428,5 +437,12 @@ impl Form for Parallel {
             }
         }
         ((enter - self.origin_of(rays, i)) / self.scale) as f32
+    }
+
+    fn crossing(&self, [p, q]: [f64; 2], axis: usize, offset: f64) -> [f64; 3] {
+        let (mut r, m) = ([0.0; 3], self.speeds.map(f64::from));
+        (r[self.axes[0]], r[self.axes[1]]) = (p, q);
+        let t = (offset - r[axis]) / m[axis];
+        std::array::from_fn(|k| r[k] + t * m[k])
     }
 }

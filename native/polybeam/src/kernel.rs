@@ -4,6 +4,7 @@
 
 use crate::form::{Eye, Form, Parallel};
 use crate::rays::{Given, Sorted};
+use crate::recorder::Recorder;
 use crate::shadow::Reversal;
 use crate::source::{Source, common};
 use crate::traversal::{SINGLE, Scratch, Traversal};
@@ -11,6 +12,7 @@ use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::octree_nodes::Octree;
+use halfspace_ray::beam_path::BeamPath;
 use halfspace_ray::query::{Any, Closest, Count, Counters, NoCount, Query};
 use halfspace_ray::{Hit, Ray, RayCounters, RayRef, RaySlice};
 use halfspace_single::octants::net::Links;
@@ -69,6 +71,13 @@ struct Seen<'a> {
     source: Source,
     /// The rays; those of a point light reversed.
     rays: Rays<'a>,
+}
+
+/// What the traversal of a batch writes, with one entry per ray, and the record of its beams.
+struct Output<'a, C> {
+    hits: &'a mut [Hit],
+    counters: &'a mut [C],
+    recorder: Option<&'a mut Recorder>,
 }
 
 /// Rays of a batch, or their copies.
@@ -149,13 +158,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
 
     /// Traces the rays with one instruction set and the given counters.
     #[inline(always)]
-    fn run<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        batch: &Batch<'_>,
-        hits: &mut [Hit],
-        counters: &mut [C],
-    ) {
+    fn run<S: Simd, C: Counters>(&self, simd: S, batch: &Batch<'_>, mut output: Output<'_, C>) {
         let mut rest: Vec<u32> = (0..).take(batch.rays.len()).collect();
         for _ in 0..SOURCES {
             if rest.len() < self.least as usize || batch.is_cancelled() {
@@ -175,14 +178,14 @@ impl<Q: Beamed> PolygonBeams<Q> {
                     let given = Given::from_point(frame, rays, &rest, o);
                     // A light is given in the frame.
                     let eye = Eye(if Q::ANY { o } else { frame.point(o) });
-                    self.traverse(simd, batch, hits, counters, eye, given)
+                    self.traverse(simd, batch, &mut output, eye, given)
                 }
                 Source::Direction(d) => {
                     let Some(form) = Parallel::new(&self.tree, frame, d, Q::ANY) else {
                         break;
                     };
                     let given = Given::along(frame, rays, &rest, &form, d);
-                    self.traverse(simd, batch, hits, counters, form, given)
+                    self.traverse(simd, batch, &mut output, form, given)
                 }
             };
             if left.len() == rest.len() {
@@ -190,7 +193,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
             }
             rest = left;
         }
-        self.trace_singly(simd, batch, hits, counters, &rest);
+        self.trace_singly(simd, batch, &mut output, &rest);
     }
 
     /// Traces rays with a form, and returns the others.
@@ -199,8 +202,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
         &self,
         simd: S,
         batch: &Batch<'_>,
-        hits: &mut [Hit],
-        counters: &mut [C],
+        output: &mut Output<'_, C>,
         form: F,
         given: Given,
     ) -> Vec<u32> {
@@ -215,11 +217,12 @@ impl<Q: Beamed> PolygonBeams<Q> {
                 frame: batch.frame,
                 rays: batch.rays,
             },
-            answers: hits,
-            counters,
+            answers: output.hits,
+            counters: output.counters,
             sorted,
             scratch: Scratch::default(),
             monitor: batch.monitor,
+            recorder: output.recorder.as_deref_mut(),
         };
         traversal.run(simd, form);
         left
@@ -231,8 +234,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
         &self,
         simd: S,
         batch: &Batch<'_>,
-        hits: &mut [Hit],
-        counters: &mut [C],
+        output: &mut Output<'_, C>,
         rest: &[u32],
     ) {
         let single = NeighbourTraversal(&self.tree, Links);
@@ -241,7 +243,7 @@ impl<Q: Beamed> PolygonBeams<Q> {
             if batch.is_cancelled() {
                 return;
             }
-            let (id, count) = (id as usize, &mut counters[id as usize]);
+            let (id, count) = (id as usize, &mut output.counters[id as usize]);
             let ray = &batch.rays[id];
             count.case(|| SINGLE);
             // Rays without a direction or with a number that is not finite hit nothing.
@@ -250,8 +252,26 @@ impl<Q: Beamed> PolygonBeams<Q> {
             };
             let ray = RayRef { ray, frame };
             let mut best = single.cast::<S, Q, C>(simd, self.job(batch), ray, &mut entries, count);
-            hits[id] = best.answer(ray);
+            output.hits[id] = best.answer(ray);
         }
+    }
+
+    /// Traces the rays and counts their work; out of line, so that one compiled traversal serves counting and recording.
+    #[inline(never)]
+    fn count_hits(
+        &self,
+        batch: &Batch<'_>,
+        hits: &mut [Hit],
+        counters: &mut [RayCounters],
+        recorder: Option<&mut Recorder>,
+    ) {
+        let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
+        let output = Output {
+            hits,
+            counters: &mut counters,
+            recorder,
+        };
+        baseline!(simd => self.run(simd, batch, output));
     }
 
     /// The triangles that the rays are tested against.
@@ -279,15 +299,20 @@ impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
         }
         let mut none = vec![NoCount; batch.rays.len()];
         Q::answered(answers, |hits| {
+            let output = Output {
+                hits,
+                counters: &mut none,
+                recorder: None,
+            };
             #[cfg(target_arch = "x86_64")]
             if let Some(simd) = batch.level.as_avx2() {
                 simd.vectorize(
                     #[inline(always)]
-                    || self.run(simd, batch, hits, &mut none),
+                    || self.run(simd, batch, output),
                 );
             }
             #[cfg(not(target_arch = "x86_64"))]
-            fearless_simd::dispatch!(batch.level, simd => self.run(simd, batch, hits, &mut none));
+            fearless_simd::dispatch!(batch.level, simd => self.run(simd, batch, output));
         });
     }
 
@@ -297,11 +322,19 @@ impl<Q: Beamed> Kernel<Q> for PolygonBeams<Q> {
         answers: &mut [Q::Answer],
         counters: &mut [RayCounters],
     ) -> bool {
-        let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
-        Q::answered(answers, |hits| {
-            baseline!(simd => self.run(simd, batch, hits, &mut counters));
-        });
+        Q::answered(answers, |hits| self.count_hits(batch, hits, counters, None));
         true
+    }
+
+    fn record_beams(
+        &self,
+        batch: &Batch<'_>,
+        hits: &mut [Hit],
+        counters: &mut [RayCounters],
+    ) -> Option<BeamPath> {
+        let mut recorder = Recorder::default();
+        self.count_hits(batch, hits, counters, Some(&mut recorder));
+        Some(recorder.path)
     }
 
     fn counts(&self) -> bool {

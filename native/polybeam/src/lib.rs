@@ -22,6 +22,7 @@ mod line;
 mod polygon;
 mod raster;
 mod rays;
+mod recorder;
 mod shadow;
 mod source;
 #[cfg(test)]

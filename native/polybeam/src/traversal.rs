@@ -8,10 +8,12 @@ use crate::beam::{Beam, Entry, Position, Sides};
 use crate::form::Form;
 use crate::line::{Ahead, Line};
 use crate::rays::{Group, Sorted};
+use crate::recorder::Recorder;
 use fearless_simd::Simd;
 use halfspace_base::Monitor;
 use halfspace_leaf::Job;
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
+use halfspace_ray::beam_path::BeamAction;
 use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{Hit, RaySlice};
 use halfspace_single::octants::step::Grid;
@@ -59,6 +61,8 @@ pub struct Traversal<'a, F: Form, Q, C> {
     pub scratch: Scratch<F::Triangle>,
     /// Cancels the traversal.
     pub monitor: Option<&'a Monitor>,
+    /// Records the beams, where rays are counted.
+    pub recorder: Option<&'a mut Recorder>,
 }
 
 /// Memory that beams use one after another.
@@ -133,6 +137,29 @@ impl<F: Form> Octant<F> {
         }
     }
 
+    /// The coordinate of the plane with this number, moved as [`Self::ahead`] moves it.
+    pub fn place(&self, axis: usize, number: u32) -> f64 {
+        let outwards = f64::from(number == self.grid.size) - f64::from(number == 0);
+        let outwards = outwards * f64::from(self.unit * self.sign(axis));
+        f64::from(self.grid.plane(axis, number)) + outwards
+    }
+
+    /// The point, in the frame, where a ray at a point of the plane of polygons crosses the plane across an axis at this
+    /// coordinate; for drawing.
+    pub fn point(&self, place: [f64; 2], axis: usize, plane: f64) -> [f64; 3] {
+        let (middle, scale) = (self.form.middle(), self.form.scale());
+        let sign = |k: usize| f64::from(self.sign(k));
+        let offset = (plane - middle[axis]) * sign(axis) * scale;
+        let crossing = self.form.crossing(place, axis, offset);
+        std::array::from_fn(|k| {
+            if k == axis {
+                plane
+            } else {
+                middle[k] + sign(k) * crossing[k] / scale
+            }
+        })
+    }
+
     /// The planes of the corner `number`.
     #[inline(always)]
     pub fn planes(&self, number: [u32; 3]) -> [Ahead; 3] {
@@ -151,8 +178,10 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
         let groups = std::mem::take(&mut self.sorted.groups);
         for group in &groups {
             let mut octant = Octant::new(self.tree, group.signs, form);
+            self.record_begin();
             self.begin(&mut octant, group);
             while let Some(beam) = self.scratch.stack.pop() {
+                self.record_pop();
                 if self.monitor.is_some_and(Monitor::is_cancelled) {
                     return;
                 }
@@ -215,6 +244,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
     #[inline(always)]
     fn push(&mut self, beam: Beam) {
         self.counters[beam.payer as usize].case(|| BEAM);
+        self.record_push();
         self.scratch.stack.push(beam);
     }
 
@@ -223,7 +253,9 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
     fn visit<S: Simd>(&mut self, simd: S, octant: &Octant<F>, group: &Group, mut beam: Beam) {
         loop {
             let node = self.tree.node(beam.node);
+            self.record_visit(octant, group, node, &beam);
             if beam.unbounded {
+                self.record_action(BeamAction::Singles);
                 self.scan(group, &beam);
                 self.go_on_singly(simd, octant, node, &beam);
                 return;
@@ -231,6 +263,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
             if node.is_inner() {
                 self.count_visit(octant, group, &mut beam, |counters| counters.step_boxes());
                 if !self.descend(octant, node, &mut beam) {
+                    self.record_action(BeamAction::Ended);
                     return;
                 }
                 continue;
@@ -251,24 +284,29 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                     found = self.count_own(simd, octant, &mut beam);
                 }
                 if found == 0 {
+                    self.record_action(BeamAction::Ended);
                     return;
                 }
                 if found < self.least as usize {
+                    self.record_action(BeamAction::Singles);
                     self.go_on_singly(simd, octant, node, &beam);
                     return;
                 }
                 if leaf.count != 0 {
+                    self.record_test();
                     let open = self.test(simd, octant, node, &mut beam);
                     if open == 0 {
+                        self.record_action(BeamAction::Ended);
                         return;
                     }
                     if open < self.least {
+                        self.record_action(BeamAction::Singles);
                         self.go_on_singly(simd, octant, node, &beam);
                         return;
                     }
                 }
             }
-            if !self.leave(octant, node, &mut beam) {
+            if !self.leave(octant, group, node, &mut beam) {
                 return;
             }
         }
@@ -276,9 +314,17 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
 
     /// Finds the ranges of rays that contain those of a beam; returns their number.
     #[inline(always)]
-    fn scan(&mut self, group: &Group, beam: &Beam) -> usize {
+    pub fn scan(&mut self, group: &Group, beam: &Beam) -> usize {
         let Scratch { edges, spans, .. } = &mut self.scratch;
         group.raster.scan(&beam.polygon, edges, spans)
+    }
+
+    /// Whether the sorted ray `i`, found by a scan, belongs to a beam and is open.
+    #[inline(always)]
+    pub fn is_open(&self, octant: &Octant<F>, beam: &Beam, i: usize) -> bool {
+        let way = self.sorted.way(i);
+        let mut sides = beam.sides.all().iter();
+        sides.all(|side| side.holds(&octant.form, way)) && self.sorted.reach[i] != f32::NEG_INFINITY
     }
 
     /// Counts a visit: for the first open ray of the beam, and as joined for the others.
@@ -296,12 +342,9 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
         let mut paid = false;
         let mut count = Some(count);
         self.scan(group, beam);
-        for i in self.scratch.spans.iter().flat_map(Clone::clone) {
-            let at = i as usize;
-            let way = self.sorted.way(at);
-            let mut sides = beam.sides.all().iter();
-            let own = sides.all(|side| side.holds(&octant.form, way));
-            if !own || self.sorted.reach[at] == f32::NEG_INFINITY {
+        let spans = std::mem::take(&mut self.scratch.spans);
+        for at in spans.iter().flat_map(Clone::clone).map(|i| i as usize) {
+            if !self.is_open(octant, beam, at) {
                 continue;
             }
             let id = self.sorted.ids[at];
@@ -315,6 +358,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                 count(&mut self.counters[id as usize]);
             }
         }
+        self.scratch.spans = spans;
         // A beam without rays is paid for by its last one.
         if let Some(count) = count.take() {
             let payer = &mut self.counters[beam.payer as usize];
@@ -343,6 +387,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                 }
             }
             beam.node = node.children() + (child ^ grid.signs);
+            self.record_action(BeamAction::HandedOn);
             return true;
         };
         // Compare with both mid planes across the face, and push all parts but the last.
@@ -372,6 +417,11 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                 }
             }
         }
+        self.record_action(if count > 1 {
+            BeamAction::Split
+        } else {
+            BeamAction::HandedOn
+        });
         let mut kept = false;
         for (part, child) in parts.into_iter().take(count) {
             let Some(mut part) = part else {
@@ -393,7 +443,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
     /// Takes a beam through the far faces of its leaf to the neighbours behind them; keeps one part in `beam`. Returns
     /// `false` if no part is left.
     #[inline(always)]
-    fn leave(&mut self, octant: &Octant<F>, node: Node, beam: &mut Beam) -> bool {
+    fn leave(&mut self, octant: &Octant<F>, group: &Group, node: Node, beam: &mut Beam) -> bool {
         let grid = &octant.grid;
         let edge = grid.edge(node);
         let next = beam.low.map(|x| x + edge);
@@ -401,10 +451,15 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
         // Compare the three pairs of faces: which one comes first.
         let pairs = [(0, 1), (0, 2), (1, 2)];
         let order = pairs.map(|(x, y)| beam.compare(&octant.form, planes[x], planes[y]));
+        let across = order.contains(&Position::Across);
+        self.record_action(if across {
+            BeamAction::Clipped
+        } else {
+            BeamAction::HandedOn
+        });
         let whole = *beam;
         let mut kept = false;
         for axis in 0..3 {
-            let across = order.contains(&Position::Across);
             let mut part = Some(if across { whole.split() } else { whole });
             for ((x, y), order) in pairs.into_iter().zip(order) {
                 if x != axis && y != axis {
@@ -425,6 +480,7 @@ impl<F: Form, Q: Query, C: Counters> Traversal<'_, F, Q, C> {
                 continue;
             };
             if !self.cross(octant, node, axis, &mut part) {
+                self.record_exit(octant, group, node, &part, axis);
                 continue;
             }
             if kept {

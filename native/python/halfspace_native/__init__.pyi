@@ -7,7 +7,7 @@ Long calls release the GIL. Results do not depend on the caller's floating-point
 rounding), which is restored after each call; RuntimeError where it cannot be set.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
@@ -179,6 +179,16 @@ def free_memory() -> int:
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in display order."""
 
+def count_events(function: Callable[[], object], names: Sequence[str]) -> dict[str, float]:
+    """Counts events while a function runs, on the calling thread and on those that it starts meanwhile.
+
+    function: called without arguments; its result is dropped. names: of "cache_misses" and "cache_references" (of the
+    last cache), "instructions", "page_faults", "task_clock" (nanoseconds). Returns the number of each, without the
+    system's own work; where events share a counter of the processor, an estimate from its part of the time. Raises
+    ValueError for other names; OSError, with one sentence, where the system does not count an event, as on all systems
+    but Linux.
+    """
+
 def effective(spec: str) -> dict[str, int | float | str | None]:
     """Each parameter of a configuration's structure with its effective value, or None where it has no effect.
 
@@ -316,6 +326,37 @@ class RayPath(TypedDict):
     """As in Hits, for this ray."""
     visits: Visits
     crossings: Crossings
+
+class BeamPath(TypedDict):
+    """The way of beams of polygons; one row per step, a beam in a node, in the order of the traversal. Scene frame."""
+
+    hits: Hits
+    """Those of the rays, with their counters."""
+    parent: npt.NDArray[np.int32]
+    """(s,), step that the beam comes from; -1 = it begins."""
+    node: npt.NDArray[np.int32]
+    """(s,), number of the node; of a beam that leaves the root the leaf that it comes from."""
+    level: npt.NDArray[np.int32]
+    """(s,), 0 for the root."""
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    """(s, 3), box of the node. Beams see the faces of the root one smallest cell farther out."""
+    face: npt.NDArray[np.int32]
+    """(s,), face of the node through which the beam enters it, or leaves the root: 2 axis + side, 0 lower or 1 upper;
+    -1 = the beam begins inside."""
+    action: npt.NDArray[np.int32]
+    """(s,): 0 ended, no ray is left; 1 turned into single rays; 2 handed on whole to one child or one neighbour; 3
+    clipped by the faces of a leaf, and handed on to the neighbours behind them; 4 split among the children of an inner
+    node; 5 left the root."""
+    tested: npt.NDArray[np.bool_]
+    """(s,), whether the rays were tested against the triangles of a leaf."""
+    vertices: npt.NDArray[np.float64]
+    offsets: npt.NDArray[np.int64]
+    """(s + 1,), where the polygon of each step, the beam's section in its face, begins in `vertices`. It contains the
+    rays but for rounding; its corners lie in the face."""
+    rays: npt.NDArray[np.int32]
+    ray_offsets: npt.NDArray[np.int64]
+    """(s + 1,), where the rays of each step that have not ended begin in `rays`."""
 
 class Analysis(TypedDict):
     """Statistics of a tree, computed on demand; a function of the tree alone.
@@ -639,6 +680,25 @@ class Structure:
         origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
         any_hit: the path of a ray of occluded(), to the hit that ends it. monitor: to cancel it. Raises NonFiniteError,
         Cancelled.
+        """
+
+    def trace_beam(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        any_hit: bool = False,
+        monitor: Monitor | None = None,
+    ) -> BeamPath:
+        """Traces rays that go together as beams of polygons, and records the way of the beams through the octree.
+
+        origins, directions, t_min, t_max: as for closest(), at most 524,288 rays; those of a common origin, or of a
+        common direction, go together. any_hit: rays of occluded(), whose beams begin at their light. monitor: to cancel
+        it. A step is a beam in a node. The rays of a step that need another node are divided among the steps that come
+        from it. Raises SpecError unless the structure is an "octree-beam" with traversal=polygon, for any_hit also
+        shadow=beam; ShapeError, NonFiniteError, Cancelled.
         """
 
 class Recording:

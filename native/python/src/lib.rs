@@ -4,9 +4,11 @@
 
 mod analysis;
 mod args;
+mod beam_path;
 mod cases;
 mod errors;
 mod evaluation;
+mod events;
 mod float_mode;
 mod hits;
 mod inspection;
@@ -56,6 +58,7 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cases::register(module)?;
     errors::register(module)?;
     evaluation::register(module)?;
+    events::register(module)?;
     instances::register(module)?;
     monitor::register(module)?;
     proximity::register(module)?;

@@ -14,7 +14,7 @@ use crate::proximity::{self, LazySurface, NearestPoints};
 use crate::recording::Recording;
 use crate::selective::{self, MaskArrays};
 use crate::trace::{self, CountedTracer};
-use crate::{analysis, inspection, ray_path};
+use crate::{analysis, beam_path, inspection, ray_path};
 use halfspace_base::error::{Error, caught};
 use halfspace_inspect::validate;
 use halfspace_nearest::Surface;
@@ -436,6 +436,30 @@ impl Structure {
             t_max,
         };
         ray_path::path(py, &self.0, &ray, any_hit, &monitor::given(monitor))
+    }
+    /// Traces rays that go together as beams of polygons, and records the way of the beams through the octree.
+    ///
+    /// origins, directions, t_min, t_max: as for closest(), at most 524,288 rays; those of a common origin, or of a common
+    /// direction, go together. any_hit: rays of occluded(), whose beams begin at their light. monitor: to cancel it. A
+    /// step is a beam in a node. The rays of a step that need another node are divided among the steps that come from
+    /// it. Raises SpecError unless the structure is an "octree-beam" with traversal=polygon, for any_hit also
+    /// shadow=beam; ShapeError, NonFiniteError, Cancelled.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false, monitor=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn trace_beam<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        any_hit: bool,
+        monitor: Option<&Monitor>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let _mode = DefaultMode::set(py)?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        let rays = arguments.rays().all().map_err(raise)?;
+        beam_path::path(py, &self.0, &rays, any_hit, &monitor::given(monitor))
     }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays: their frames, hits, counters and recordings.
 
+pub mod beam_path;
 pub mod cases;
 pub mod columns;
 pub mod counters;

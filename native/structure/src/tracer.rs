@@ -10,6 +10,7 @@ use fearless_simd::Level;
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, simd};
 use halfspace_geom::Aabb;
+use halfspace_ray::beam_path::BeamPath;
 use halfspace_ray::counters::Log;
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Any, Closest, Count, Query};
@@ -56,6 +57,43 @@ impl Structure {
         Closest::join(&mut hit, known);
         path.counters.add(&counters);
         (hit, path)
+    }
+
+    /// The nearest hits of rays that go together, or the hits that end any-hit rays, with their counters, and the way of
+    /// their beams of polygons through the tree; `None` unless the plan has such beams for them. They mean nothing once
+    /// the monitor is cancelled.
+    pub fn beams(
+        &self,
+        rays: &[Ray],
+        any: bool,
+        monitor: Option<&Monitor>,
+    ) -> Option<(Vec<Hit>, Vec<RayCounters>, BeamPath)> {
+        // Trace each ray through the trees apart, and its rest through the tree.
+        let before = rays.iter().map(|ray| self.before(ray, any, monitor));
+        let before: Vec<_> = before.collect();
+        let rest: Vec<_> = before.iter().map(|(_, _, rest)| *rest).collect();
+        let mut counters: Vec<_> = before.iter().map(|(_, counters, _)| *counters).collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let built = self.built();
+        let batch = Batch {
+            monitor,
+            ..self.batch(built, simd::level(), &rest)
+        };
+        let path = if any {
+            let beams = built.plan.shadow.as_ref()?;
+            beams
+                .kernel
+                .record_beams(&batch, &mut hits, &mut counters)?
+        } else {
+            let beams = built.plan.tiles.as_ref()?;
+            beams
+                .kernel
+                .record_beams(&batch, &mut hits, &mut counters)?
+        };
+        for (hit, (known, _, _)) in hits.iter_mut().zip(before) {
+            Closest::join(hit, known);
+        }
+        Some((hits, counters, path))
     }
 
     /// Traces a ray through the trees apart. Returns the best hit there with its work, and the part of the ray that may

@@ -4,6 +4,7 @@
 
 use crate::batch::{Batch, Write};
 use halfspace_base::error::Result;
+use halfspace_ray::beam_path::BeamPath;
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Any, Closest, Count, Log, Query};
 use halfspace_ray::replay::{Record, Recording};
@@ -26,6 +27,18 @@ pub trait Kernel<Q: Query>: Debug + Send + Sync {
     ) -> bool {
         let _ = (batch, answers, counters);
         false
+    }
+
+    /// Finds the hits that answer the rays, as [`Self::count`] does, and records the way of each beam of polygons; `None`
+    /// from kernels without such beams. `hits` begin as [`Hit::MISS`].
+    fn record_beams(
+        &self,
+        batch: &Batch<'_>,
+        hits: &mut [Hit],
+        counters: &mut [RayCounters],
+    ) -> Option<BeamPath> {
+        let _ = (batch, hits, counters);
+        None
     }
 
     /// Whether [`Self::count`] counts what this kernel does.

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from addon.blender.overlay import choosing, picking
 from addon.blender.overlay import drawing as overlay
-from addon.blender.overlay import picking
 from addon.blender.session import building, trees
+from addon.blender.settings import presets
 from addon.core.base import colours, native
-from addon.core.overlay import beams
+from addon.core.overlay import beams, legend, polygons
 from tests.blender.drawn import (
     HEIGHT,
     STRUCTURES,
@@ -143,6 +144,36 @@ def test_a_tile_taken_together_takes_fewer_steps(scene: Any, add: Any) -> None:
     parallel = picking.Ray((0.0, 0.0, 9.0), (0.0, 0.0, -1.0), pixel=0.25, parallel=True).tile((0, 0, 0), 2.0)
     assert np.ptp(parallel[0], axis=0) == pytest.approx([3.5, 3.5, 0.0])
     assert np.ptp(parallel[1], axis=0) == pytest.approx(0.0)
+
+
+def test_beams_of_polygons_are_drawn_in_the_colours_of_what_becomes_of_them(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    look = {"parts": {"BEAM"}, "style": "BOTH", "opacity": 1.0, "beam_spacing": 40.0}
+    _, _, *view = show(canvas, scene, "octree-beam", **look)
+    presets.apply(scene.halfspace, "octree-beam:traversal=polygon")
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    tree = trees.last(scene)
+    assert tree is not None
+    pick_a_box(scene, pixel=0.002)
+    drawn = picture(canvas, scene, *view)
+    beam = overlay.shown(scene, "BEAM")
+    assert isinstance(beam, polygons.PolygonBeam)
+    assert len(beam.t) == polygons.SIDE**2
+    assert beam.count(polygons.CLIPPED)
+    # The corners of the beam are those of the tile of 64 rays.
+    ray = picking.last(scene)
+    assert ray is not None
+    corners = ray.tile(tree.origin, 40.0)[1][list(beams.CORNERS)]
+    side = polygons.SIDE
+    assert beam.directions[[0, side - 1, side * side - 1, side * side - side]] == pytest.approx(corners)
+    # Pixels have hues of the legend, each of which is seen.
+    lit = drawn[drawn[..., :3].max(axis=2) > 0.5][:, :3]
+    assert len(lit) > 100
+    for action in (polygons.CLIPPED, polygons.ENDED):
+        aside = np.abs(lit / lit.max(axis=1, keepdims=True) - np.array(polygons.RGB[action])).max(axis=1)
+        assert aside.min() < 0.15, action
+    texts = {entry.text for entry in choosing.legend_of(scene, {"BEAM": beam}, {})}
+    assert legend.ACTIONS[polygons.CLIPPED] in texts
 
 
 @pytest.mark.parametrize(
