@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from ..base import native
 from ..base.arrays import F32, F64, I32
@@ -29,6 +30,9 @@ SIDE = 48
 
 MOST_SINGLES = 400
 """Number of single rays that are drawn."""
+
+LEAST = 1 / 24
+"""Share of the rays that a part of the beam has if its polygon is drawn: smaller ones hide each other."""
 
 WALLS, FACE_FILL, CELL_STRENGTH = (0.16, 0.10), (0.42, 0.30), 0.35
 """Opacity of a beam's sides and of its polygons, at their centre and at their rim, relative to that of their lines, and
@@ -58,6 +62,12 @@ class PolygonBeam:
         """Whether the rays share their direction and not their origin."""
         return bool((self.origins != self.origins[0]).any())
 
+    @property
+    def drawn(self) -> npt.NDArray[np.bool_]:
+        """Which steps have enough rays to be drawn."""
+        drawn: npt.NDArray[np.bool_] = np.diff(self.path["ray_offsets"]) >= LEAST * len(self.t)
+        return drawn
+
     def count(self, action: int) -> int:
         """Number of steps with this action."""
         return int((self.path["action"] == action).sum())
@@ -72,6 +82,7 @@ class PolygonBeam:
             f"{self.count(HANDED_ON):,} handed on, {self.count(CLIPPED):,} clipped, {self.count(SPLIT):,} split",
             f"{int(self.path['tested'].sum()):,} tested, {self.count(ENDED):,} ended, {self.count(LEFT):,} left",
             f"{singles:,} rays went on singly from {self.count(SINGLES):,}",
+            f"{int((~self.drawn).sum()):,} parts of fewer than {int(np.ceil(LEAST * len(self.t)))} rays are not drawn",
         ]
 
 
@@ -94,9 +105,9 @@ def levels(beam: PolygonBeam, opacity: float, width: float) -> list[Level]:
 
     opacity, width: of the polygons' lines; width in pixels.
     """
-    if not beam.count(CLIPPED) + beam.count(HANDED_ON) + beam.count(ENDED):
-        return []
-    made = [_cells(beam, CELL_STRENGTH * opacity)]
+    # Most rays may go on singly from the root on, or leave it at once.
+    kept = np.flatnonzero(np.isin(beam.path["action"], (HANDED_ON, CLIPPED, ENDED)) & beam.drawn)
+    made = [_cells(beam.path, kept, CELL_STRENGTH * opacity)] if len(kept) else []
     for polygons, fill, wide in ((_sides(beam), WALLS, 0.4 * width), (_sections(beam), FACE_FILL, width)):
         if polygons:
             made.append(_level(polygons, opacity, max(wide, 1.0), fill))
@@ -120,11 +131,9 @@ def _level(polygons: list[tuple[int, F64]], opacity: float, width: float, fill: 
     return planes.level(shape, np.arange(len(polygons)), 0, width, fill)
 
 
-def _cells(beam: PolygonBeam, strength: float) -> Level:
-    """The boxes of the leaves in which beams stay together, those with tests in the colour of tested triangles."""
-    path = beam.path
-    inside = np.flatnonzero(np.isin(path["action"], (HANDED_ON, CLIPPED, ENDED)))
-    inside = inside[np.unique(path["node"][inside], return_index=True)[1]]
+def _cells(path: BeamPath, steps: npt.NDArray[np.intp], strength: float) -> Level:
+    """The boxes of the leaves of some steps, those with tests in the colour of tested triangles."""
+    inside = steps[np.unique(path["node"][steps], return_index=True)[1]]
     # Take each corner's coordinates from the low or the high end of the box.
     upper = (np.arange(8)[:, None] >> np.arange(3) & 1).astype(bool)
     corners = np.where(upper, path["high"][inside, None], path["low"][inside, None])
@@ -150,7 +159,7 @@ def _sections(beam: PolygonBeam) -> list[tuple[int, F64]]:
     """
     action, parent = beam.path["action"], beam.path["parent"]
     colour = np.where((parent >= 0) & (action[parent] == SPLIT), SPLIT, action)
-    steps = np.flatnonzero((action != SPLIT) & (action != SINGLES)).tolist()
+    steps = np.flatnonzero((action != SPLIT) & (action != SINGLES) & beam.drawn).tolist()
     found = ((int(colour[step]), _polygon(beam.path, step)) for step in steps)
     return [(shade, polygon) for shade, polygon in found if len(polygon) > 2]
 
@@ -160,8 +169,8 @@ def _sides(beam: PolygonBeam) -> list[tuple[int, F64]]:
     and the action there; of a beam that begins from its origin on.
     """
     path, made = beam.path, []
-    for step, parent in enumerate(path["parent"]):
-        far = _polygon(path, step)
+    for step in map(int, np.flatnonzero(beam.drawn)):
+        far, parent = _polygon(path, step), path["parent"][step]
         if len(far) < 3 or (parent < 0 and beam.parallel):
             continue
         near = _towards(beam, far, int(parent))
