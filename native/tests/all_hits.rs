@@ -103,6 +103,7 @@ fn specs() -> Vec<String> {
     let mut specs = [
         "kd:lazy=1",
         "kd:leaves=scalar",
+        "kd:leaves=scalar,mailbox=hashed",
         "bsp-wn:leaves=scalar",
         "bvh-sah:splits=4",
     ]

@@ -51,6 +51,7 @@ HEADINGS: Mapping[str, str] = {
     "halved-cells-constant": "medians-cells-and-oriented-boxes",
     "medians-*": "medians-cells-and-oriented-boxes",
     "voxel-step": "medians-cells-and-oriented-boxes",
+    "mailboxes": "medians-cells-and-oriented-boxes",
     "oriented-boxes-*": "medians-cells-and-oriented-boxes",
     "fixed-directions": "bsp-trees-along-normals",
     "planes-*": "planes-against-boxes",

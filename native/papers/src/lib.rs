@@ -4,6 +4,7 @@
 
 pub mod alone;
 pub mod bounded;
+pub mod mailbox;
 pub mod origin;
 pub mod projected;
 pub mod published;

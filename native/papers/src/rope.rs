@@ -200,7 +200,7 @@ impl<const PUBLISHED: bool> SingleTraversal for RopeTraversal<'_, PUBLISHED> {
             counters.leaf(found.leaf.count);
             let leave = keep_min(next.high, frame.t_max);
             let ends = job.test::<S, Q, C>(simd, found.leaf, ray, leave, &mut best, counters);
-            if ends || PUBLISHED && best.is_found() {
+            if ends || PUBLISHED && best.is_found_before(leave) {
                 return best;
             }
             // A NaN bound fails this comparison and makes the step uncertain.

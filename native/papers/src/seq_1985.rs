@@ -95,7 +95,8 @@ impl SingleTraversal for PointTraversal<'_> {
             let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, &mut best, counters);
             // As published: the first leaf with a hit inside its cell holds the nearest one.
             let next = leave + step;
-            if ends || best.is_found() || next.is_nan() || next <= t || next > frame.t_max {
+            let found = best.is_found_before(leave);
+            if ends || found || next.is_nan() || next <= t || next > frame.t_max {
                 return best;
             }
             t = next;

@@ -2,12 +2,15 @@
 //! The cases of ray and split plane distinguished by Havran, Kopal, Bittner and Žára 1997: the origin lies
 //! below the plane (N), above it (P) or in it (Z), and the digit stands for the ray's direction.
 
-/// Number of cases.
-pub const CASES: usize = 13;
+/// Number of counters that a traversal may have of its own: the cases, and one more.
+pub const CASES: usize = 14;
+
+/// Index of the counter behind the cases.
+pub const BEHIND: usize = 13;
 
 /// Names of the cases. N and P: 1 away from the plane, 2 parallel to it, 3 towards it but the cell ends before,
 /// 4 through it inside the cell, 5 through it before the cell begins. Z: 1 upwards, 2 downwards, 3 parallel.
-pub const NAMES: [&str; CASES] = [
+pub const NAMES: [&str; BEHIND] = [
     "case_n1", "case_n2", "case_n3", "case_n4", "case_n5", "case_p1", "case_p2", "case_p3",
     "case_p4", "case_p5", "case_z1", "case_z2", "case_z3",
 ];

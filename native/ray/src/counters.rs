@@ -52,6 +52,15 @@ pub trait Counters {
     #[inline(always)]
     fn case(&mut self, _: impl FnOnce() -> usize) {}
 
+    /// Whether the ray has a mailbox: it then tests a triangle once, for all leaves that hold it.
+    const MAILBOX: bool = false;
+    /// Returns whether the mailbox holds a triangle; puts it there if not.
+    #[inline(always)]
+    fn is_known(&mut self, triangle: u32) -> bool {
+        let _ = triangle;
+        false
+    }
+
     /// Whether leaves return recorded hits instead of testing their triangles.
     const REPLAY: bool = false;
     /// The triangles of a leaf, possibly empty, are about to be tested; its first block lies at word offset `first`.

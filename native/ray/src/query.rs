@@ -284,10 +284,11 @@ impl Best {
         self.hit
     }
 
-    /// Returns whether a hit was found, with its verdict deferred or not.
+    /// Returns whether a hit was found, with its verdict deferred or not, and certainly no farther than `leave` in the
+    /// frame's units.
     #[inline(always)]
-    pub fn is_found(&self) -> bool {
-        self.hit.is_hit() || self.held.triangle != Hit::NONE
+    pub fn is_found_before(&self, leave: f32) -> bool {
+        (self.hit.is_hit() || self.held.triangle != Hit::NONE) && self.reach <= leave
     }
 
     /// Returns the triangle whose verdict is deferred, unless there is a decided hit.

@@ -28,7 +28,7 @@ pub fn with(spec: &str, pair: &str) -> String {
 }
 
 /// Forms of trees that other values than the defaults select.
-const FORMS: [&str; 25] = [
+const FORMS: [&str; 27] = [
     "bvh-sah:quality=fast",
     "bvh-sah:quality=high",
     "bvh-sah:splits=1",
@@ -44,6 +44,8 @@ const FORMS: [&str; 25] = [
     "rbsp:k=26,axes_depth=3,traversal=projected",
     "rbsp-kd:set=random,seed=1,traversal=projected",
     "rbsp-kd:k=13,leaves=scalar,traversal=projected",
+    "kd:leaves=scalar,mailbox=hashed",
+    "kd-median:traversal=ta-b,leaves=scalar,mailbox=hashed",
     "bvh-sah:width=2,leaves=scalar",
     "bvh-sah:splits=1,leaves=scalar",
     "bih-n:n=2,leaves=scalar",

@@ -7,9 +7,9 @@ use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::RayRef;
 use halfspace_ray::query::{Best, Counters, Query};
 
-/// Tests a leaf as [`Job::test`] does, and returns whether the traversal ends there: at the first hit if
-/// `PUBLISHED`, otherwise only if no later leaf can improve the answer. `leave`: distance at which the ray leaves the
-/// leaf's cell.
+/// Tests a leaf as [`Job::test`] does, and returns whether the traversal ends there: at the first hit inside a cell if
+/// `PUBLISHED`, otherwise only if no later leaf can improve the answer. A hit behind the cell ends nothing: a triangle of
+/// a later leaf may be nearer. `leave`: distance at which the ray leaves the leaf's cell.
 #[inline(always)]
 pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     simd: S,
@@ -21,5 +21,5 @@ pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     counters: &mut C,
 ) -> bool {
     let ends = job.test::<S, Q, C>(simd, leaf, ray, leave, best, counters);
-    ends || (PUBLISHED && best.is_found())
+    ends || (PUBLISHED && best.is_found_before(leave))
 }

@@ -3,7 +3,7 @@
 //! Havran 2006).
 
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
-use crate::planes::scalar::AXIS_LEAVES;
+use crate::planes::scalar::{AXIS_LEAVES, MAILBOX};
 use crate::ways::PLANE_NODES;
 use crate::{lazy, left_out, params, planes};
 use halfspace_base::Monitor;
@@ -35,6 +35,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         AXIS_TRAVERSAL,
         params::ROBUST,
         AXIS_LEAVES,
+        MAILBOX,
         params::step_cost(Costs::PLANES),
         params::leaf_cost(Costs::PLANES),
         params::triangle_cost(Costs::PLANES),
@@ -61,6 +62,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         "ta-b-*",
         "growth-*",
         "moving-*",
+        "mailboxes",
         "shadow-cache",
         "mirrored-beams",
         "refracted-beams",

@@ -4,7 +4,7 @@
 
 use crate::kd::default_depth;
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
-use crate::planes::scalar::AXIS_LEAVES;
+use crate::planes::scalar::{AXIS_LEAVES, MAILBOX};
 use crate::ways::PLANE_NODES;
 use crate::{params, planes};
 use halfspace_base::error::Result;
@@ -32,6 +32,7 @@ pub const SPACE: StructureSpec = StructureSpec {
         AXIS_TRAVERSAL,
         params::ROBUST,
         AXIS_LEAVES,
+        MAILBOX,
         params::LEAF_SIZE,
         params::MAX_DEPTH,
     ],

@@ -5,7 +5,7 @@
 use crate::kd::{Axes, plane_tree};
 use crate::params;
 use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
-use crate::planes::scalar::AXIS_LEAVES;
+use crate::planes::scalar::{AXIS_LEAVES, MAILBOX};
 use crate::ways::PLANE_NODES;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -32,6 +32,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         AXIS_TRAVERSAL,
         params::ROBUST,
         AXIS_LEAVES,
+        MAILBOX,
         params::step_cost(Costs::THESIS),
         params::triangle_cost(Costs::THESIS),
         params::empty_factor(Costs::THESIS),

@@ -654,6 +654,7 @@ def test_the_claims_of_medians_cells_and_boxes_depend_on_what_was_measured(monke
         (claims_medians.constant, lambda *_: 1.0, lambda _, count: count**0.2),
         (claims_medians.surface, lambda spec, _: len(spec), lambda spec, _: 100 - len(spec)),
         (claims_voxels.step, lambda spec, _: 0.4 + spec.startswith("kd"), lambda spec, _: 2 - spec.startswith("kd")),
+        (claims_voxels.mailboxes, lambda spec, _: 100 - len(spec), lambda spec, _: len(spec)),
         (claims_oriented.tighter, lambda spec, _: len(spec), lambda spec, _: 100 - len(spec)),
     ):
         assert (verdicts(measure, well), verdicts(measure, badly)) == ({HOLDS}, {FAILS}), measure

@@ -23,7 +23,8 @@ struct Triangle {
 
 impl Job<'_> {
     /// Intersects a ray with the triangles of a leaf one after another, and returns whether the traversal may end. With
-    /// `EITHER` the leaf may be stored as indices.
+    /// `EITHER` the leaf may be stored as indices. A ray with a mailbox skips the triangles that it holds; the others are
+    /// tested for hits behind the leaf too, because other leaves skip them.
     #[inline(always)]
     pub(crate) fn one_by_one<Q: Query, C: Counters, const EITHER: bool>(
         self,
@@ -37,8 +38,12 @@ impl Job<'_> {
             EITHER || !self.blocks.has_indices(),
             "indices are not expected"
         );
+        let leave = if C::MAILBOX { f32::INFINITY } else { leave };
         for index in 0..leaf.count {
             let (id, corners) = self.blocks.triangle(self.scene, leaf, index);
+            if C::MAILBOX && counters.is_known(id) {
+                continue;
+            }
             let triangle = Triangle { id, corners };
             counters.tests(1);
             let ends = if Q::LEAF == LeafTest::Published {

@@ -3,13 +3,14 @@
 
 use super::Planes;
 use super::rows::{BINARY, MakePlan};
-use crate::leaf_tests::{BLOCKS, NO_BEAMS, SCALAR, leaves};
+use crate::leaf_tests::{BLOCKS, LEAVES, NO_BEAMS, SCALAR, leaves};
 use crate::ways::{Traversal, named};
 use halfspace_base::error::Result;
 use halfspace_nodes::ropes;
-use halfspace_papers::{bounded, published};
+use halfspace_papers::{bounded, mailbox, published};
 use halfspace_structure::Plan;
-use halfspace_structure::row::{Named, Need, Only, ParamSpec};
+use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, named as option};
+use halfspace_structure::spec::{Config, Value};
 use halfspace_structure::way::{NODES, TRAVERSAL, Way};
 
 const PLANES: Need = Need {
@@ -45,6 +46,36 @@ pub const AXIS_LEAVES: ParamSpec = leaves(&[
         ..SCALAR
     },
 ]);
+
+/// The option of mailboxes.
+const HASHED: &str = "hashed";
+
+/// The parameter that gives rays mailboxes.
+pub const MAILBOX: ParamSpec = ParamSpec {
+    name: "mailbox",
+    label: "Mailboxes",
+    doc: "How rays avoid a second test of a triangle that lies in several leaves. none: they test it again. hashed: each \
+          ray keeps the numbers of up to 64 triangles that it has tested; answers are the same",
+    unit: "",
+    kind: Kind::Choice(&[option("none", "None"), option(HASHED, "Hashed")]),
+    default: Value::Choice("none"),
+    group: Group::Numerics,
+    needs: &[
+        Need {
+            key: LEAVES,
+            only: Only::Options(&[SCALAR.name]),
+        },
+        Need {
+            key: TRAVERSAL,
+            only: Only::Options(&["auto", "dir", "ta-b"]),
+        },
+    ],
+};
+
+/// Whether rays have mailboxes.
+fn mailboxed(config: &Config) -> bool {
+    config.find(MAILBOX.name) == Some(&Value::Choice(HASHED))
+}
 
 /// The parameter of trees with oblique planes.
 pub const ANY_LEAVES: ParamSpec = leaves(&[
@@ -86,17 +117,22 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
             if planes.has_few_directions() {
                 projected(planes)
             } else {
-                Ok(planes.as_chosen("dir", bounded::dir, published::dir))
+                Ok(by_distances(planes))
             }
         },
     },
     Traversal {
         way: binary("dir"),
-        plan: |planes| Ok(planes.as_chosen("dir", bounded::dir, published::dir)),
+        plan: |planes| Ok(by_distances(planes)),
     },
     Traversal {
         way: binary("ta-b"),
         plan: |planes| {
+            if mailboxed(planes.config) {
+                let mut plan = planes.along_axes("ta-b", mailbox::ta_b, mailbox::published_ta_b)?;
+                plan.cases = &mailbox::TA_B_NAMES;
+                return Ok(plan);
+            }
             let mut plan = planes.along_axes("ta-b", bounded::ta_b, published::ta_b)?;
             plan.cases = &halfspace_ray::cases::NAMES;
             Ok(plan)
@@ -140,6 +176,16 @@ pub const ONE_BY_ONE: [Traversal<MakePlan>; 11] = [
         plan: projected,
     },
 ];
+
+/// Single rays by plane distances.
+fn by_distances(planes: &Planes<'_>) -> Plan {
+    if mailboxed(planes.config) {
+        let mut plan = planes.as_chosen("dir", mailbox::dir, mailbox::published_dir);
+        plan.cases = &mailbox::NAMES;
+        return plan;
+    }
+    planes.as_chosen("dir", bounded::dir, published::dir)
+}
 
 /// Single rays that are projected onto the tree's directions.
 fn projected(planes: &mut Planes<'_>) -> Result<Plan> {
