@@ -58,6 +58,32 @@ def test_single_rays_are_projected_by_default(tree: str) -> None:
     assert "traversal=projected" in str(ways.single(structure, tree))
 
 
+@pytest.mark.parametrize("way", ["tile", "packet"])
+@pytest.mark.parametrize("tree", ["rbsp:k=3", "rbsp", "rbsp:k=26,axes_depth=4", "rbsp-kd:k=26,set=spiral"])
+def test_groups_of_rays_meet_the_nodes_and_the_hits_of_the_generic_groups(tree: str, way: str) -> None:
+    scene = soup(1500, 3, box=2)
+    rng = np.random.default_rng(4)
+    directions = (rng.uniform(-0.2, 0.2, (2000, 3)) + np.array([0, 0, 1])).astype(np.float32)
+    origins = np.full_like(directions, [1, 1, -1])
+    # The second half starts at points of its own.
+    origins[1000:] += rng.uniform(0, 0.1, (1000, 3)).astype(np.float32)
+    joint = "," if ":" in tree else ":"
+    built = [native.build(*scene, f"{tree}{joint}traversal={name}") for name in (way, f"{way}-projected")]
+    built.append(native.build(*scene, "brute"))
+    generic, own, exact = (one.closest(origins, directions, counters=True) for one in built)
+    assert generic.counters is not None
+    assert own.counters is not None
+    for name in ("t", "triangle", "u", "v"):
+        assert np.array_equal(getattr(own, name), getattr(exact, name)), name
+    assert np.isfinite(own.t).sum() > 500
+    assert own.counters["steps_oblique"].sum() > 0
+    if way == "packet":
+        for name in COUNTERS:
+            assert np.array_equal(generic.counters[name], own.counters[name]), name
+    blocked = [one.occluded(origins, directions) for one in built]
+    assert np.array_equal(blocked[1], blocked[2])
+
+
 def test_random_directions_are_drawn_once_for_the_whole_tree() -> None:
     found = native.build(*soup(400, 3, box=2), "rbsp:k=5,set=random,seed=1").analysis()["level_directions_oblique"]
     assert 0 < found.max() <= 5

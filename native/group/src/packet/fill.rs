@@ -61,6 +61,7 @@ impl Packet {
     ) -> u64 {
         self.blocked = 0;
         self.deferred = Deferred::none();
+        self.projections.known = 0;
         let mut there = self.load_rays(simd, frame.map(), rays);
         // In a scaled frame all rays are traced one by one.
         if !frame.is_unscaled() {

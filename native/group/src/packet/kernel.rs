@@ -6,6 +6,7 @@ use super::{Eight, Four, Sixteen, Width};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_ray::RayCounters;
 use halfspace_ray::query::{Any, Closest, Query};
 use halfspace_trace::batch::Batch;
@@ -80,6 +81,16 @@ pub fn planes(
     rays: usize,
 ) -> Arc<dyn Kernel<Closest>> {
     nearest(tree, leaves, rays)
+}
+
+/// [`planes`] by packets of 16 rays, which are projected onto the directions of the tree once.
+pub fn projected(tree: &Arc<ProjectedTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
+}
+
+/// [`shadow_planes`] whose rays are projected onto the directions of the tree once.
+pub fn shadow_projected(tree: &Arc<ProjectedTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
 }
 
 /// Nearest hits by packets of 4, 8 or 16 rays through nodes of eight boxes.

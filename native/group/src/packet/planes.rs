@@ -13,6 +13,7 @@ use halfspace_leaf::Leaf;
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
+use halfspace_nodes::projected_tree::{CODES, ProjectedTree};
 use halfspace_ray::query::{Counters, Query};
 use halfspace_single::planes::dir as plane_dir;
 use halfspace_trace::input::Input;
@@ -64,6 +65,7 @@ macro_rules! packets_of_planes {
 
 packets_of_planes!(PlaneTree, true);
 packets_of_planes!(LazyTree, false);
+packets_of_planes!(ProjectedTree, true);
 
 /// The interval of each ray in a node.
 struct Intervals<S: Simd, L: Width> {
@@ -144,9 +146,12 @@ fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
             } => {
                 counters[charged].step_oblique();
                 packet.join(inside.live(), group, counters);
-                let plane = Plane { normal, offset };
-                let parts = oblique(simd, packet, group.lead, plane, children, inside);
-                (parts, empty)
+                let crossing = match tree.direction(node) {
+                    Some(direction) => projected::<S, L>(simd, packet, direction, normal),
+                    None => project::<S, L>(simd, packet, normal),
+                };
+                let plane = (offset, children);
+                (oblique(simd, group.lead, plane, crossing, inside), empty)
             }
             Node::Leaf { first, count } => {
                 let own = Leaf { first, count };
@@ -267,30 +272,61 @@ fn across<S: Simd, L: Width>(
     ]
 }
 
-/// A plane `normal . x = offset`.
-#[derive(Clone, Copy)]
-struct Plane {
-    normal: [f32; 3],
-    offset: f32,
+/// The rays along a direction.
+struct Projection<S: Simd, L: Width> {
+    /// Heights of the origins.
+    height: L::Vector<S>,
+    /// Inverse speeds.
+    inv: L::Vector<S>,
+    /// Error bounds of distances to planes.
+    slack: L::Vector<S>,
 }
 
-/// The two children of an oblique node with the interval of each ray in them, the near child of the ray `lead`
-/// first.
+/// Projects the rays onto a direction.
 #[inline(always)]
-fn oblique<S: Simd, L: Width>(
-    simd: S,
-    packet: &Packet,
-    lead: usize,
-    Plane { normal, offset }: Plane,
-    children: u32,
-    Intervals { enter, leave }: Intervals<S, L>,
-) -> [Part<S, L>; 2] {
+fn project<S: Simd, L: Width>(simd: S, packet: &Packet, normal: [f32; 3]) -> Projection<S, L> {
     let speed = along::<S, L>(simd, normal, &packet.d);
     let least = L::Vector::splat(simd, f32::MIN_POSITIVE).copysign(speed);
     let inv = L::Vector::splat(simd, 1.0) / (speed + least);
-    let height = L::Vector::splat(simd, offset) - along::<S, L>(simd, normal, &packet.o);
-    let slack = packet::load::<S, L>(simd, &packet.oblique_pad) * inv.abs();
-    let distance = height * inv;
+    Projection {
+        height: along::<S, L>(simd, normal, &packet.o),
+        inv,
+        slack: packet::load::<S, L>(simd, &packet.oblique_pad) * inv.abs(),
+    }
+}
+
+/// [`project()`] for a numbered direction, computed once for each packet.
+#[inline(always)]
+fn projected<S: Simd, L: Width>(
+    simd: S,
+    packet: &mut Packet,
+    direction: usize,
+    normal: [f32; 3],
+) -> Projection<S, L> {
+    let direction = direction % CODES;
+    if packet.projections.known >> direction & 1 == 0 {
+        let Projection { height, inv, slack } = project::<S, L>(simd, packet, normal);
+        let rows = &mut packet.projections.rows[direction];
+        packet::store::<S, L>(height, &mut rows[0]);
+        packet::store::<S, L>(inv, &mut rows[1]);
+        packet::store::<S, L>(slack, &mut rows[2]);
+        packet.projections.known |= 1 << direction;
+    }
+    let [height, inv, slack] = packet::load3::<S, L>(simd, &packet.projections.rows[direction]);
+    Projection { height, inv, slack }
+}
+
+/// The two children of an oblique node, given by the offset of its plane and the child below, with the interval of each
+/// ray in them, the near child of the ray `lead` first.
+#[inline(always)]
+fn oblique<S: Simd, L: Width>(
+    simd: S,
+    lead: usize,
+    (offset, children): (f32, u32),
+    Projection { height, inv, slack }: Projection<S, L>,
+    Intervals { enter, leave }: Intervals<S, L>,
+) -> [Part<S, L>; 2] {
+    let distance = (L::Vector::splat(simd, offset) - height) * inv;
     // Ignore a distance that is NaN: the interval keeps its end.
     let near_leave = keep_min_each(distance + slack, leave);
     let far_enter = keep_max_each(distance - slack, enter);

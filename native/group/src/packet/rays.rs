@@ -3,9 +3,18 @@
 
 use crate::packet::MOST;
 use crate::tile::{Deferred, Row};
+use halfspace_nodes::projected_tree::CODES;
 use halfspace_ray::query::{Counters, Query};
 use halfspace_ray::{FrameRay, Hit};
 use halfspace_trace::blocker::Blocker;
+
+/// The rays of a packet along the numbered directions of a tree, each projected where the first node has it.
+pub struct Projections {
+    /// Mask of the directions onto which the rays have been projected.
+    pub known: u32,
+    /// By direction: heights of the origins, inverse speeds, and error bounds of distances to planes.
+    pub rows: [[Row; 3]; CODES],
+}
 
 /// Up to 16 rays and their hits, in structure-of-arrays layout. One packet is refilled for consecutive sets of
 /// rays; its rows have 16 lanes for every packet width.
@@ -55,6 +64,8 @@ pub struct Packet {
     pub blocker: Blocker,
     /// Whether the leaf that blocked most rays of the last packet is tested first.
     pub cache: bool,
+    /// The rays along the directions of a tree.
+    pub projections: Projections,
 }
 
 /// The rays of a packet that are traced together, because their direction signs agree.
@@ -97,6 +108,10 @@ impl Default for Packet {
             blocked: 0,
             blocker: Blocker::default(),
             cache: false,
+            projections: Projections {
+                known: 0,
+                rows: [[zero; 3]; CODES],
+            },
         }
     }
 }

@@ -42,6 +42,7 @@ impl<const R: usize> Tile<R> {
         self.blur = [0.0; 2];
         self.inside = Interval::new(0.0, f32::NEG_INFINITY);
         self.pyramid = None;
+        self.known = 0;
     }
 
     /// Loads rays: rows of a full tile as vectors, others ray by ray. Rays with the first one's origin become

@@ -7,6 +7,7 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::projected_tree::ProjectedTree;
 use halfspace_ray::RayCounters;
 use halfspace_ray::query::{Any, Closest};
 use halfspace_trace::batch::Batch;
@@ -130,6 +131,16 @@ crate::visits::kernels_of_all_nodes!(tiles);
 /// Camera rays in tiles of 64 through split planes.
 pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
     Arc::new(camera::<_, 4>(tree, leaves))
+}
+
+/// [`planes`] whose rays are projected onto the directions of the tree once.
+pub fn projected(tree: &Arc<ProjectedTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(camera::<_, 4>(tree, leaves))
+}
+
+/// [`shadow_planes`] whose rays are projected onto the directions of the tree once.
+pub fn shadow_projected(tree: &Arc<ProjectedTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(light(tree, leaves))
 }
 
 /// Camera rays in tiles of 256 through split planes.

@@ -17,6 +17,7 @@ use halfspace_leaf::Leaf;
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_nodes::planes::{Inside, Planes};
+use halfspace_nodes::projected_tree::{CODES, ProjectedTree};
 use halfspace_ray::Interval;
 use halfspace_ray::frame::U;
 use halfspace_ray::query::Counters;
@@ -54,6 +55,7 @@ macro_rules! tiles_of_planes {
 
 tiles_of_planes!(PlaneTree);
 tiles_of_planes!(LazyTree);
+tiles_of_planes!(ProjectedTree);
 
 /// Nodes still to visit.
 struct Stack<A> {
@@ -131,8 +133,13 @@ fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
             } => {
                 counters[0].step_oblique();
                 join(tile, counters);
-                let plane = Plane { normal, offset };
-                let cut = oblique(simd, tile, plane, children, empty);
+                let cut = match tree.direction(node) {
+                    Some(direction) => {
+                        let along = projected(simd, tile, direction, normal);
+                        crossed(tile, along, offset, children, empty)
+                    }
+                    None => oblique(simd, tile, Plane { normal, offset }, children, empty),
+                };
                 (node, inside) = step(tree, node, &cut, inside, &mut stack);
                 continue;
             }
@@ -263,9 +270,44 @@ pub(super) fn oblique<S: Simd, const R: usize>(
     children: u32,
     empty: u32,
 ) -> Cut {
+    crossed(tile, project(simd, tile, normal), offset, children, empty)
+}
+
+/// The smallest and the largest speed along a direction, and the height of the origin.
+#[inline(always)]
+fn project<S: Simd, const R: usize>(simd: S, tile: &Tile<R>, normal: [f32; 3]) -> [f32; 3] {
     let [low, high] = speeds(simd, tile, normal);
     let o = tile.o;
-    let gap = offset - (normal[0] * o[0] + normal[1] * o[1] + normal[2] * o[2]);
+    let height = normal[0] * o[0] + normal[1] * o[1] + normal[2] * o[2];
+    [low, high, height]
+}
+
+/// [`project()`] for a numbered direction, computed once for each tile. Rays that end later stay in the range.
+#[inline(always)]
+fn projected<S: Simd, const R: usize>(
+    simd: S,
+    tile: &mut Tile<R>,
+    direction: usize,
+    normal: [f32; 3],
+) -> [f32; 3] {
+    let direction = direction % CODES;
+    if tile.known >> direction & 1 == 0 {
+        tile.projections[direction] = project(simd, tile, normal);
+        tile.known |= 1 << direction;
+    }
+    tile.projections[direction]
+}
+
+/// The cut of a tile by a plane at `offset` along the direction of a projection.
+#[inline(always)]
+fn crossed<const R: usize>(
+    tile: &Tile<R>,
+    [low, high, height]: [f32; 3],
+    offset: f32,
+    children: u32,
+    empty: u32,
+) -> Cut {
+    let gap = offset - height;
     // An origin within the error bound of the plane bounds nothing.
     let (size, pad) = (gap.abs(), tile.oblique_pad);
     if size <= pad || size.is_nan() {

@@ -5,6 +5,7 @@ use crate::tile::{Deferred, LANES, Pyramid, Row, StoredTriangle, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 use halfspace_geom::verdict::verdict_within;
 use halfspace_leaf::Job;
+use halfspace_nodes::projected_tree::CODES;
 use halfspace_ray::frame::PRUNE;
 use halfspace_ray::{Hit, HitKey, Interval, Ray};
 
@@ -64,6 +65,10 @@ pub struct Tile<const R: usize> {
     pub to_frame: f32,
     /// Error bound of subnormal distances, in the frame.
     pub last_place: f32,
+    /// Mask of the numbered directions of a tree onto which the rays have been projected.
+    pub known: u32,
+    /// By direction: smallest and largest speed along it, and the height of the origin.
+    pub projections: [[f32; 3]; CODES],
 }
 
 impl<const R: usize> Tile<R> {
@@ -96,6 +101,8 @@ impl<const R: usize> Tile<R> {
             pyramid: None,
             to_frame: 1.0,
             last_place: 0.0,
+            known: 0,
+            projections: [[0.0; 3]; CODES],
         }
     }
 

@@ -13,6 +13,7 @@ pub mod wide_tree;
 
 use crate::lazy_tree::{LazyTree, Part};
 use crate::plane_tree::{ENTRANCE, Node, PlaneTree};
+use crate::projected_tree::{CODES, Projected, ProjectedTree};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::{Job, Leaf};
 
@@ -41,6 +42,13 @@ pub trait Planes: Copy + Sync {
     /// Returns a reference to the node number `index` in the same part of the tree as `at`.
     fn sibling(self, at: Self::At, index: u32) -> Self::At;
 
+    /// Returns the number of the direction of the oblique node at `at`; `None` in trees that number none, and where it has
+    /// no number.
+    #[inline(always)]
+    fn direction(self, _: Self::At) -> Option<usize> {
+        None
+    }
+
     /// Returns the contents of the leaf `leaf` at `at`. `job` holds the blocks of a tree in one piece; parts have their
     /// own.
     fn inside<'a>(self, at: Self::At, leaf: Leaf, job: Job<'a>) -> Inside<'a, Self::At>
@@ -65,6 +73,42 @@ impl Planes for &PlaneTree {
     #[inline(always)]
     fn sibling(self, _: u32, index: u32) -> u32 {
         index
+    }
+
+    #[inline(always)]
+    fn inside<'a>(self, _: u32, _: Leaf, job: Job<'a>) -> Inside<'a, u32>
+    where
+        Self: 'a,
+    {
+        Inside::Triangles(job.blocks)
+    }
+}
+
+impl Planes for &ProjectedTree {
+    type At = u32;
+    const PARTS: bool = false;
+
+    #[inline(always)]
+    fn root(self) -> u32 {
+        ProjectedTree::root(self)
+    }
+
+    #[inline(always)]
+    fn node(self, at: u32) -> Node {
+        self.as_plane_node(at)
+    }
+
+    #[inline(always)]
+    fn sibling(self, _: u32, index: u32) -> u32 {
+        index
+    }
+
+    #[inline(always)]
+    fn direction(self, at: u32) -> Option<usize> {
+        match ProjectedTree::node(self, at) {
+            Projected::Along { direction, .. } => Some(direction % CODES),
+            _ => None,
+        }
     }
 
     #[inline(always)]

@@ -107,6 +107,12 @@ pub fn near_child(link: u32, signs: u32) -> u32 {
     (link >> LOW_BITS) ^ (signs.wrapping_shr(link) & 1)
 }
 
+/// Returns word 1 of an axis node, for [`near_child`].
+#[inline(always)]
+pub(crate) fn link_of(axis: usize, children: u32) -> u32 {
+    children << LOW_BITS | axis as u32
+}
+
 impl PlaneTree {
     /// Lays out a tree and writes the triangles of its leaves to `blocks`.
     ///

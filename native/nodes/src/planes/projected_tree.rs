@@ -8,7 +8,7 @@
 //! empty leaves in the next two, and above them the number of the pair of children, or the number of triangles above
 //! the code.
 
-use crate::plane_tree::{Node, PlaneTree};
+use crate::plane_tree::{Node, PlaneTree, link_of};
 use halfspace_base::error::{Error, Result};
 use halfspace_leaf::Leaf;
 use std::collections::HashMap;
@@ -184,6 +184,48 @@ impl ProjectedTree {
             code => Projected::Along {
                 direction: code as usize,
                 offset: f32::from_bits(word),
+                children,
+                empty,
+            },
+        }
+    }
+
+    /// Decodes the node with this index as that of the plane tree.
+    #[inline(always)]
+    pub fn as_plane_node(&self, index: u32) -> Node {
+        match self.node(index) {
+            Projected::Leaf(Leaf { first, count }) => Node::Leaf { first, count },
+            Projected::Along {
+                direction,
+                offset,
+                children,
+                empty,
+            } => {
+                if direction < 3 {
+                    return Node::Axis {
+                        axis: direction,
+                        split: offset,
+                        children,
+                        empty,
+                        link: link_of(direction, children),
+                    };
+                }
+                let normal = [0, 1, 2].map(|k: usize| self.table[k][direction % CODES]);
+                Node::Oblique {
+                    normal,
+                    offset,
+                    children,
+                    empty,
+                }
+            }
+            Projected::Whole {
+                normal,
+                offset,
+                children,
+                empty,
+            } => Node::Oblique {
+                normal,
+                offset,
                 children,
                 empty,
             },

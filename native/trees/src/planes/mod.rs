@@ -52,6 +52,8 @@ pub struct Planes<'a> {
     monitor: &'a Monitor,
     shape: Shape,
     derived: Vec<Derived>,
+    /// The nodes that store the number of a direction, where they have been derived.
+    numbered: Option<Arc<ProjectedTree>>,
 }
 
 /// Share of the progress of a build that the boxes get. Their share of the time is smaller where planes are expensive.
@@ -186,8 +188,11 @@ impl Planes<'_> {
         Ok((plan.with_tiles(Rays::Tile, groups.tiles.closest)).with_few_singly())
     }
 
-    /// Derives nodes that store the number of a direction.
+    /// Nodes that store the number of a direction, derived once.
     fn numbered(&mut self) -> Result<Arc<ProjectedTree>> {
+        if let Some(nodes) = &self.numbered {
+            return Ok(nodes.clone());
+        }
         let nodes = ProjectedTree::new(&self.tree)?;
         self.monitor.take(nodes.bytes())?;
         let nodes = Arc::new(nodes);
@@ -197,7 +202,41 @@ impl Planes<'_> {
                 nodes: nodes.clone(),
             }),
         });
+        self.numbered = Some(nodes.clone());
         Ok(nodes)
+    }
+
+    /// Tiles of 64 and packets of 16 that are projected onto the tree's directions.
+    fn projected_together(&mut self) -> Result<[Pair; 2]> {
+        let (nodes, leaves) = (self.numbered()?, &self.leaves);
+        Ok([
+            Pair {
+                closest: tile::kernel::projected(&nodes, leaves),
+                any: tile::kernel::shadow_projected(&nodes, leaves),
+            },
+            Pair {
+                closest: packet::kernel::projected(&nodes, leaves),
+                any: packet::kernel::shadow_projected(&nodes, leaves),
+            },
+        ])
+    }
+
+    /// Tiles of 64 and packets of 16 in the quickest way, as [`Self::quickest`].
+    fn quickest_together(&mut self) -> Result<[Pair; 2]> {
+        if self.has_few_directions() {
+            return self.projected_together();
+        }
+        let (tree, leaves) = (&self.tree, &self.leaves);
+        Ok([
+            Pair {
+                closest: tile::kernel::planes(tree, leaves),
+                any: tile::kernel::shadow_planes(tree, leaves),
+            },
+            Pair {
+                closest: packet::kernel::planes(tree, leaves, 16),
+                any: packet::kernel::shadow_planes(tree, leaves),
+            },
+        ])
     }
 
     /// Single rays that are projected onto the tree's directions.
@@ -273,6 +312,7 @@ pub fn lay_out(
         monitor,
         shape: Shape::new(preorder),
         derived: Vec::new(),
+        numbered: None,
     };
     let way = config.way();
     let plan = match way.rays {

@@ -10,7 +10,7 @@ use crate::ways::{
 };
 use halfspace_base::error::Result;
 use halfspace_beam as beam;
-use halfspace_group::{packet, tile};
+use halfspace_group::tile;
 use halfspace_nodes::ropes;
 use halfspace_papers::{arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly};
 use halfspace_stream as stream;
@@ -24,7 +24,7 @@ use halfspace_structure::way::{Rays, Way};
 pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
 
 /// All traversals of nodes of one split plane.
-pub const BINARY: [Traversal<MakePlan>; 17] = [
+pub const BINARY: [Traversal<MakePlan>; 19] = [
     Traversal {
         way: way(
             "planes",
@@ -35,16 +35,13 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
              shadow rays in tiles, packets or streams by a sample, others in streams",
         ),
         plan: |planes| {
-            let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
+            let [tiles, packets] = planes.quickest_together()?;
             let streams = stream::kernel::planes(&planes.tree, &planes.leaves);
-            let shadow_tiles = tile::kernel::shadow_planes(&planes.tree, &planes.leaves);
-            let shadow = packet::kernel::shadow_planes(&planes.tree, &planes.leaves);
             let any = stream::kernel::shadow_planes(&planes.tree, &planes.leaves);
-            let packets = packet::kernel::planes(&planes.tree, &planes.leaves, 16);
             Ok((planes.quickest()?)
-                .with_tiles_by_footprint(tiles, packets, Footprint::PLANES)
+                .with_tiles_by_footprint(tiles.closest, packets.closest, Footprint::PLANES)
                 .with_closest(Rays::Stream, streams)
-                .with_any_by_coherence(shadow_tiles, shadow, any, Limits::PLANES)
+                .with_any_by_coherence(tiles.any, packets.any, any, Limits::PLANES)
                 .with_few_singly())
         },
     },
@@ -225,6 +222,35 @@ pub const BINARY: [Traversal<MakePlan>; 17] = [
         ),
         plan: |planes| planes.projected(),
     },
+    Traversal {
+        way: way(
+            "planes",
+            "tile-projected",
+            "Tiles of 64, Projected",
+            Rays::Tile,
+            "as tile, but through nodes that name a direction, onto which a tile is projected once",
+        ),
+        plan: |planes| {
+            let [tiles, _] = planes.projected_together()?;
+            Ok(
+                (planes.by_distances().with_tiles(Rays::Tile, tiles.closest))
+                    .with_any(Rays::Tile, tiles.any),
+            )
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "packet-projected",
+            "Packets of 16, Projected",
+            Rays::Packet,
+            "as packet, but through nodes that name a direction, onto which a packet is projected once",
+        ),
+        plan: |planes| {
+            let [_, packets] = planes.projected_together()?;
+            Ok(packets.take_all(planes.by_distances(), Rays::Packet))
+        },
+    },
 ];
 
 /// All traversals of nodes of seven split planes, which are three levels of the binary tree.
@@ -331,6 +357,8 @@ const FIXED: List<Way> = with_others(offer(
     &[
         "auto",
         "projected",
+        "tile-projected",
+        "packet-projected",
         "dir",
         "tile",
         "tile16",
