@@ -10,6 +10,7 @@ use halfspace::ray::{Hit, Order, Ray, Tracer};
 use halfspace::registry::{self, TREES};
 use halfspace::render::camera::filter::FilterKind;
 use halfspace::render::camera::lens::LensParams;
+use halfspace::render::camera::rolling::RollingParams;
 use halfspace::render::camera::{CameraParams, Projection};
 use halfspace::render::job::Job;
 use halfspace::render::light::{AreaShape, LightKind, LightParams};
@@ -312,6 +313,12 @@ fn camera(bytes: &mut Bytes<'_>) -> CameraParams {
             focus: f64::from(bytes.number()),
         },
         motion: None,
+        rolling: bytes.byte().is_multiple_of(2).then(|| RollingParams {
+            duration: f64::from(bytes.number()),
+            curve: (0..bytes.byte() % 4)
+                .map(|_| f64::from(bytes.number()))
+                .collect(),
+        }),
         poses: (0..bytes.byte() % 4).map(|_| bytes.matrix()).collect(),
     }
 }
