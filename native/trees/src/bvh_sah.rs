@@ -7,10 +7,10 @@ use crate::leaf_tests::{self, BLOCKS, SCALAR, leaves, singly};
 use crate::list::List;
 use crate::refit::{Layers, MakePlan};
 use crate::ways::{all, distinct, together, traversal};
-use crate::{left_out, objects, params, refit, runs};
+use crate::{left_out, objects, params, refit};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
-use halfspace_builders::{hlbvh, spatial};
+use halfspace_builders::{hlbvh, object, spatial};
 use halfspace_leaf::keep::Keep;
 use halfspace_leaf::leaves::Leaves;
 use halfspace_nodes::box_tree::BoxTree;
@@ -197,7 +197,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         .then(|| left_out::needless_splits(scene, &frame))
         .flatten();
     if share == 0.0 || needless.is_some() {
-        let binary = runs::build(scene, &frame, &policy, monitor)?;
+        let binary = object::build(scene, &frame, &policy, monitor)?;
         let mut built = whole(scene, config, frame, binary)?;
         built.left_out.extend(needless);
         return Ok(built);

@@ -26,5 +26,4 @@ pub mod params;
 pub mod planes;
 pub mod refit;
 pub mod registry;
-pub mod runs;
 pub mod ways;

@@ -7,7 +7,6 @@ import math
 from collections import Counter
 from typing import Any
 
-import halfspace_native as native
 import numpy as np
 import pytest
 
@@ -173,15 +172,3 @@ def test_spheres_lie_around_their_centres() -> None:
     assert np.allclose(second.mean(axis=0), centres[1], atol=1e-5)
     assert np.linalg.norm(second - centres[1], axis=1).max() == pytest.approx(0.1, rel=0.02)
     assert [spheres.level_of(r, 1.0) for r in (0.1, 5.0, 50.0, math.inf)] == [1, 2, 3, 4]
-
-
-def test_rays_find_the_sides_of_tubes_that_are_built_together() -> None:
-    made = tubes.tubes(some_curves(), 4, 3)
-    rng = np.random.default_rng(5)
-    targets = made.positions[rng.integers(len(made.positions), size=3000)]
-    origins = (targets + rng.normal(size=targets.shape)).astype(np.float32)
-    expected = native.build(made.positions, made.triangles, "brute").closest(origins, targets - origins)
-    for spec in ("bvh-sah", "bvh-sah:leaf_max=5", "bvh-sah:width=2"):
-        found = native.build(made.positions, made.triangles, spec).closest(origins, targets - origins)
-        assert (found.triangle == expected.triangle).all()
-        assert (found.t == expected.t).all()
