@@ -64,7 +64,7 @@ STATEMENTS: tuple[Statement, ...] = (
         ("Build and memory are comparable to those of boxes", "intervals-and-boxes"),
         ("A fraction of the build time and memory of a kd-tree", "intervals-small-and-quick"),
         ("Traversal resembles that of kd-trees, in about the same time", "intervals-walks"),
-        ("The first picture is there sooner", "intervals-first-picture"),
+        ("The first picture is there sooner", "intervals-first-picture intervals-sorted-boxes"),
         ("Oblique planes: less desirable, traversal more complex", "intervals-oblique"),
         ("Oblique planes: less numerical stability", "intervals-stability"),
         ("Two planes a node; children overlap and have an order", "- a definition"),
