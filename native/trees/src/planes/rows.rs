@@ -226,7 +226,7 @@ pub const BINARY: [Traversal<MakePlan>; 19] = [
         way: way(
             "planes",
             "tile-projected",
-            "Tiles of 64, Projected",
+            "Projected Tiles",
             Rays::Tile,
             "as tile, but through nodes that name a direction, onto which a tile is projected once",
         ),
@@ -242,7 +242,7 @@ pub const BINARY: [Traversal<MakePlan>; 19] = [
         way: way(
             "planes",
             "packet-projected",
-            "Packets of 16, Projected",
+            "Projected Packet",
             Rays::Packet,
             "as packet, but through nodes that name a direction, onto which a packet is projected once",
         ),
