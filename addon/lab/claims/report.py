@@ -158,6 +158,8 @@ def _lines(axes: Any, chart: Chart) -> None:
             axes.tick_params(axis="x", labelrotation=20)
     if chart.level is not None:
         axes.axhline(chart.level[0], linestyle=":", color="#555555", label=chart.level[1])
+    # The legend stands above bars, which would lie below it.
+    axes.margins(y=0.3 if chart.bars else 0.05)
     axes.set_ylim(bottom=0)
     axes.set_title(chart.title)
     axes.set_xlabel(chart.x)

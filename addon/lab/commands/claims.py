@@ -3,9 +3,9 @@
 
 `halfspace claims [CLAIM ...] [options]` continues an earlier run with the same `--out`; `halfspace claims table --out
 DIR` writes DIR/statements.md, the statements of the sources with the verdicts kept there, and with `--write` the tables
-of docs/papers.md; it lists the sentences there whose numbers are not among those measured. Exit status: 0 every claim
-was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
-without error bounds; 2 bad usage; 130 stopped.
+and plots of docs/papers.md and docs/planes-or-boxes.md; it lists the sentences there whose numbers are not among those
+measured. Exit status: 0 every claim was measured, whether it holds or not; 1 some answer differed from brute force,
+except in traversals as published without error bounds; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 DOCUMENTS = Path(__file__).parents[3] / "docs"
 PAGES = tuple(DOCUMENTS / name for name in ("papers.md", "planes-or-boxes.md"))
-"""The document whose tables `table --write` replaces."""
+"""The documents whose tables and plots `table --write` replaces."""
 
 
 def parser() -> argparse.ArgumentParser:

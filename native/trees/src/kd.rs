@@ -124,7 +124,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
 /// Lists what the scene does not need of an axis-aligned tree.
 fn lines(scene: &Triangles, config: &Config, frame: &Frame) -> lazy::LeftOut {
     let (count, bounds) = (scene.live().len(), frame.bounds());
-    // Only a complete tree knows that it cuts no triangle.
+    // Report cut triangles of complete trees only: a lazy tree has not split all of its nodes yet.
     let cuts = config.structure().id == SPEC.id && !lazy::is_lazy(config);
     Box::new(move |shape, _| {
         let flat = (shape.nodes_axis > 0)
